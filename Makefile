@@ -1,0 +1,46 @@
+# make demo | test | soak | bench | lint: each does the set-up it needs, and is quick the second time.
+
+UV_VERSION := 0.13.9
+UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
+BIN := .venv/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+
+.PHONY: demo test soak bench lint setup packages-run packages-test firmware clean
+
+demo: packages-run setup firmware
+	@python deploy/demo/run.py
+
+test: packages-test setup firmware
+	cd firmware/simulator && sh ../../deploy/cargo.sh test --quiet
+	pytest
+
+soak: packages-test setup firmware
+	pytest -m soak --timeout 900
+
+bench: packages-test setup firmware
+	python tests/bench/run.py
+
+lint: packages-test setup
+	ruff check
+	ruff format --check
+	pyright
+	sh sdk/check_generated.sh
+	$(MAKE) --no-print-directory -C firmware lint
+	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
+
+packages-run packages-test:
+	@sh deploy/packages.sh $(@:packages-%=%)
+
+# The lock file decides every version; the simulator is built again when its sources change.
+setup: $(UV)
+	@$(UV) sync --locked --quiet
+
+firmware: setup
+	@$(MAKE) --no-print-directory -C firmware
+
+.tools/bin/uv:
+	python3 -m venv .tools
+	.tools/bin/pip install --quiet uv==$(UV_VERSION)
+
+clean:
+	rm -rf .venv .tools .demo firmware/build firmware/simulator/target

@@ -1,0 +1,41 @@
+#!/bin/sh
+# Install the Debian packages that the demo (run) or the tests (test) need; without root, print the one line to type. Checks the compiler of
+# the simulator too: Rust is fetched by the Python build where there is no cargo at all, but an old one would be taken as it is.
+set -eu
+
+run="gcc libc6-dev sdcc sdcc-libraries"
+test="$run cppcheck sdcc-ucsim mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git"
+case $1 in
+run) wanted=$run ;;
+test) wanted=$test ;;
+*) echo "usage: packages.sh run|test" >&2; exit 2 ;;
+esac
+
+missing=
+for package in $wanted; do
+    dpkg-query --show --showformat='${db:Status-Status}' "$package" 2>/dev/null | grep -qx installed || missing="$missing $package"
+done
+if [ -n "$missing" ]; then
+    if [ "$(id -u)" -ne 0 ]; then
+        echo "Packages are missing; type: sudo apt-get install --yes$missing" >&2
+        exit 1
+    fi
+    echo "Installing$missing"
+    export DEBIAN_FRONTEND=noninteractive
+    log=$(mktemp)
+    # shellcheck disable=SC2086
+    if ! { apt-get update && apt-get install --yes --no-install-recommends $missing; } >"$log" 2>&1; then
+        cat "$log" >&2
+        echo "Packages could not be installed; the lines above say why. Then type: apt-get install --yes$missing" >&2
+        exit 1
+    fi
+    rm "$log"
+fi
+
+if command -v cargo >/dev/null; then
+    version=$(cargo --version | cut -d' ' -f2)
+    if [ "$(printf '%s\n' 1.88.0 "$version" | sort -V | head -n 1)" != 1.88.0 ]; then
+        echo "cargo $version is too old for the simulator, which needs 1.88: update it with 'rustup update', or take it off the PATH and it is fetched" >&2
+        exit 1
+    fi
+fi

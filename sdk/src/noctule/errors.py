@@ -1,0 +1,21 @@
+"""The errors that Noctule raises for bad input: each says what was wrong, where, and what to do."""
+
+
+class NoctuleError(Exception):
+    """Base of all errors that a caller can do something about."""
+
+
+class KeyFormatError(NoctuleError):
+    """A name or key that does not fit the key scheme."""
+
+
+class SiteFileError(NoctuleError):
+    """A site file that can't be read or does not make sense."""
+
+
+class SurveyError(NoctuleError):
+    """A file of sweeps that can't be read; the message names the line."""
+
+
+class BusError(NoctuleError):
+    """The bus gave no answer, or one that can't be used."""

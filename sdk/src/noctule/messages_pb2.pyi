@@ -1,0 +1,385 @@
+import datetime
+
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class ReadingStatus(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    READING_STATUS_UNSPECIFIED: _ClassVar[ReadingStatus]
+    READING_STATUS_ECHO: _ClassVar[ReadingStatus]
+    READING_STATUS_NO_ECHO: _ClassVar[ReadingStatus]
+    READING_STATUS_TOO_EARLY: _ClassVar[ReadingStatus]
+    READING_STATUS_STUCK_HIGH: _ClassVar[ReadingStatus]
+    READING_STATUS_NO_SENSOR: _ClassVar[ReadingStatus]
+
+class ContactKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    CONTACT_KIND_UNSPECIFIED: _ClassVar[ContactKind]
+    CONTACT_KIND_WALL: _ClassVar[ContactKind]
+    CONTACT_KIND_CYLINDER: _ClassVar[ContactKind]
+    CONTACT_KIND_CORNER: _ClassVar[ContactKind]
+READING_STATUS_UNSPECIFIED: ReadingStatus
+READING_STATUS_ECHO: ReadingStatus
+READING_STATUS_NO_ECHO: ReadingStatus
+READING_STATUS_TOO_EARLY: ReadingStatus
+READING_STATUS_STUCK_HIGH: ReadingStatus
+READING_STATUS_NO_SENSOR: ReadingStatus
+CONTACT_KIND_UNSPECIFIED: ContactKind
+CONTACT_KIND_WALL: ContactKind
+CONTACT_KIND_CYLINDER: ContactKind
+CONTACT_KIND_CORNER: ContactKind
+
+class Pose(_message.Message):
+    __slots__ = ("x_m", "y_m", "heading_rad", "sigma_position_m", "sigma_heading_rad")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    HEADING_RAD_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_POSITION_M_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_HEADING_RAD_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    heading_rad: float
+    sigma_position_m: float
+    sigma_heading_rad: float
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_rad: _Optional[float] = ..., sigma_position_m: _Optional[float] = ..., sigma_heading_rad: _Optional[float] = ...) -> None: ...
+
+class Sensor(_message.Message):
+    __slots__ = ("beam_width_rad", "range_bias_m", "range_sigma_m")
+    BEAM_WIDTH_RAD_FIELD_NUMBER: _ClassVar[int]
+    RANGE_BIAS_M_FIELD_NUMBER: _ClassVar[int]
+    RANGE_SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    beam_width_rad: float
+    range_bias_m: float
+    range_sigma_m: float
+    def __init__(self, beam_width_rad: _Optional[float] = ..., range_bias_m: _Optional[float] = ..., range_sigma_m: _Optional[float] = ...) -> None: ...
+
+class Reading(_message.Message):
+    __slots__ = ("bearing_rad", "time_offset_s", "time_of_flight_s", "status")
+    BEARING_RAD_FIELD_NUMBER: _ClassVar[int]
+    TIME_OFFSET_S_FIELD_NUMBER: _ClassVar[int]
+    TIME_OF_FLIGHT_S_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    bearing_rad: float
+    time_offset_s: float
+    time_of_flight_s: float
+    status: ReadingStatus
+    def __init__(self, bearing_rad: _Optional[float] = ..., time_offset_s: _Optional[float] = ..., time_of_flight_s: _Optional[float] = ..., status: _Optional[_Union[ReadingStatus, str]] = ...) -> None: ...
+
+class Sweep(_message.Message):
+    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings")
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    LOG_ID_FIELD_NUMBER: _ClassVar[int]
+    LOG_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    BOOT_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    START_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_ERROR_S_FIELD_NUMBER: _ClassVar[int]
+    POSE_FIELD_NUMBER: _ClassVar[int]
+    WAYPOINT_FIELD_NUMBER: _ClassVar[int]
+    AIR_TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
+    SENSOR_FIELD_NUMBER: _ClassVar[int]
+    READINGS_FIELD_NUMBER: _ClassVar[int]
+    site: str
+    unit: str
+    log_id: str
+    log_sequence: int
+    boot: int
+    sequence: int
+    start: _timestamp_pb2.Timestamp
+    clock_error_s: float
+    pose: Pose
+    waypoint: int
+    air_temperature_c: float
+    sensor: Sensor
+    readings: _containers.RepeatedCompositeFieldContainer[Reading]
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ...) -> None: ...
+
+class UnitStatus(_message.Message):
+    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway")
+    class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        STATE_UNSPECIFIED: _ClassVar[UnitStatus.State]
+        STATE_DISCONNECTED: _ClassVar[UnitStatus.State]
+        STATE_IDLE: _ClassVar[UnitStatus.State]
+        STATE_SWEEPING: _ClassVar[UnitStatus.State]
+        STATE_HOMING: _ClassVar[UnitStatus.State]
+        STATE_WAITING: _ClassVar[UnitStatus.State]
+        STATE_FAULT: _ClassVar[UnitStatus.State]
+        STATE_PAUSED: _ClassVar[UnitStatus.State]
+    STATE_UNSPECIFIED: UnitStatus.State
+    STATE_DISCONNECTED: UnitStatus.State
+    STATE_IDLE: UnitStatus.State
+    STATE_SWEEPING: UnitStatus.State
+    STATE_HOMING: UnitStatus.State
+    STATE_WAITING: UnitStatus.State
+    STATE_FAULT: UnitStatus.State
+    STATE_PAUSED: UnitStatus.State
+    class CountersEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: int
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    SERIAL_FIELD_NUMBER: _ClassVar[int]
+    FIRMWARE_FIELD_NUMBER: _ClassVar[int]
+    BOOT_FIELD_NUMBER: _ClassVar[int]
+    WAYPOINT_FIELD_NUMBER: _ClassVar[int]
+    HOMED_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_ERROR_S_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_DRIFT_FIELD_NUMBER: _ClassVar[int]
+    LOG_ID_FIELD_NUMBER: _ClassVar[int]
+    LOG_HEAD_FIELD_NUMBER: _ClassVar[int]
+    LOG_TAIL_FIELD_NUMBER: _ClassVar[int]
+    LOG_REMOVED_FIELD_NUMBER: _ClassVar[int]
+    COUNTERS_FIELD_NUMBER: _ClassVar[int]
+    GATEWAY_FIELD_NUMBER: _ClassVar[int]
+    site: str
+    unit: str
+    time: _timestamp_pb2.Timestamp
+    state: UnitStatus.State
+    detail: str
+    serial: int
+    firmware: str
+    boot: int
+    waypoint: int
+    homed: bool
+    clock_error_s: float
+    clock_drift: float
+    log_id: str
+    log_head: int
+    log_tail: int
+    log_removed: int
+    counters: _containers.ScalarMap[str, int]
+    gateway: str
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ...) -> None: ...
+
+class LogRecords(_message.Message):
+    __slots__ = ("log_id", "head", "tail", "sweeps")
+    LOG_ID_FIELD_NUMBER: _ClassVar[int]
+    HEAD_FIELD_NUMBER: _ClassVar[int]
+    TAIL_FIELD_NUMBER: _ClassVar[int]
+    SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    log_id: str
+    head: int
+    tail: int
+    sweeps: _containers.RepeatedCompositeFieldContainer[Sweep]
+    def __init__(self, log_id: _Optional[str] = ..., head: _Optional[int] = ..., tail: _Optional[int] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ...) -> None: ...
+
+class SweepPlan(_message.Message):
+    __slots__ = ("first_bearing_rad", "bearing_step_rad", "count", "ping_interval_s", "top_speed_half_steps_s", "ramp_s", "settle_s")
+    FIRST_BEARING_RAD_FIELD_NUMBER: _ClassVar[int]
+    BEARING_STEP_RAD_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    PING_INTERVAL_S_FIELD_NUMBER: _ClassVar[int]
+    TOP_SPEED_HALF_STEPS_S_FIELD_NUMBER: _ClassVar[int]
+    RAMP_S_FIELD_NUMBER: _ClassVar[int]
+    SETTLE_S_FIELD_NUMBER: _ClassVar[int]
+    first_bearing_rad: float
+    bearing_step_rad: float
+    count: int
+    ping_interval_s: float
+    top_speed_half_steps_s: float
+    ramp_s: float
+    settle_s: float
+    def __init__(self, first_bearing_rad: _Optional[float] = ..., bearing_step_rad: _Optional[float] = ..., count: _Optional[int] = ..., ping_interval_s: _Optional[float] = ..., top_speed_half_steps_s: _Optional[float] = ..., ramp_s: _Optional[float] = ..., settle_s: _Optional[float] = ...) -> None: ...
+
+class CommandRequest(_message.Message):
+    __slots__ = ("request_id", "plan", "pause_s", "waypoint")
+    REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    PAUSE_S_FIELD_NUMBER: _ClassVar[int]
+    WAYPOINT_FIELD_NUMBER: _ClassVar[int]
+    request_id: str
+    plan: SweepPlan
+    pause_s: float
+    waypoint: int
+    def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ...) -> None: ...
+
+class CommandReply(_message.Message):
+    __slots__ = ("request_id", "done", "error", "status")
+    REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
+    DONE_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    request_id: str
+    done: bool
+    error: str
+    status: UnitStatus
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ...) -> None: ...
+
+class Cursor(_message.Message):
+    __slots__ = ("unit", "log_id", "log_sequence")
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    LOG_ID_FIELD_NUMBER: _ClassVar[int]
+    LOG_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    unit: str
+    log_id: str
+    log_sequence: int
+    def __init__(self, unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ...) -> None: ...
+
+class ServiceStatus(_message.Message):
+    __slots__ = ("site", "name", "role", "version", "time", "detail", "counters", "cursors")
+    class CountersEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: int
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[int] = ...) -> None: ...
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    ROLE_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    COUNTERS_FIELD_NUMBER: _ClassVar[int]
+    CURSORS_FIELD_NUMBER: _ClassVar[int]
+    site: str
+    name: str
+    role: str
+    version: str
+    time: _timestamp_pb2.Timestamp
+    detail: str
+    counters: _containers.ScalarMap[str, int]
+    cursors: _containers.RepeatedCompositeFieldContainer[Cursor]
+    def __init__(self, site: _Optional[str] = ..., name: _Optional[str] = ..., role: _Optional[str] = ..., version: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., detail: _Optional[str] = ..., counters: _Optional[_Mapping[str, int]] = ..., cursors: _Optional[_Iterable[_Union[Cursor, _Mapping]]] = ...) -> None: ...
+
+class Point(_message.Message):
+    __slots__ = ("x_m", "y_m")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ...) -> None: ...
+
+class Wall(_message.Message):
+    __slots__ = ("theta_rad", "rho_m", "start", "end", "covariance", "readings")
+    THETA_RAD_FIELD_NUMBER: _ClassVar[int]
+    RHO_M_FIELD_NUMBER: _ClassVar[int]
+    START_FIELD_NUMBER: _ClassVar[int]
+    END_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    READINGS_FIELD_NUMBER: _ClassVar[int]
+    theta_rad: float
+    rho_m: float
+    start: Point
+    end: Point
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    readings: int
+    def __init__(self, theta_rad: _Optional[float] = ..., rho_m: _Optional[float] = ..., start: _Optional[_Union[Point, _Mapping]] = ..., end: _Optional[_Union[Point, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., readings: _Optional[int] = ...) -> None: ...
+
+class Corner(_message.Message):
+    __slots__ = ("x_m", "y_m", "covariance", "walls")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    WALLS_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    walls: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., walls: _Optional[_Iterable[int]] = ...) -> None: ...
+
+class Cylinder(_message.Message):
+    __slots__ = ("x_m", "y_m", "radius_m", "covariance", "readings")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    READINGS_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    radius_m: float
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    readings: int
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., radius_m: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., readings: _Optional[int] = ...) -> None: ...
+
+class Contour(_message.Message):
+    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps")
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    MAPPER_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    METHOD_FIELD_NUMBER: _ClassVar[int]
+    WALLS_FIELD_NUMBER: _ClassVar[int]
+    CORNERS_FIELD_NUMBER: _ClassVar[int]
+    CYLINDERS_FIELD_NUMBER: _ClassVar[int]
+    SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    site: str
+    mapper: str
+    version: int
+    time: _timestamp_pb2.Timestamp
+    method: str
+    walls: _containers.RepeatedCompositeFieldContainer[Wall]
+    corners: _containers.RepeatedCompositeFieldContainer[Corner]
+    cylinders: _containers.RepeatedCompositeFieldContainer[Cylinder]
+    sweeps: int
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ...) -> None: ...
+
+class FeaturePoint(_message.Message):
+    __slots__ = ("x_m", "y_m", "reliability", "kind")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    RELIABILITY_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    reliability: float
+    kind: ContactKind
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., reliability: _Optional[float] = ..., kind: _Optional[_Union[ContactKind, str]] = ...) -> None: ...
+
+class Features(_message.Message):
+    __slots__ = ("site", "mapper", "version", "time", "points")
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    MAPPER_FIELD_NUMBER: _ClassVar[int]
+    VERSION_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    POINTS_FIELD_NUMBER: _ClassVar[int]
+    site: str
+    mapper: str
+    version: int
+    time: _timestamp_pb2.Timestamp
+    points: _containers.RepeatedCompositeFieldContainer[FeaturePoint]
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., points: _Optional[_Iterable[_Union[FeaturePoint, _Mapping]]] = ...) -> None: ...
+
+class GridTile(_message.Message):
+    __slots__ = ("site", "mapper", "time", "tile_x", "tile_y", "x_m", "y_m", "cell_m", "columns", "rows", "occupied", "free")
+    SITE_FIELD_NUMBER: _ClassVar[int]
+    MAPPER_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    TILE_X_FIELD_NUMBER: _ClassVar[int]
+    TILE_Y_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    CELL_M_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    OCCUPIED_FIELD_NUMBER: _ClassVar[int]
+    FREE_FIELD_NUMBER: _ClassVar[int]
+    site: str
+    mapper: str
+    time: _timestamp_pb2.Timestamp
+    tile_x: int
+    tile_y: int
+    x_m: float
+    y_m: float
+    cell_m: float
+    columns: int
+    rows: int
+    occupied: bytes
+    free: bytes
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., tile_x: _Optional[int] = ..., tile_y: _Optional[int] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., cell_m: _Optional[float] = ..., columns: _Optional[int] = ..., rows: _Optional[int] = ..., occupied: _Optional[bytes] = ..., free: _Optional[bytes] = ...) -> None: ...
