@@ -1,0 +1,119 @@
+"""Programs of the project as processes of a test: started, watched, killed, and surely ended."""
+
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import psutil
+
+ROOT = Path(__file__).parents[2]
+T = TypeVar("T")
+END_WITHIN_S = 20.0
+
+
+class Programs:
+    """The programs that a test has started in the project's folder, each with its output in a file."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: dict[str, psutil.Popen] = {}
+
+    def start(self, name: str, *command: str, env: dict[str, str] | None = None) -> None:
+        """Start ``command`` under ``name``; one that ran under that name before must have ended."""
+        assert name not in self._running, f"{name} is running already"
+        program = shutil.which(command[0], path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+        assert program is not None, f"{command[0]} is not installed"
+        with self._log_path(name).open("ab") as log:
+            self._running[name] = psutil.Popen(
+                [program, *command[1:]],
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env=os.environ | {"PYTHONUNBUFFERED": "1"} | (env or {}),
+            )
+
+    def kill(self, name: str) -> None:
+        """End ``name`` and its children as a power cut would: SIGKILL."""
+        process = self._running.pop(name)
+        tree = _tree(process)
+        for each in tree:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                each.kill()
+        psutil.wait_procs(tree, END_WITHIN_S)
+
+    def end(self, name: str) -> int:
+        """Ask ``name`` to end (SIGTERM) and return its exit status; fails if it takes too long or leaves children."""
+        process = self._running[name]
+        tree = _tree(process)
+        process.terminate()
+        _, alive = psutil.wait_procs(tree, END_WITHIN_S)
+        if alive:
+            self.kill(name)
+            raise AssertionError(f"{END_WITHIN_S:g} s after SIGTERM {alive} of {name} live; its log:\n{self.log(name)}")
+        return self._running.pop(name).returncode
+
+    def log(self, name: str) -> str:
+        """What ``name`` has printed so far."""
+        return self._log_path(name).read_text(errors="replace")
+
+    def check(self) -> None:
+        """Fail, showing its log, if a program has ended by itself."""
+        for name, process in self._running.items():
+            assert process.poll() is None, f"{name} ended with {process.returncode}; its log:\n{self.log(name)}"
+
+    def kill_all(self) -> None:
+        """Kill whatever a failed test has left running."""
+        for name in list(self._running):
+            self.kill(name)
+
+    def _log_path(self, name: str) -> Path:
+        return self._folder / f"{name}.log"
+
+
+@contextlib.contextmanager
+def programs(folder: Path) -> Iterator[Programs]:
+    """The programs of one test, all ended when it is over."""
+    started = Programs(folder)
+    try:
+        yield started
+    finally:
+        started.kill_all()
+
+
+def wait_until(condition: Callable[[], T], what: str, within_s: float, every_s: float = 0.1) -> T:
+    """Call ``condition`` until it is true and return what it gave; fail with ``what`` when time is up."""
+    deadline_s = time.monotonic() + within_s
+    while not (value := condition()):
+        assert time.monotonic() < deadline_s, f"{what} (waited {within_s:g} s)"
+        time.sleep(every_s)
+    return value
+
+
+def free_ports(count: int) -> Sequence[int]:
+    """Ports of 127.0.0.1 that nothing listens on now."""
+    with contextlib.ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return [each.getsockname()[1] for each in sockets]
+
+
+def listens(port: int) -> bool:
+    """Something takes connections on the port."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def _tree(process: psutil.Process) -> list[psutil.Process]:
+    try:
+        return [process, *process.children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return [process]
