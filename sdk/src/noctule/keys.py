@@ -5,7 +5,8 @@
     noctule/@v1/{site}/map/contour | features | grid/{tile}
     noctule/@v1/@schema/{message}
 
-A chunk that begins with ``@`` is verbatim in Zenoh: ``**`` does not match it, so data never mixes with logs, commands or another major version.
+Where a key is to match several, ANY stands for a name. A chunk that begins with ``@`` is verbatim in Zenoh: ``**`` does
+not match it, so data never mixes with logs, commands or another major version.
 """
 
 import re
@@ -19,8 +20,8 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
 
 def name(value: str, what: str) -> str:
-    """``value`` if it may stand in a key (lower-case letters, digits, ``-`` and ``_``), else KeyFormatError naming ``what``."""
-    if value == ANY or _NAME.fullmatch(value):
+    """``value`` if it may be a name in keys: lower-case letters, digits, ``-`` and ``_``. Raises KeyFormatError."""
+    if _NAME.fullmatch(value):
         return value
     raise KeyFormatError(f"{what} {value!r} can't be part of a key: use lower-case letters, digits, '-' and '_'")
 
@@ -47,7 +48,7 @@ def log(site: str, unit: str) -> str:
 
 def rpc(site: str, unit: str, command: str) -> str:
     """Key to query with a command to a unit (messages CommandRequest, CommandReply)."""
-    return _unit(site, unit, f"@rpc/{name(command, 'command')}")
+    return _unit(site, unit, f"@rpc/{_chunk(command, 'command')}")
 
 
 def alive(site: str, unit: str) -> str:
@@ -57,22 +58,22 @@ def alive(site: str, unit: str) -> str:
 
 def service_status(site: str, service: str) -> str:
     """Key of a service's state (message ServiceStatus)."""
-    return f"{ROOT}/{name(site, 'site')}/service/{name(service, 'service')}/status"
+    return f"{ROOT}/{_chunk(site, 'site')}/service/{_chunk(service, 'service')}/status"
 
 
 def contour(site: str) -> str:
     """Key of a site's contour (message Contour); answers a query with the last one."""
-    return f"{ROOT}/{name(site, 'site')}/map/contour"
+    return f"{ROOT}/{_chunk(site, 'site')}/map/contour"
 
 
 def features(site: str) -> str:
     """Key of a site's feature points (message Features); answers a query with the last ones."""
-    return f"{ROOT}/{name(site, 'site')}/map/features"
+    return f"{ROOT}/{_chunk(site, 'site')}/map/features"
 
 
 def grid(site: str, tile: str = ANY) -> str:
     """Key of one tile of a site's reliability grid (message GridTile), or of all; ``tile`` as made by tile_name()."""
-    return f"{ROOT}/{name(site, 'site')}/map/grid/{tile}"
+    return f"{ROOT}/{_chunk(site, 'site')}/map/grid/{tile}"
 
 
 def tile_name(tile_x: int, tile_y: int) -> str:
@@ -103,4 +104,8 @@ def parse_unit(key: str) -> UnitKey:
 
 
 def _unit(site: str, unit: str, subject: str) -> str:
-    return f"{ROOT}/{name(site, 'site')}/unit/{name(unit, 'unit')}/{subject}"
+    return f"{ROOT}/{_chunk(site, 'site')}/unit/{_chunk(unit, 'unit')}/{subject}"
+
+
+def _chunk(value: str, what: str) -> str:
+    return value if value == ANY else name(value, what)

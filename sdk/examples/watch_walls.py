@@ -1,0 +1,12 @@
+"""An extra service in ten lines: tells of every sweep, and of every wall that the mapper finds."""
+
+import sys
+import threading
+
+import noctule
+
+site, *routers = sys.argv[1:]
+with noctule.Client(site, connect=routers or ["tcp/127.0.0.1:7447"]) as client:
+    client.on_sweep(lambda sweep: print(f"{sweep.unit}: {len(sweep.readings)} readings", flush=True))
+    client.on_contour(lambda contour: print([f"wall {wall.rho_m:.2f} m away" for wall in contour.walls], flush=True))
+    threading.Event().wait()

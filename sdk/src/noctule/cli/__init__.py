@@ -1,0 +1,39 @@
+"""The command `noctule`: look at a site, record and replay it, ask its units. Needs the extra noctule[cli]."""
+
+import logging
+import signal
+import sys
+from typing import NoReturn
+
+try:
+    import typer
+except ModuleNotFoundError as error:
+    raise SystemExit("the command noctule needs typer, rich and mcap: install noctule[cli]") from error
+
+from noctule.cli import ask, record, replay, show
+from noctule.errors import NoctuleError
+
+commands = typer.Typer(
+    help="Look at a Noctule site, record and replay it, ask its units.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+for command in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, ask.rpc):
+    commands.command()(command)
+
+
+def app() -> None:
+    """Run the command line; what went wrong is told in one line."""
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        commands()
+    except NoctuleError as error:
+        sys.exit(f"noctule: {error}")
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of our output has left, and so do we; nothing is left to flush to
+
+
+def _interrupt(_signal: int, _frame: object) -> NoReturn:
+    raise KeyboardInterrupt

@@ -1,0 +1,30 @@
+"""The command that writes a site's sweeps to a file, all of them."""
+
+import threading
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, joined
+from noctule.follow import LogFollower
+from noctule.recording import Recording
+
+
+def record(
+    site: SiteName,
+    out: Annotated[Path, typer.Argument(metavar="OUT.jsonl|OUT.mcap", help="Goes on where it ends if it is there.")],
+    connect: Connect = DEFAULT_CONNECT,
+) -> None:
+    """Record every sweep of a site until Ctrl-C, through outages, from where the file ends."""
+    with (
+        closing(Recording(out, site)) as recording,
+        suppress(KeyboardInterrupt),  # the way to end it
+        joined(site, connect, patience_s=None) as client,
+        closing(LogFollower(client, recording.append, recording.cursors)) as follower,
+    ):
+        follower.start()
+        threading.Event().wait()
+    held = ", ".join(f"{unit} to {cursor.log_sequence}" for unit, cursor in sorted(recording.cursors.items()))
+    typer.echo(f"{out} holds {held or 'no sweeps yet'}", err=True)

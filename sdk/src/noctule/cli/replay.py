@@ -1,0 +1,60 @@
+"""The command that puts a survey on the bus."""
+
+import math
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from noctule import bus, survey
+from noctule import replay as replaying
+from noctule.cli.joining import DEFAULT_CONNECT, Connect
+from noctule.client import Client
+from noctule.errors import BusError
+
+
+def _speed(text: str) -> float:
+    if text == "max":
+        return math.inf
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not 0.0 < speed < math.inf:
+        raise typer.BadParameter(f"{text!r} is neither a number above 0 nor max")
+    return speed
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="SURVEY", help="JSON lines or MCAP of sweeps.")],
+    site: Annotated[str, typer.Option(help="The site to replay it as.")],
+    speed: Annotated[float, typer.Option(parser=_speed, metavar="X|max", help="How many times as fast.")] = 1.0,
+    connect: Connect = DEFAULT_CONNECT,
+    listen: Annotated[list[str] | None, typer.Option(metavar="ENDPOINT", help="Be the router, here.")] = None,
+    exit_when_done: Annotated[bool, typer.Option(help="End when the services that read it have read it all.")] = False,
+    timeout_s: Annotated[
+        float, typer.Option("--timeout", help="With --exit-when-done: how long they may take.")
+    ] = 60.0,
+) -> None:
+    """Put a survey on the bus as if its units were sweeping now; stays until Ctrl-C."""
+    with (
+        suppress(KeyboardInterrupt),  # the way to end it
+        bus.open_session([] if listen else connect, listen or []) as session,
+        Client(site, session=session) as client,
+    ):
+        readers = replaying.Readers(client)
+        schemas = bus.declare_schemas(session)
+        playing = replaying.Replay(session, site)
+        try:
+            playing.run(survey.read(file), None if speed == math.inf else speed)
+            typer.echo(f"{file} has been published", err=True)
+            if not exit_when_done:
+                playing.wait(math.inf)
+            elif not readers.wait_past(playing.heads(), timeout_s):
+                raise BusError(
+                    f"after {timeout_s:g} s no service shows that it has read all: is a mapper of {site!r} up?"
+                )
+        finally:
+            playing.close()
+            schemas.undeclare()

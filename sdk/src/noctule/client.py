@@ -1,0 +1,222 @@
+"""A site on the bus, as any service sees it: messages as they come, the present state, a unit's log, and commands."""
+
+import logging
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import partial
+from types import TracebackType
+from typing import Self, TypeVar
+
+import zenoh
+from google.protobuf.message import DecodeError, Message
+
+from noctule import bus, keys
+from noctule.delivery import Delivery
+from noctule.errors import BusError
+from noctule.messages_pb2 import (
+    CommandReply,
+    CommandRequest,
+    Contour,
+    Features,
+    GridTile,
+    LogRecords,
+    Pose,
+    ServiceStatus,
+    Sweep,
+    UnitStatus,
+)
+
+QUERY_TIMEOUT_S = 5.0
+
+M = TypeVar("M", bound=Message)
+
+_log = logging.getLogger(__name__)
+
+
+class Client:
+    """One site on the bus. Use it in a ``with`` statement, or close() it: an open session keeps the process alive.
+
+    Callbacks get decoded messages, one at a time, on one thread of the client. A subscription lasts until the client is
+    closed or the returned subscriber undeclared. The on_... of a state also deliver the present one, if there is one.
+    """
+
+    def __init__(
+        self,
+        site: str,
+        connect: Sequence[str] = (bus.DEFAULT_ROUTER,),
+        session: zenoh.Session | None = None,
+        queue_length: int = 10_000,
+    ) -> None:
+        """Join ``site`` over the routers ``connect``, waiting until one answers, or over the caller's ``session``."""
+        self.site = keys.name(site, "site")
+        self.session = bus.open_session(connect) if session is None else session
+        self._owns_session = session is None
+        self._delivery = Delivery(f"noctule-{site}", queue_length)
+        self._subscribers: list[zenoh.Subscriber] = []
+        self._pose_publishers: dict[str, zenoh.Publisher] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End all subscriptions and the session, unless that is the caller's."""
+        for subscriber in self._subscribers:
+            with suppress(zenoh.ZError):  # the caller may have undeclared it
+                subscriber.undeclare()
+        for publisher in self._pose_publishers.values():
+            publisher.undeclare()
+        self._subscribers.clear()
+        self._pose_publishers.clear()
+        self._delivery.close()
+        if self._owns_session:
+            self.session.close()
+
+    def counters(self) -> dict[str, int]:
+        """How many messages were ``delivered``, ``dropped`` as callbacks were too slow, or ``failed`` in one."""
+        return self._delivery.counters()
+
+    # ---- Messages as they come ------------------------------------------------------------------------------------
+
+    def on_sweep(self, callback: Callable[[Sweep], None], unit: str = keys.ANY) -> zenoh.Subscriber:
+        """Sweeps as they are published; some may be missed. Whoever must have them all uses a LogFollower."""
+        return self._on(keys.sweep(self.site, unit), Sweep, callback)
+
+    def on_pose(self, callback: Callable[[str, Pose], None], unit: str = keys.ANY) -> zenoh.Subscriber:
+        """Poses of units that are tracked, each with the name of its unit."""
+
+        def deliver(sample: zenoh.Sample) -> None:
+            callback(keys.parse_unit(str(sample.key_expr)).unit, _decode(Pose, sample))
+
+        return self._subscribe(keys.pose(self.site, unit), deliver)
+
+    def on_contour(self, callback: Callable[[Contour], None]) -> zenoh.Subscriber:
+        """The site's contour, and each new one."""
+        return self._on_state(keys.contour(self.site), Contour, callback)
+
+    def on_features(self, callback: Callable[[Features], None]) -> zenoh.Subscriber:
+        """The feature points of the mapper's last update, and of each new one."""
+        return self._on_state(keys.features(self.site), Features, callback)
+
+    def on_grid(self, callback: Callable[[GridTile], None]) -> zenoh.Subscriber:
+        """The tiles of the reliability grid, and each again when it has changed."""
+        return self._on_state(keys.grid(self.site), GridTile, callback)
+
+    def on_unit_status(self, callback: Callable[[UnitStatus], None]) -> zenoh.Subscriber:
+        """The status of each unit, and each new one."""
+        return self._on_state(keys.unit_status(self.site, keys.ANY), UnitStatus, callback)
+
+    def on_service_status(self, callback: Callable[[ServiceStatus], None]) -> zenoh.Subscriber:
+        """The status of each service, and each new one."""
+        return self._on_state(keys.service_status(self.site, keys.ANY), ServiceStatus, callback)
+
+    def on_alive(self, callback: Callable[[str, bool], None]) -> zenoh.Subscriber:
+        """Each unit's name with True when a gateway serves it (at once where one does), False when none does."""
+
+        def deliver(sample: zenoh.Sample) -> None:
+            callback(keys.parse_unit(str(sample.key_expr)).unit, sample.kind == zenoh.SampleKind.PUT)
+
+        subscriber = self.session.liveliness().declare_subscriber(
+            keys.alive(self.site, keys.ANY), lambda sample: self._delivery.put(partial(deliver, sample)), history=True
+        )
+        self._subscribers.append(subscriber)
+        return subscriber
+
+    # ---- The present ----------------------------------------------------------------------------------------------
+
+    def contour(self) -> Contour | None:
+        """The site's newest contour, or None where no mapper has one. Raises BusError."""
+        contours = self._ask_all(keys.contour(self.site), Contour)
+        return max(contours, key=lambda contour: contour.time.ToNanoseconds(), default=None)
+
+    def unit_statuses(self) -> list[UnitStatus]:
+        """The last status of every unit that a gateway serves. Raises BusError."""
+        return self._ask_all(keys.unit_status(self.site, keys.ANY), UnitStatus)
+
+    def units(self) -> set[str]:
+        """The names of the units that a gateway serves at this moment."""
+        replies = self.session.liveliness().get(keys.alive(self.site, keys.ANY), timeout=QUERY_TIMEOUT_S)
+        return {keys.parse_unit(str(reply.ok.key_expr)).unit for reply in replies if reply.ok is not None}
+
+    # ---- A unit's log and commands --------------------------------------------------------------------------------
+
+    def log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
+        """Up to ``max`` records of a unit's log from ``from_sequence`` on, or None where no gateway serves the unit.
+
+        Raises BusError: the gateway gave an error or was silent for QUERY_TIMEOUT_S.
+        """
+        selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
+        return next(self._ask(selector, LogRecords), None)
+
+    def command(self, unit: str, name: str, request: CommandRequest, timeout_s: float) -> CommandReply:
+        """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
+
+        A request without an id gets one; to try again use the same id, then it is carried out once at most.
+        Raises BusError: no gateway serves the unit, or there was no reply within ``timeout_s``.
+        """
+        if not request.request_id:
+            request.request_id = uuid.uuid4().hex
+        key = keys.rpc(self.site, unit, name)
+        reply = next(self._ask(key, CommandReply, request.SerializeToString(), timeout_s), None)
+        if reply is None:
+            raise BusError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
+        return reply
+
+    def publish_pose(self, unit: str, pose: Pose) -> None:
+        """Publish where a tracked unit is."""
+        if unit not in self._pose_publishers:
+            self._pose_publishers[unit] = bus.declare_publisher(self.session, keys.pose(self.site, unit), Pose)
+        self._pose_publishers[unit].put(pose.SerializeToString())
+
+    # ---- How ------------------------------------------------------------------------------------------------------
+
+    def _on(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
+        return self._subscribe(key, lambda sample: callback(_decode(message_type, sample)))
+
+    def _on_state(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
+        subscriber = self._on(key, message_type, callback)
+        try:
+            for message in self._ask_all(key, message_type):
+                self._delivery.put(partial(callback, message))
+        except BusError as error:
+            _log.warning("the present of %s is not known until it is next published: %s", key, error)
+        return subscriber
+
+    def _subscribe(self, key: str, deliver: Callable[[zenoh.Sample], None]) -> zenoh.Subscriber:
+        subscriber = self.session.declare_subscriber(key, lambda sample: self._delivery.put(partial(deliver, sample)))
+        self._subscribers.append(subscriber)
+        return subscriber
+
+    def _ask_all(self, key: str, message_type: type[M]) -> list[M]:
+        return list(self._ask(key, message_type))
+
+    def _ask(
+        self, selector: str, message_type: type[M], payload: bytes | None = None, timeout_s: float = QUERY_TIMEOUT_S
+    ) -> Iterator[M]:
+        """The good replies as they come; an error is raised only where there is none, for another service may know."""
+        answered, error = False, None
+        # Any other consolidation keeps one reply per key.
+        replies = self.session.get(
+            selector, payload=payload, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                answered = True
+                yield _decode(message_type, reply.ok)
+            elif reply.err is not None:
+                error = reply.err.payload.to_bytes().decode(errors="replace")
+        if error is not None and not answered:
+            raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
+
+
+def _decode(message_type: type[M], sample: zenoh.Sample) -> M:
+    try:
+        return message_type.FromString(sample.payload.to_bytes())
+    except DecodeError as error:
+        name = message_type.DESCRIPTOR.full_name
+        raise BusError(f"{sample.key_expr} carries something that is not a {name}: {error}") from error

@@ -1,0 +1,55 @@
+"""Callbacks on a thread of their own, fed by a bounded queue: a slow callback never holds up the bus."""
+
+import logging
+import queue
+import threading
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+
+_log = logging.getLogger(__name__)
+
+
+class Delivery:
+    """Runs what it is given, in order, on one thread; what finds the queue full is dropped and counted."""
+
+    def __init__(self, name: str, capacity: int) -> None:
+        self._queue: queue.Queue[Callable[[], None] | None] = queue.Queue(capacity)
+        self._counts: Counter[str] = Counter(delivered=0, dropped=0, failed=0)
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def put(self, call: Callable[[], None]) -> None:
+        """Have ``call`` made soon; never waits."""
+        try:
+            self._queue.put_nowait(call)
+        except queue.Full:
+            self._counts["dropped"] += 1
+            if self._counts["dropped"] == 1:
+                _log.warning(
+                    "%s: callbacks are too slow and the queue is full; messages are dropped", self._thread.name
+                )
+
+    def counters(self) -> dict[str, int]:
+        """How many calls were ``delivered``, ``dropped`` for want of room, or ``failed`` by raising."""
+        return dict(self._counts)
+
+    def close(self) -> None:
+        """Make no more calls; waits for the one that is being made, unless it is that one which closes."""
+        self._closed = True
+        if threading.current_thread() is self._thread:
+            return
+        with suppress(queue.Full):  # then the thread sees the flag after its present call
+            self._queue.put_nowait(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while (call := self._queue.get()) is not None and not self._closed:
+            try:
+                call()
+            except Exception:
+                self._counts["failed"] += 1
+                _log.exception("%s: a callback raised; its message is lost to it", self._thread.name)
+            else:
+                self._counts["delivered"] += 1

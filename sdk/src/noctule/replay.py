@@ -1,0 +1,191 @@
+"""A survey put on the bus again, so that readers take it for units that are sweeping now."""
+
+import threading
+import uuid
+from collections.abc import Iterable, Mapping
+from time import monotonic
+
+import zenoh
+
+from noctule import bus, keys
+from noctule.client import Client
+from noctule.errors import SurveyError
+from noctule.messages_pb2 import (
+    CommandReply,
+    CommandRequest,
+    Cursor,
+    LogRecords,
+    ServiceStatus,
+    Sweep,
+    UnitStatus,
+)
+
+STATUS_INTERVAL_S = 1.0
+FIRMWARE = "replay"
+
+_MAX_RECORDS = 500
+
+
+class ReplayedUnit:
+    """A unit of a survey as a gateway would show it: alive, with a status, a log (in memory, new), and answers."""
+
+    def __init__(self, session: zenoh.Session, site: str, unit: str) -> None:
+        self._site = site
+        self._unit = unit
+        self._log_id = uuid.uuid4().hex
+        self._log: list[Sweep] = []
+        self._log_key = keys.log(site, unit)
+        self._publisher = bus.declare_publisher(session, keys.sweep(site, unit), Sweep)
+        self._status = bus.StatePublisher(session, keys.unit_status(site, unit), UnitStatus)
+        self._queryables = [
+            session.declare_queryable(self._log_key, self._answer_log, complete=True),
+            session.declare_queryable(keys.rpc(site, unit, keys.ANY), self._answer_command, complete=True),
+        ]
+        self.publish_status()
+        # Last, so that whoever sees the unit finds its log.
+        self._token = session.liveliness().declare_token(keys.alive(site, unit))
+
+    def publish(self, sweep: Sweep) -> None:
+        """Log a sweep under this site and log, its start as it was, then publish it."""
+        logged = Sweep()
+        logged.CopyFrom(sweep)
+        logged.site = self._site
+        logged.log_id = self._log_id
+        logged.log_sequence = len(self._log) + 1
+        self._log.append(logged)
+        self._publisher.put(logged.SerializeToString())
+
+    def publish_status(self) -> None:
+        """Publish where the log has got to."""
+        self._status.put(self._present())
+
+    def head(self) -> Cursor:
+        """The cursor of a reader that has read all."""
+        return Cursor(unit=self._unit, log_id=self._log_id, log_sequence=len(self._log))
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._token.undeclare()
+        for queryable in self._queryables:
+            queryable.undeclare()
+        self._status.close()
+        self._publisher.undeclare()
+
+    def _present(self) -> UnitStatus:
+        status = UnitStatus(
+            site=self._site,
+            unit=self._unit,
+            state=UnitStatus.STATE_SWEEPING,
+            firmware=FIRMWARE,
+            homed=True,
+            log_id=self._log_id,
+            log_head=len(self._log),
+            log_tail=1,
+            gateway=FIRMWARE,
+        )
+        status.time.GetCurrentTime()
+        if self._log:
+            status.boot = self._log[-1].boot
+        return status
+
+    def _answer_log(self, query: zenoh.Query) -> None:
+        try:
+            first = int(query.parameters.get("from") or 1)
+            most = int(query.parameters.get("max") or _MAX_RECORDS)
+        except ValueError:
+            query.reply_err(f"{query.parameters} is not from=N;max=M with whole numbers".encode())
+            return
+        head = len(self._log)
+        begin = max(first, 1) - 1
+        sweeps = self._log[begin : begin + min(most, _MAX_RECORDS)]
+        records = LogRecords(log_id=self._log_id, head=head, tail=1, sweeps=sweeps)
+        query.reply(self._log_key, records.SerializeToString(), encoding=bus.encoding(LogRecords))
+
+    def _answer_command(self, query: zenoh.Query) -> None:
+        request = CommandRequest.FromString(query.payload.to_bytes() if query.payload else b"")
+        reply = CommandReply(request_id=request.request_id)
+        if str(query.key_expr).rsplit("/", 1)[-1] in ("hello", "status"):
+            reply.done = True
+            reply.status.CopyFrom(self._present())
+        else:
+            reply.error = f"unit {self._unit!r} is a replayed survey: it can't be commanded"
+        query.reply(query.key_expr, reply.SerializeToString(), encoding=bus.encoding(CommandReply))
+
+
+class Replay:
+    """The units of a survey; each appears with its first sweep."""
+
+    def __init__(self, session: zenoh.Session, site: str) -> None:
+        self._session = session
+        self._site = site
+        self._units: dict[str, ReplayedUnit] = {}
+        self._status_at_s = monotonic()
+
+    def run(self, sweeps: Iterable[Sweep], speed: float | None) -> None:
+        """Publish ``sweeps``, ``speed`` times as fast as they were made, or with None as fast as they go.
+
+        Raises SurveyError where a sweep has no start to keep time by, and KeyFormatError where its unit can't be a key.
+        """
+        began_s, first_ns = monotonic(), None
+        for number, sweep in enumerate(sweeps, start=1):
+            if speed is not None:
+                if not sweep.HasField("start"):
+                    raise SurveyError(f"sweep {number} of the survey has no start: replay it at speed max")
+                start_ns = sweep.start.ToNanoseconds()
+                first_ns = start_ns if first_ns is None else first_ns
+                self.wait(began_s + (start_ns - first_ns) * 1e-9 / speed)
+            self._unit(sweep.unit).publish(sweep)
+            self._publish_statuses()
+        for unit in self._units.values():
+            unit.publish_status()
+
+    def wait(self, until_s: float) -> None:
+        """Wait until that time of the monotonic clock, publishing statuses meanwhile."""
+        pause = threading.Event()
+        while (left_s := until_s - monotonic()) > 0.0:
+            pause.wait(min(left_s, STATUS_INTERVAL_S))
+            self._publish_statuses()
+
+    def heads(self) -> dict[str, Cursor]:
+        """By unit, the cursor of a reader that has read all."""
+        return {name: unit.head() for name, unit in self._units.items()}
+
+    def close(self) -> None:
+        """Take all units off the bus."""
+        for unit in self._units.values():
+            unit.close()
+
+    def _unit(self, name: str) -> ReplayedUnit:
+        if name not in self._units:
+            self._units[name] = ReplayedUnit(self._session, self._site, name)
+        return self._units[name]
+
+    def _publish_statuses(self) -> None:
+        if monotonic() >= self._status_at_s + STATUS_INTERVAL_S:
+            self._status_at_s = monotonic()
+            for unit in self._units.values():
+                unit.publish_status()
+
+
+class Readers:
+    """How far the services of a site have read, by the cursors that they show in their statuses."""
+
+    def __init__(self, client: Client) -> None:
+        self._cursors: dict[str, list[Cursor]] = {}
+        self._changed = threading.Condition()
+        client.on_service_status(self._note)
+
+    def wait_past(self, heads: Mapping[str, Cursor], timeout_s: float) -> bool:
+        """Wait until each unit was read to its head by somebody, and by all who read it; False if it takes too long."""
+        with self._changed:
+            return self._changed.wait_for(lambda: all(map(self._is_read, heads.values())), timeout_s)
+
+    def _note(self, status: ServiceStatus) -> None:
+        with self._changed:
+            self._cursors[status.name] = list(status.cursors)
+            self._changed.notify_all()
+
+    def _is_read(self, head: Cursor) -> bool:
+        shown = [cursor for cursors in self._cursors.values() for cursor in cursors]
+        here = [cursor for cursor in shown if (cursor.unit, cursor.log_id) == (head.unit, head.log_id)]
+        return bool(here) and all(cursor.log_sequence >= head.log_sequence for cursor in here)

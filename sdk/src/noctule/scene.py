@@ -1,0 +1,65 @@
+"""The names of the Rerun scene, shared by those who log and those who lay out views."""
+
+APPLICATION_ID = "noctule"
+
+# Timelines. Time is that of the data (a sweep's start), not of the logging.
+TIME = "time"
+SWEEP = "sweep"  # counts the sweeps that the mapper has taken in
+
+# The map, in the site's frame.
+WORLD = "world"  # holds the transform that turns y upwards; a 2-D view's origin is its parent
+GRID = "world/grid"
+FEATURES = "world/features"
+WALLS = "world/walls"
+CORNERS = "world/corners"
+CYLINDERS = "world/cylinders"
+TRUTH = "world/truth"  # of a simulated room
+UNITS = "world/units"
+
+LOG = "log"
+MAPPER = "mapper"  # the mapper's own figures: latency, sweeps, drops
+
+
+def grid_tile(tile: str) -> str:
+    """One tile of the reliability grid; ``tile`` as made by keys.tile_name()."""
+    return f"{GRID}/{tile}"
+
+
+def unit_pose(unit: str) -> str:
+    """The unit's frame in the site's."""
+    return f"{UNITS}/{unit}"
+
+
+def unit_rays(unit: str) -> str:
+    """The echoes of the unit's last sweep, as lines from the unit."""
+    return f"{UNITS}/{unit}/rays"
+
+
+def unit_trail(unit: str) -> str:
+    """Where the unit has been."""
+    return f"{UNITS}/{unit}/trail"
+
+
+def unit_ranges(unit: str) -> str:
+    """The last sweep's ranges over bearing."""
+    return f"units/{unit}/ranges"
+
+
+def unit_residuals(unit: str) -> str:
+    """How far the unit's readings lie from the contour, over time."""
+    return f"units/{unit}/residuals"
+
+
+def unit_state(unit: str) -> str:
+    """The unit's state over time."""
+    return f"units/{unit}/state"
+
+
+def unit_clock_error(unit: str) -> str:
+    """Standard deviation of the unit's clock regression over time."""
+    return f"units/{unit}/clock_error"
+
+
+def unit_log(unit: str) -> str:
+    """What the unit has to tell its operator."""
+    return f"{LOG}/{unit}"

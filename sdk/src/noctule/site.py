@@ -1,0 +1,244 @@
+"""The site file: which units a site has, how each is reached, where it is, and what is known of its sensor."""
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from noctule import keys, messages_pb2
+from noctule.errors import KeyFormatError, SiteFileError
+from noctule.messages_pb2 import SweepPlan
+from noctule.path import walk
+from noctule.toml_table import Table
+
+MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
+MAX_READINGS = 64
+MAX_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is a unit that was flashed without one
+ABSOLUTE_ZERO_C = -273.15
+
+
+@dataclass(frozen=True)
+class Pose2:
+    """A place and heading in the site's frame, with standard deviations (position: along each axis)."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    sigma_position_m: float = 0.0
+    sigma_heading_rad: float = 0.0
+
+    def message(self) -> messages_pb2.Pose:
+        """The pose as it stands in a Sweep."""
+        return messages_pb2.Pose(
+            x_m=self.x_m,
+            y_m=self.y_m,
+            heading_rad=self.heading_rad,
+            sigma_position_m=self.sigma_position_m,
+            sigma_heading_rad=self.sigma_heading_rad,
+        )
+
+
+@dataclass(frozen=True)
+class FixedPose:
+    """The unit stays where it is."""
+
+    pose: Pose2
+
+
+@dataclass(frozen=True)
+class WaypointPath:
+    """The unit is carried along a path; the waypoint number that it reports indexes ``poses``."""
+
+    poses: tuple[Pose2, ...]
+
+
+@dataclass(frozen=True)
+class PoseKey:
+    """Whoever tracks the unit publishes its pose on the unit's pose key."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of a range sensor; None is not known. ``range_bias_m`` is the mean of measured minus true range."""
+
+    beam_width_rad: float | None = None
+    range_bias_m: float | None = None
+    range_sigma_m: float | None = None
+
+    def message(self) -> messages_pb2.Sensor:
+        """The sensor as it stands in a Sweep."""
+        return messages_pb2.Sensor(
+            beam_width_rad=self.beam_width_rad, range_bias_m=self.range_bias_m, range_sigma_m=self.range_sigma_m
+        )
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One unit: ``serial`` is what its HELLO must show, ``plan`` is None where the unit's own is to stand."""
+
+    name: str
+    serial: int
+    address: str
+    pose: FixedPose | WaypointPath | PoseKey
+    sensor: Sensor
+    plan: SweepPlan | None
+    start: bool
+    pause_s: float
+
+
+@dataclass(frozen=True)
+class Site:
+    """One frame of coordinates and its units; ``clock`` is "unit" where units' time runs at another speed than UTC."""
+
+    name: str
+    units: tuple[Unit, ...]
+    air_temperature_c: float | None
+    clock: Literal["utc", "unit"]
+
+    def unit(self, name: str) -> Unit:
+        """The unit of that name; raises SiteFileError if there is none."""
+        for unit in self.units:
+            if unit.name == name:
+                return unit
+        known = ", ".join(unit.name for unit in self.units)
+        raise SiteFileError(f"site {self.name!r} has no unit {name!r}: it has {known}")
+
+
+def load(path: Path) -> Site:
+    """Read a site file. Raises SiteFileError, which names file, table and field and says what to do."""
+    try:
+        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SiteFileError(f"{path} can't be read: {error.strerror}") from error
+    except ValueError as error:  # not TOML, or not text
+        raise SiteFileError(f"{path} is not a TOML file: {error}") from error
+    top = Table(path, "", entries)
+    sensor = _sensor(top.table("sensor"), Sensor())
+    site = Site(
+        name=_name(top, "site"),
+        units=tuple(_unit(table, sensor) for table in top.tables("unit")),
+        air_temperature_c=top.optional_number("air_temperature_c", over=ABSOLUTE_ZERO_C),
+        clock=top.choice("clock", ("utc", "unit")),  # pyright: ignore[reportArgumentType]
+    )
+    top.end()
+    _check_distinct(path, site.units)
+    return site
+
+
+def _name(table: Table, key: str) -> str:
+    value = table.text(key)
+    try:
+        if value == keys.ANY:
+            raise KeyFormatError("'*' stands for all names and can't be one")
+        return keys.name(value, "it")
+    except KeyFormatError as error:
+        raise table.error(key, f"is {value!r}: {error}") from error
+
+
+def _unit(table: Table, default: Sensor) -> Unit:
+    name = _name(table, "name")
+    table.name = f"[[unit]] {name!r}"
+    sweep = table.table("sweep")
+    unit = Unit(
+        name=name,
+        serial=table.integer("serial", 0, MAX_SERIAL),
+        address=table.text("address"),
+        pose=_pose_source(table),
+        sensor=_sensor(table.table("sensor"), default),
+        plan=_plan(sweep),
+        start=sweep.flag("start", default=False),  # a motor turns by itself only where the file says so
+        pause_s=sweep.optional_number("pause_s", least=0.0) or 0.0,
+    )
+    sweep.end()
+    table.end()
+    return unit
+
+
+def _sensor(table: Table, default: Sensor) -> Sensor:
+    width_deg = table.optional_number("beam_width_deg", over=0.0)
+    bias_m = table.optional_number("range_bias_m")
+    sigma_m = table.optional_number("range_sigma_m", over=0.0)
+    table.end()
+    return Sensor(
+        beam_width_rad=default.beam_width_rad if width_deg is None else math.radians(width_deg),
+        range_bias_m=default.range_bias_m if bias_m is None else bias_m,
+        range_sigma_m=default.range_sigma_m if sigma_m is None else sigma_m,
+    )
+
+
+def _plan(sweep: Table) -> SweepPlan | None:
+    first_deg = sweep.optional_number("first_bearing_deg")
+    step_deg = sweep.optional_number("bearing_step_deg", over=0.0)
+    plan = SweepPlan(
+        first_bearing_rad=None if first_deg is None else math.radians(first_deg),
+        bearing_step_rad=None if step_deg is None else math.radians(step_deg),
+        count=sweep.integer("count", 1, MAX_READINGS) if sweep.has("count") else None,
+        ping_interval_s=sweep.optional_number("ping_interval_s", over=0.0),
+        top_speed_half_steps_s=sweep.optional_number("top_speed_half_steps_s", over=0.0),
+        ramp_s=sweep.optional_number("ramp_s", least=0.0),
+        settle_s=sweep.optional_number("settle_s", least=0.0),
+    )
+    return plan if plan.ListFields() else None
+
+
+def _pose_source(unit: Table) -> FixedPose | WaypointPath | PoseKey:
+    if unit.has("path") == unit.has("pose"):
+        raise unit.error(
+            "pose",
+            'or path, one of the two, must say where the unit is: pose = { ... }, pose = "key" or path = { ... }',
+        )
+    if unit.entries.get("pose") == "key":
+        return PoseKey()
+    sigma = unit.table("pose_sigma")
+    sigma_m = sigma.optional_number("position_m", least=0.0) or 0.0
+    sigma_rad = math.radians(sigma.optional_number("heading_deg", least=0.0) or 0.0)
+    sigma.end()
+    if unit.has("path"):
+        places = _path(unit.table("path"))
+        return WaypointPath(tuple(Pose2(x, y, heading, sigma_m, sigma_rad) for x, y, heading in places))
+    pose = unit.table("pose")
+    heading_rad = math.radians(pose.number("heading_deg"))
+    place = Pose2(pose.number("x_m"), pose.number("y_m"), heading_rad, sigma_m, sigma_rad)
+    pose.end()
+    return FixedPose(place)
+
+
+def _path(path: Table) -> list[tuple[float, float, float]]:
+    if path.has("waypoints") == path.has("corners_m"):
+        raise path.error("corners_m", "or waypoints, one of the two, must give the path")
+    if path.has("waypoints"):
+        rows = path.rows("waypoints", ("x_m", "y_m", "heading_deg"), least=1)
+        places = [(x_m, y_m, math.radians(heading_deg)) for x_m, y_m, heading_deg in rows]
+    else:
+        places = _walked(path)
+    path.end()
+    return places
+
+
+def _walked(path: Table) -> list[tuple[float, float, float]]:
+    corners_m = [(x_m, y_m) for x_m, y_m in path.rows("corners_m", ("x_m", "y_m"), least=2)]
+    closed = path.flag("closed", default=False)
+    spacing_m = path.number("spacing_m", over=0.0)
+    following = [*corners_m[1:], corners_m[0]] if closed else corners_m[1:]
+    for index, (corner, after) in enumerate(zip(corners_m, following, strict=False)):
+        if corner == after:
+            raise path.error(f"corners_m[{index}]", "is the same place as the corner after it: remove one")
+    length_m = math.fsum(map(math.dist, corners_m, following))
+    if length_m / spacing_m + len(corners_m) > MAX_WAYPOINTS:
+        raise path.error(
+            "spacing_m", f"is {spacing_m}: make it larger, a unit counts {MAX_WAYPOINTS} waypoints and no more"
+        )
+    return walk(corners_m, spacing_m, closed)
+
+
+def _check_distinct(file: Path, units: tuple[Unit, ...]) -> None:
+    for field in ("name", "serial", "address"):
+        first: dict[object, str] = {}
+        for unit in units:
+            value = getattr(unit, field)
+            if value in first:
+                raise SiteFileError(
+                    f"{file}: [[unit]] {unit.name!r}: {field} {value!r} is also that of {first[value]!r}: change one"
+                )
+            first[value] = unit.name

@@ -1,0 +1,98 @@
+"""Files of sweeps: JSON lines of the message Sweep, or MCAP where the file is named so."""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import IO
+
+from google.protobuf import json_format
+from google.protobuf.message import Message
+
+from noctule.errors import SurveyError
+from noctule.messages_pb2 import Sweep
+
+MCAP_SUFFIX = ".mcap"
+
+
+def read(survey: Path | IO[str]) -> Iterator[Sweep]:
+    """The sweeps of a file, or of an open text stream of JSON lines, in their order; empty lines are passed over.
+
+    Raises SurveyError, naming the line and what is wrong with it, at the sweep that can't be read.
+    """
+    if not isinstance(survey, Path):
+        yield from _read_lines(survey, getattr(survey, "name", "survey"))
+    elif survey.suffix == MCAP_SUFFIX:
+        try:
+            from noctule import survey_mcap
+        except ModuleNotFoundError as error:
+            raise SurveyError(f"{survey} can't be read: MCAP needs noctule[cli], install it") from error
+        yield from survey_mcap.read(survey)
+    else:
+        try:
+            with survey.open(encoding="utf-8") as lines:
+                yield from _read_lines(lines, str(survey))
+        except OSError as error:
+            raise SurveyError(f"{survey} can't be read: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise SurveyError(
+                f"{survey} is not text (byte {error.start}): give JSON lines of sweeps, or name an MCAP file .mcap"
+            ) from error
+
+
+def write(sweeps: Iterable[Sweep], stream: IO[str]) -> None:
+    """Write sweeps as JSON lines. Raises SurveyError at one whose numbers are not all finite."""
+    for sweep in sweeps:
+        stream.write(to_json(sweep) + "\n")
+
+
+def to_json(message: Message) -> str:
+    """A message as one line of JSON: proto field names, fields at zero written out.
+
+    Raises SurveyError where a number is not finite.
+    """
+    if bad := not_finite(message):
+        raise SurveyError(f"{bad} is not finite and can't be written: leave the field out, or leave out the reading")
+    return json_format.MessageToJson(
+        message, preserving_proto_field_name=True, always_print_fields_with_no_presence=True, indent=None
+    )
+
+
+def from_json(line: str, where: str) -> Sweep:
+    """One line of a survey. Raises SurveyError, which begins with ``where``."""
+    try:
+        sweep = json_format.Parse(line, Sweep())
+    except json_format.ParseError as error:
+        raise SurveyError(f"{where}: {_reason(line, error)}") from error
+    if bad := not_finite(sweep):
+        raise SurveyError(f"{where}: {bad} is not finite: leave the field out, or leave out the reading")
+    return sweep
+
+
+def not_finite(message: Message, path: str = "") -> str | None:
+    """The path of the first field that holds NaN or an infinity (``readings[3].bearing_rad``), or None."""
+    for field, value in message.ListFields():
+        name = f"{path}{field.name}"
+        many = field.is_repeated
+        for index, element in enumerate(value if many else [value]):
+            at = f"{name}[{index}]" if many else name
+            if isinstance(element, Message):
+                if bad := not_finite(element, f"{at}."):
+                    return bad
+            elif isinstance(element, float) and not math.isfinite(element):
+                return at
+    return None
+
+
+def _read_lines(lines: Iterable[str], name: str) -> Iterator[Sweep]:
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            yield from_json(line, f"{name}, line {number}")
+
+
+def _reason(line: str, error: json_format.ParseError) -> str:
+    try:
+        json.loads(line.strip())
+    except json.JSONDecodeError as broken:
+        return f"not JSON ({broken.msg} at column {broken.colno}): each line holds one Sweep"
+    return f"not a Sweep: {error}"

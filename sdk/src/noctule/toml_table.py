@@ -1,0 +1,116 @@
+"""A table of a TOML file, read field by field: whatever is wrong is told by file, table and field."""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from noctule.errors import SiteFileError
+
+
+@dataclass
+class Table:
+    """The ``entries`` of one table; at end() a field that was not asked for is refused, for it has no effect."""
+
+    file: Path
+    name: str  # "" for the top of the file
+    entries: dict[str, Any]
+    asked: set[str] = field(default_factory=set)
+
+    def error(self, key: str, problem: str) -> SiteFileError:
+        """An error about ``key``; ``problem`` says what is wrong and what to do."""
+        where = f"{self.name}: " if self.name else ""
+        return SiteFileError(f"{self.file}: {where}{key} {problem}")
+
+    def has(self, key: str) -> bool:
+        """Whether the field was written; it counts as asked for."""
+        self.asked.add(key)
+        return key in self.entries
+
+    def text(self, key: str) -> str:
+        """A string that is not empty."""
+        value = self._required(key)
+        if not isinstance(value, str) or not value:
+            raise self.error(key, f'is {value!r}: give it as text, {key} = "..."')
+        return value
+
+    def number(self, key: str, least: float = -math.inf, over: float = -math.inf) -> float:
+        """A finite number, not below ``least`` and above ``over``."""
+        value = self._required(key)
+        if not is_number(value):
+            raise self.error(key, f"is {value!r}: give a finite number")
+        if value < least:
+            raise self.error(key, f"is {value}: it must be {least:g} or more")
+        if value <= over:
+            raise self.error(key, f"is {value}: it must be more than {over:g}")
+        return float(value)
+
+    def optional_number(self, key: str, least: float = -math.inf, over: float = -math.inf) -> float | None:
+        """The same, or None where the field was left out."""
+        return self.number(key, least, over) if self.has(key) else None
+
+    def integer(self, key: str, least: int, most: int) -> int:
+        """A whole number from ``least`` to ``most``."""
+        value = self._required(key)
+        if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= most:
+            raise self.error(key, f"is {value!r}: give a whole number from {least} to {most}")
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        """True or false."""
+        if not self.has(key):
+            return default
+        value = self.entries[key]
+        if not isinstance(value, bool):
+            raise self.error(key, f"is {value!r}: give true or false")
+        return value
+
+    def choice(self, key: str, choices: tuple[str, ...]) -> str:
+        """One of ``choices``, the first where the field was left out."""
+        value = self.entries[key] if self.has(key) else choices[0]
+        if value not in choices:
+            raise self.error(key, f"is {value!r}: choose {' or '.join(repr(choice) for choice in choices)}")
+        return value
+
+    def rows(self, key: str, columns: tuple[str, ...], least: int) -> list[tuple[float, ...]]:
+        """A list of at least ``least`` rows of finite numbers, one for each name in ``columns``."""
+        value = self._required(key)
+        form = f"[{', '.join(columns)}]"
+        if not isinstance(value, list) or len(value) < least:
+            raise self.error(key, f"must be a list of at least {least} {form}")
+        for index, row in enumerate(value):
+            if not isinstance(row, list) or len(row) != len(columns) or not all(map(is_number, row)):
+                raise self.error(f"{key}[{index}]", f"is {row!r}: give {form}, finite numbers")
+        return [tuple(map(float, row)) for row in value]
+
+    def table(self, key: str) -> "Table":
+        """The table below ``key``, empty where it was left out."""
+        value = self.entries[key] if self.has(key) else {}
+        if not isinstance(value, dict):
+            raise self.error(key, f"is {value!r}: make it a table, {key} = {{ ... }}")
+        return Table(self.file, f"{self.name}.{key}" if self.name else f"[{key}]", value)
+
+    def tables(self, key: str) -> list["Table"]:
+        """The tables of the array ``[[key]]``, each called by its number from 1."""
+        value = self._required(key)
+        if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value) or not value:
+            raise self.error(key, f"must be an array of tables: begin each with [[{key}]]")
+        return [Table(self.file, f"[[{key}]] {number}", entry) for number, entry in enumerate(value, start=1)]
+
+    def end(self) -> None:
+        """Refuse what was written but not asked for."""
+        for key in self.entries:
+            if key not in self.asked:
+                raise self.error(
+                    key, f"is not known here: correct or remove it (known: {', '.join(sorted(self.asked))})"
+                )
+
+    def _required(self, key: str) -> Any:
+        if not self.has(key):
+            raise self.error(key, "is missing: add it")
+        return self.entries[key]
+
+
+def is_number(value: object) -> bool:
+    """Whether ``value`` is a finite number; TOML's booleans, nan and inf are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

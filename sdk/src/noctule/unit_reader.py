@@ -1,0 +1,118 @@
+"""How far one unit's log has been read: every sweep handed on once, in order, whatever the bus loses or repeats."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Sequence
+
+from noctule.errors import BusError
+from noctule.messages_pb2 import Cursor, LogRecords, Sweep
+
+_log = logging.getLogger(__name__)
+
+
+class UnitReader:
+    """Reads one unit's log by two ways, live sweeps and the log itself, and hands on each sweep just once.
+
+    ``ask`` gets records from a log sequence on, or None where nobody serves the unit. ``deliver`` takes sweeps for
+    good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``pulled`` and ``lost``.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        cursor: Cursor | None,
+        ask: Callable[[str, int], LogRecords | None],
+        deliver: Callable[[Sequence[Sweep]], None],
+        counts: Counter[str],
+    ) -> None:
+        self.unit = unit
+        self.cursor = cursor or Cursor(unit=unit)  # the last sweep delivered; replaced, never changed
+        self._ask = ask
+        self._deliver = deliver
+        self._counts = counts
+        self._left: dict[str, Cursor] = {}  # where other logs of this unit were left, should one come back
+
+    def is_behind(self, log_id: str, head: int) -> bool:
+        """Whether a log with that head holds more than was delivered."""
+        return log_id != self.cursor.log_id or head > self.cursor.log_sequence
+
+    def take(self, live: Sequence[Sweep]) -> bool:
+        """Deliver those of ``live`` that follow on; False where the log must be asked for what lies between."""
+        following: list[Sweep] = []
+        next_sequence = self.cursor.log_sequence + 1
+        for sweep in live:
+            if sweep.log_id != self.cursor.log_id or sweep.log_sequence > next_sequence:
+                self._commit(following)
+                return False
+            if sweep.log_sequence == next_sequence:
+                following.append(sweep)
+                next_sequence += 1
+        self._commit(following)
+        return True
+
+    def ask_log(self) -> bool:
+        """Deliver what one reply of the log holds; False at its head or where nobody serves it, else there is more.
+
+        Raises BusError, and what ``deliver`` raises.
+        """
+        at = self.cursor
+        records = self._ask(self.unit, at.log_sequence + 1)
+        if records is None:
+            return False
+        if records.log_id != at.log_id:
+            self._turn_to(records)
+            return True
+        if records.head < at.log_sequence:
+            raise BusError(
+                f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to {at.log_sequence}: "
+                "was it restored from a copy? Move its file aside so that a new one is begun"
+            )
+        fresh = [sweep for sweep in records.sweeps if sweep.log_sequence > at.log_sequence]
+        if fresh:
+            self._commit(fresh)
+            self._counts["pulled"] += len(fresh)
+        elif records.head > at.log_sequence:
+            self._pass_over(records)
+        return self.cursor.log_sequence < records.head
+
+    def _turn_to(self, records: LogRecords) -> None:
+        """Read another log of this unit, from its tail if it is new."""
+        if self.cursor.log_id:
+            _log.warning("unit %s has log %s instead of %s", self.unit, records.log_id, self.cursor.log_id)
+            self._left[self.cursor.log_id] = self.cursor
+        at_tail = self._at(records.log_id, max(records.tail, 1) - 1)
+        self.cursor = self._left.get(records.log_id, at_tail)
+
+    def _pass_over(self, records: LogRecords) -> None:
+        """All that was still to be read has been removed."""
+        if self.cursor.log_sequence < records.tail <= records.head:
+            raise BusError(
+                f"the log of unit {self.unit!r} says that it holds {records.tail} to {records.head} and sends nothing"
+            )
+        self._count_lost(self.cursor.log_sequence, records.head + 1)
+        self.cursor = self._at(records.log_id, records.head)
+
+    def _commit(self, sweeps: Sequence[Sweep]) -> None:
+        """Deliver ``sweeps``, in order and all after the cursor, and move the cursor to the last."""
+        if not sweeps:
+            return
+        self._deliver(sweeps)
+        before = self.cursor.log_sequence
+        for sweep in sweeps:
+            self._count_lost(before, sweep.log_sequence)
+            before = sweep.log_sequence
+        self.cursor = self._at(sweeps[-1].log_id, before)
+        self._counts["delivered"] += len(sweeps)
+
+    def _at(self, log_id: str, log_sequence: int) -> Cursor:
+        return Cursor(unit=self.unit, log_id=log_id, log_sequence=log_sequence)
+
+    def _count_lost(self, before: int, after: int) -> None:
+        if lost := after - before - 1:
+            self._counts["lost"] += lost
+            _log.error(
+                "unit %s: sweeps %d to %d were removed from its log unread: let the log keep more",
+                self.unit,
+                before + 1,
+                after - 1,
+            )

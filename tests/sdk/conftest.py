@@ -1,0 +1,139 @@
+"""What the tests of the bus share: a real router on a free port, sessions that get closed, things to wait on."""
+
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import zenoh
+from google.protobuf.message import Message
+
+from noctule import bus
+
+PATIENCE_S = 20.0
+
+
+class Collected(list[Any]):
+    """What callbacks brought, in order, and a way to wait for it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._changed = threading.Condition()
+
+    def add(self, item: Any) -> None:
+        """A callback."""
+        with self._changed:
+            self.append(item)
+            self._changed.notify_all()
+
+    def add_all(self, items: Any) -> None:
+        """A callback that brings several."""
+        with self._changed:
+            self.extend(items)
+            self._changed.notify_all()
+
+    def wait_for(self, condition: Callable[["Collected"], bool]) -> None:
+        """Wait until ``condition`` holds of what has come."""
+        with self._changed:
+            assert self._changed.wait_for(lambda: condition(self), PATIENCE_S), f"only {len(self)} came: {self[-3:]}"
+
+
+class Router:
+    """A router that can die and come back."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self.session = bus.open_session(listen=[endpoint])
+
+    def stop(self) -> None:
+        """Cut all its links."""
+        self.session.close()
+
+    def restart(self) -> None:
+        """Die and come back."""
+        self.stop()
+        self.session = bus.open_session(listen=[self.endpoint])
+
+
+class FarEnd:
+    """Those on the other side of the bus. What they declare takes a moment to be known; they wait for that."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session = session
+
+    def publish(self, key: str, *messages: Message) -> None:
+        """Publish to a subscriber, when the bus knows of one."""
+        publisher = bus.declare_publisher(self.session, key, type(messages[0]))
+        _until_matching(publisher)
+        for message in messages:
+            publisher.put(message.SerializeToString())
+        publisher.undeclare()
+
+    def answer(self, key: str, callback: Callable[[zenoh.Query], Any], asker: zenoh.Session) -> None:
+        """Answer queries, and wait until ``asker`` can ask."""
+        self.session.declare_queryable(key, callback)
+        until_answered(asker, key)
+
+
+def until_answered(asker: zenoh.Session, key: str) -> None:
+    """Wait until ``asker`` knows of one who answers queries on ``key``."""
+    querier = asker.declare_querier(key)
+    _until_matching(querier)
+    querier.undeclare()
+
+
+def _until_matching(declared: zenoh.Publisher | zenoh.Querier) -> None:
+    matching = threading.Event()
+    listener = declared.declare_matching_listener(lambda status: matching.set() if status.matching else None)
+    status: Any = declared.matching_status  # its annotation is wrong in Zenoh 1.10.2
+    assert status.matching or matching.wait(PATIENCE_S), f"nobody on {declared.key_expr}"
+    listener.undeclare()
+
+
+@pytest.fixture
+def endpoint() -> str:
+    """An endpoint on the loopback that is free."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture
+def router(endpoint: str) -> Iterator[Router]:
+    """A running router."""
+    router = Router(endpoint)
+    yield router
+    router.stop()
+
+
+@pytest.fixture
+def open_session(router: Router) -> Iterator[Callable[[], zenoh.Session]]:
+    """Opens sessions on the router."""
+    sessions: list[zenoh.Session] = []
+
+    def open_one() -> zenoh.Session:
+        sessions.append(bus.open_session([router.endpoint]))
+        return sessions[-1]
+
+    yield open_one
+    for session in sessions:
+        session.close()
+
+
+@pytest.fixture
+def far(open_session: Callable[[], zenoh.Session]) -> FarEnd:
+    """The other side of the bus."""
+    return FarEnd(open_session())
+
+
+@pytest.fixture
+def known() -> Callable[[zenoh.Session, str], None]:
+    """Waits until a session knows of one who answers queries on a key."""
+    return until_answered
+
+
+@pytest.fixture
+def collected() -> Collected:
+    """An empty collection."""
+    return Collected()

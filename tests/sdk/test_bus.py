@@ -1,0 +1,113 @@
+"""Sessions, states and schemas on a real router."""
+
+import threading
+
+import pytest
+import zenoh
+from google.protobuf import message_factory
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.descriptor_pool import DescriptorPool
+
+from noctule import bus, keys
+from noctule.errors import BusError
+from noctule.messages_pb2 import Contour, Sweep
+
+
+def test_an_encoding_names_its_message():
+    assert str(bus.encoding(Sweep)) == "application/protobuf;noctule.v1.Sweep"
+
+
+def test_a_client_gives_up_on_a_router_that_is_not_there_when_its_patience_ends(endpoint):
+    with pytest.raises(BusError, match=f"no router answers at {endpoint}: start one"):
+        bus.open_session([endpoint], patience_s=0.5)
+
+
+def test_a_client_waits_for_its_router(endpoint, caplog):
+    opened = []
+    client = threading.Thread(target=lambda: opened.append(bus.open_session([endpoint])))
+    client.start()
+    with bus.open_session(listen=[endpoint]) as router:
+        client.join(timeout=20.0)
+        assert [str(zid) for zid in opened[0].info.routers_zid()] == [str(router.info.zid())]
+        opened[0].close()
+    assert all(endpoint in record.getMessage() for record in caplog.records)
+
+
+def test_a_second_router_on_an_endpoint_is_told_why_it_can_not_be_one(router):
+    with pytest.raises(BusError, match=f"can't be a router on {router.endpoint}: .*in use"):
+        bus.open_session(listen=[router.endpoint])
+
+
+def test_a_configuration_file_that_can_not_be_read_is_told(endpoint, tmp_path, monkeypatch):
+    monkeypatch.setenv(bus.CONFIG_VARIABLE, str(tmp_path / "none.json5"))
+    with pytest.raises(BusError, match=bus.CONFIG_VARIABLE):
+        bus.open_session([endpoint])
+
+
+def test_a_configuration_file_gives_what_the_endpoints_do_not(endpoint, tmp_path, monkeypatch):
+    config = tmp_path / "zenoh.json5"
+    config.write_text('{ metadata: { name: "from the file" }, mode: "peer" }')
+    monkeypatch.setenv(bus.CONFIG_VARIABLE, str(config))
+    made = bus._config([], [endpoint])
+    assert made.get_json("metadata") == '{"name":"from the file"}'
+    assert made.get_json("mode") == '"router"'
+
+
+def test_a_state_publisher_that_was_closed_answers_no_more(router):
+    key = keys.contour("room")
+    state = bus.StatePublisher(router.session, key, Contour)
+    state.put(Contour(version=1))
+    assert len(list(router.session.get(key))) == 1
+    state.close()
+    assert list(router.session.get(key)) == []
+
+
+def test_a_late_joiner_gets_the_last_state_and_none_before_the_first(open_session, known):
+    key = keys.contour("room")
+    state = bus.StatePublisher(open_session(), key, Contour)
+    late = open_session()
+    known(late, key)
+    assert list(late.get(key)) == []
+    for version in (1, 2):
+        state.put(Contour(site="room", version=version))
+    (reply,) = late.get(key)
+    assert Contour.FromString(reply.ok.payload.to_bytes()) == Contour(site="room", version=2)
+    assert reply.ok.encoding == bus.encoding(Contour)
+
+
+def test_a_subscriber_gets_each_state_as_it_is_put(open_session, collected):
+    key = keys.contour("room")
+    subscriber = open_session()
+    subscriber.declare_subscriber(
+        key, lambda sample: collected.add(Contour.FromString(sample.payload.to_bytes()).version)
+    )
+    state = bus.StatePublisher(open_session(), key, Contour)
+    for version in range(100):
+        state.put(Contour(version=version))
+    collected.wait_for(lambda versions: len(versions) == 100)
+    assert collected == list(range(100))
+
+
+def test_a_stranger_decodes_a_sweep_from_the_schema_on_the_bus(open_session, known):
+    bus.declare_schemas(open_session())
+    asker = open_session()
+    known(asker, keys.schema("noctule.v1.Sweep"))
+    (reply,) = asker.get(keys.schema("noctule.v1.Sweep"))
+    assert reply.ok.encoding == bus.encoding(FileDescriptorSet)
+    pool = DescriptorPool()
+    for file in FileDescriptorSet.FromString(reply.ok.payload.to_bytes()).file:
+        pool.Add(file)
+    stranger = message_factory.GetMessageClass(pool.FindMessageTypeByName("noctule.v1.Sweep"))
+    sweep = Sweep(unit="u1", log_sequence=7)
+    sweep.start.FromSeconds(1_000_000_000)
+    decoded = stranger.FromString(sweep.SerializeToString())
+    assert (decoded.unit, decoded.log_sequence, decoded.start.seconds) == ("u1", 7, 1_000_000_000)  # pyright: ignore
+
+
+def test_all_schemas_come_to_one_who_asks_for_all(open_session, known):
+    bus.declare_schemas(open_session())
+    asker = open_session()
+    known(asker, keys.schema("*"))
+    replies = asker.get(keys.schema("*"), consolidation=zenoh.ConsolidationMode.NONE)
+    names = {str(reply.ok.key_expr).rsplit("/", 1)[-1] for reply in replies}
+    assert {"noctule.v1.Sweep", "noctule.v1.Contour", "noctule.v1.UnitStatus", "noctule.v1.LogRecords"} <= names

@@ -1,0 +1,201 @@
+"""The command noctule, run as one runs it, against a replayed survey on a real router."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from noctule import Client, bus, keys, survey
+from noctule.messages_pb2 import Contour, Reading, ServiceStatus, Sweep, Wall
+from noctule.replay import Replay
+
+EXAMPLE = Path(__file__).parents[2] / "sdk" / "examples" / "watch_walls.py"
+TIMEOUT_S = 60.0
+
+
+def sweeps(count=3):
+    for n in range(count):
+        echo = Reading(bearing_rad=0.5, time_of_flight_s=0.01)
+        sweep = Sweep(site="room", unit="u1", log_id="a", log_sequence=n + 1, readings=[echo, Reading()])
+        sweep.start.FromMilliseconds(1_000_000 + n)
+        yield sweep
+
+
+@pytest.fixture
+def survey_file(tmp_path):
+    path = tmp_path / "survey.jsonl"
+    with path.open("w") as stream:
+        survey.write(sweeps(), stream)
+    return path
+
+
+@pytest.fixture
+def site(far):
+    """A site with one unit that has swept three times, and a contour."""
+    schemas = bus.declare_schemas(far.session)
+    contour = bus.StatePublisher(far.session, keys.contour("room"), Contour)
+    contour.put(Contour(site="room", version=1, walls=[Wall(rho_m=1.5)], sweeps=3))
+    replay = Replay(far.session, "room")
+    replay.run(sweeps(), None)
+    yield replay
+    replay.close()
+    contour.close()
+    schemas.undeclare()
+
+
+@pytest.fixture
+def start(endpoint):
+    """Starts the command; whatever still runs at the end is killed."""
+    running = []
+
+    def start(*command):
+        environment = os.environ | {"NOCTULE_CONNECT": endpoint, "COLUMNS": "150", "PYTHONUNBUFFERED": "1"}
+        running.append(
+            subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        )
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def noctule(start):
+    return lambda *arguments: start(sys.executable, "-c", "from noctule.cli import app; app()", *map(str, arguments))
+
+
+def finish(process):
+    out, err = process.communicate(timeout=TIMEOUT_S)
+    return process.returncode, out, err
+
+
+def line_with(process, text):
+    """The first line of output that holds ``text``; the test's own timeout ends the wait."""
+    for line in process.stdout:
+        if text in line:
+            return line
+    raise AssertionError(f"it ended without {text!r}: {process.stderr.read()}")
+
+
+@pytest.mark.usefixtures("site")
+def test_units_shows_who_is_alive_and_how_long_its_log_is(noctule):
+    code, out, err = finish(noctule("units", "room"))
+    assert (code, err) == (0, "")
+    row = next(line for line in out.splitlines() if "u1" in line)
+    assert "yes" in row and "sweeping" in row and "1-3" in row
+
+
+@pytest.mark.usefixtures("router")
+def test_units_of_an_empty_site_asks_for_the_gateway(noctule):
+    code, out, _ = finish(noctule("units", "hall"))
+    assert code == 0 and "site 'hall' has no units on the bus: is its gateway up?" in out
+
+
+def test_without_a_router_a_command_says_so_and_fails(noctule, endpoint):
+    code, _, err = finish(noctule("units", "room"))
+    assert code == 1
+    assert err == f"noctule: no router answers at {endpoint}: start one, or name another endpoint\n"
+
+
+@pytest.mark.usefixtures("site")
+def test_log_prints_a_survey_from_a_sequence_on(noctule):
+    code, out, _ = finish(noctule("log", "room", "u1", "--from", 2))
+    assert code == 0
+    assert [json.loads(line)["log_sequence"] for line in out.splitlines()] == ["2", "3"]
+    code, _, err = finish(noctule("log", "room", "u9"))
+    assert code == 1 and "no gateway serves unit 'u9'" in err
+
+
+@pytest.mark.usefixtures("site")
+def test_schema_lists_the_messages_and_shows_one(noctule):
+    code, out, _ = finish(noctule("schema"))
+    assert code == 0 and "noctule.v1.Sweep" in out.splitlines()
+    code, out, _ = finish(noctule("schema", "noctule.v1.Reading"))
+    assert code == 0 and 'name: "time_of_flight_s"' in out and "pose" not in out
+    code, _, err = finish(noctule("schema", "noctule.v1.Swoop"))
+    assert code == 1 and "nobody on the bus knows the schema of noctule.v1.Swoop" in err
+
+
+@pytest.mark.usefixtures("site")
+def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
+    code, out, _ = finish(noctule("rpc", "room", "u1", "hello"))
+    assert code == 0 and json.loads(out)["status"]["firmware"] == "replay"
+    code, _, err = finish(noctule("rpc", "room", "u1", "configure", "--count", 5))
+    assert code == 1 and "unit 'u1' did not configure: unit 'u1' is a replayed survey" in err
+    code, _, err = finish(noctule("rpc", "room", "u1", "dance"))
+    assert code == 2 and "'dance' is not one of hello" in err
+
+
+def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site, noctule):
+    process = noctule("watch", "room")
+    line_with(process, "u1       sweeping, log at 3")
+    line_with(process, "contour  1: 1 walls, 0 cylinders, 3 sweeps")
+    site.run(sweeps(1), None)
+    assert "1 echoes of 2 readings" in line_with(process, "u1       sweep 4")
+    process.send_signal(signal.SIGTERM)
+    assert finish(process)[0] == 0
+
+
+@pytest.mark.usefixtures("site")
+def test_watch_prints_json_lines_on_demand(noctule):
+    process = noctule("watch", "room", "--json")
+    shown = json.loads(line_with(process, "map/contour"))
+    assert (shown["key"], shown["message"]) == (keys.contour("room"), "noctule.v1.Contour")
+    assert shown["value"]["walls"][0]["rho_m"] == 1.5
+
+
+@pytest.mark.parametrize("name", ["out.jsonl", "out.mcap"])
+def test_record_goes_on_where_the_file_ends(site, noctule, tmp_path, name):
+    out = tmp_path / name
+    journal = out if out.suffix == ".jsonl" else tmp_path / "out.mcap.jsonl"
+    for total in (3, 5):
+        process = noctule("record", "room", out)
+        while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < total):
+            time.sleep(0.02)  # a file tells nobody that it has grown
+        process.send_signal(signal.SIGINT)
+        assert finish(process)[0] == 0
+        site.run(sweeps(2), None)
+    assert [sweep.log_sequence for sweep in survey.read(out)] == [1, 2, 3, 4, 5]
+
+
+def test_replay_is_the_router_itself_and_ends_when_its_readers_have_read_it(noctule, endpoint, survey_file, collected):
+    process = noctule(
+        "replay", survey_file, "--site", "room", "--speed", "max", "--listen", endpoint, "--exit-when-done"
+    )
+    with Client("room", [endpoint]) as client:
+        client.on_alive(lambda unit, _alive: collected.add(unit))
+        collected.wait_for(len)
+        records = client.log("u1", 1)
+        assert records is not None
+        assert [sweep.log_sequence for sweep in records.sweeps] == [1, 2, 3]
+        status = ServiceStatus(name="mapper")
+        status.cursors.add(unit="u1", log_id=records.log_id, log_sequence=3)
+        shown = bus.StatePublisher(client.session, keys.service_status("room", "mapper"), ServiceStatus)
+        shown.put(status)
+        assert finish(process)[0] == 0
+
+
+def test_replay_fails_when_nobody_reads_it_in_time(noctule, endpoint, survey_file):
+    command = ("replay", survey_file, "--site", "room", "--speed", "1000", "--listen", endpoint)
+    code, _, err = finish(noctule(*command, "--exit-when-done", "--timeout", 0.2))
+    assert code == 1 and "after 0.2 s no service shows that it has read all" in err
+
+
+@pytest.mark.parametrize("speed", ["0", "-1", "nan", "fast"])
+def test_replay_refuses_a_speed_that_is_none(noctule, survey_file, speed):
+    code, _, err = finish(noctule("replay", survey_file, "--site", "room", "--speed", speed))
+    assert code == 2 and "is neither a number above 0 nor max" in err
+
+
+def test_the_example_of_an_extra_service_tells_of_walls_and_sweeps(site, start, endpoint):
+    process = start(sys.executable, str(EXAMPLE), "room", endpoint)
+    assert line_with(process, "wall") == "wall 1.50 m away\n"
+    site.run(sweeps(1), None)
+    assert line_with(process, "u1") == "u1: 2 readings\n"

@@ -1,0 +1,195 @@
+"""A client sees its site: what comes, what is, and what units answer."""
+
+import threading
+
+import pytest
+
+from noctule import Client, bus, keys
+from noctule.errors import BusError, KeyFormatError
+from noctule.messages_pb2 import (
+    CommandReply,
+    CommandRequest,
+    Contour,
+    LogRecords,
+    Pose,
+    ServiceStatus,
+    Sweep,
+    UnitStatus,
+)
+
+
+@pytest.fixture
+def client(open_session):
+    with Client("room", session=open_session()) as client:
+        yield client
+
+
+def test_sweeps_come_decoded_in_order_on_one_thread_that_is_not_zenohs(client, far, collected):
+    threads = set()
+    client.on_sweep(lambda sweep: (threads.add(threading.current_thread().name), collected.add(sweep)))
+    sweeps = [Sweep(site="room", unit="u1", log_sequence=n) for n in range(50)]
+    far.publish(keys.sweep("room", "u1"), *sweeps)
+    collected.wait_for(lambda came: len(came) == 50)
+    assert collected == sweeps
+    assert threads == {"noctule-room"}
+
+
+def test_only_the_asked_for_unit_of_the_clients_own_site_comes(client, far, collected):
+    client.on_sweep(collected.add, unit="u2")
+    far.publish(keys.sweep("room", "u2"), Sweep(boot=1))
+    for site, unit in (("hall", "u2"), ("room", "u1")):
+        far.session.put(keys.sweep(site, unit), Sweep(boot=2).SerializeToString())
+    far.publish(keys.sweep("room", "u2"), Sweep(boot=3))
+    collected.wait_for(lambda came: len(came) == 2)
+    assert collected == [Sweep(boot=1), Sweep(boot=3)]
+
+
+def test_what_finds_the_queue_full_is_dropped_and_counted(open_session, far, collected):
+    with Client("room", session=open_session(), queue_length=3) as client:
+        arrived, go_on = threading.Event(), threading.Event()
+
+        def slow(sweep):
+            arrived.set()
+            go_on.wait(20.0)
+            collected.add(sweep.log_sequence)
+
+        subscriber = client.on_sweep(slow)
+        far.publish(keys.sweep("room", "u1"), Sweep(log_sequence=0))
+        assert arrived.wait(20.0)
+        far.publish(keys.sweep("room", "u1"), *(Sweep(log_sequence=n) for n in range(1, 11)))
+        dropped = threading.Condition()
+        with dropped:  # nobody tells of a drop, so look again and again
+            assert any(client.counters()["dropped"] == 7 or dropped.wait(0.05) for _ in range(400))
+        subscriber.undeclare()
+        go_on.set()
+        collected.wait_for(lambda came: len(came) == 4)
+    assert collected == [0, 1, 2, 3]
+    assert client.counters() == {"delivered": 4, "dropped": 7, "failed": 0}
+
+
+def test_a_callback_that_raises_is_counted_and_the_next_message_comes(client, far, collected, caplog):
+    def callback(sweep):
+        if sweep.log_sequence == 1:
+            raise RuntimeError("not this one")
+        collected.add(sweep.log_sequence)
+
+    client.on_sweep(callback)
+    far.publish(keys.sweep("room", "u1"), *(Sweep(log_sequence=n) for n in (1, 2)))
+    collected.wait_for(len)
+    assert collected == [2]
+    assert client.counters()["failed"] == 1
+    assert "not this one" in caplog.text
+
+
+def test_a_payload_that_is_no_sweep_is_told_by_key_and_the_next_comes(client, far, collected, caplog):
+    client.on_sweep(collected.add)
+    key = keys.sweep("room", "u1")
+    far.publish(key, Sweep(boot=1))
+    far.session.put(key, b"\xff\xff\xff")
+    far.publish(key, Sweep(boot=2))
+    collected.wait_for(lambda came: len(came) == 2)
+    assert collected == [Sweep(boot=1), Sweep(boot=2)]
+    assert f"{key} carries something that is not a noctule.v1.Sweep" in caplog.text
+
+
+def test_a_state_comes_at_once_to_a_late_joiner_and_then_anew(client, far, known, collected):
+    state = bus.StatePublisher(far.session, keys.contour("room"), Contour)
+    known(client.session, keys.contour("room"))
+    state.put(Contour(version=1))
+    client.on_contour(collected.add)
+    collected.wait_for(len)
+    state.put(Contour(version=2))
+    collected.wait_for(lambda came: came[-1].version == 2)
+
+
+def test_a_poses_unit_is_told_with_it(client, open_session, collected):
+    client.on_pose(lambda unit, pose: collected.add((unit, pose)))
+    with Client("room", session=open_session()) as tracker:
+        tracker.publish_pose("u1", Pose(x_m=1.0))
+        tracker.publish_pose("u2", Pose(x_m=2.0))
+        collected.wait_for(lambda came: len(came) == 2)
+    assert sorted(collected, key=lambda came: came[0]) == [("u1", Pose(x_m=1.0)), ("u2", Pose(x_m=2.0))]
+
+
+def test_units_are_those_whose_gateway_is_there(client, far, open_session, collected):
+    client.on_alive(lambda unit, alive: collected.add((unit, alive)))
+    tokens = [far.session.liveliness().declare_token(keys.alive("room", unit)) for unit in ("u1", "u2")]
+    collected.wait_for(lambda came: len(came) == 2)
+    # Another asks: Zenoh 1.10.2 can answer a session that watches tokens with none while these are just coming in.
+    with Client("room", session=open_session()) as other:
+        assert other.units() == {"u1", "u2"}
+        tokens[0].undeclare()
+        collected.wait_for(lambda came: ("u1", False) in came)
+        assert other.units() == {"u2"}
+
+
+def test_the_newest_contour_and_all_statuses_are_there_for_the_asking(client, far, known):
+    assert client.contour() is None
+    for seconds in (5, 9, 7):  # three mappers
+        contour = Contour(mapper=f"m{seconds}")
+        contour.time.FromSeconds(seconds)
+        bus.StatePublisher(far.session, keys.contour("room"), Contour).put(contour)
+    for unit in ("u1", "u2"):
+        bus.StatePublisher(far.session, keys.unit_status("room", unit), UnitStatus).put(UnitStatus(unit=unit))
+    known(client.session, keys.unit_status("room", "u2"))  # declared last
+    contour = client.contour()
+    assert contour is not None and contour.mapper == "m9"
+    assert {status.unit for status in client.unit_statuses()} == {"u1", "u2"}
+
+
+def test_service_statuses_come_with_their_cursors(client, far, collected):
+    client.on_service_status(collected.add)
+    status = ServiceStatus(name="m1")
+    status.cursors.add(unit="u1", log_id="a", log_sequence=5)
+    far.publish(keys.service_status("room", "m1"), status)
+    collected.wait_for(len)
+    assert collected == [status]
+
+
+def test_a_log_is_asked_by_sequence_and_number(client, far, collected):
+    key = keys.log("room", "u1")
+
+    def answer(query):
+        collected.add((query.parameters.get("from"), query.parameters.get("max")))
+        query.reply(key, LogRecords(log_id="a", head=9).SerializeToString())
+
+    far.answer(key, answer, client.session)
+    assert client.log("u1", 5, max=7) == LogRecords(log_id="a", head=9)
+    assert collected == [("5", "7")]
+    assert client.log("u2", 1) is None
+
+
+def test_an_error_of_a_log_is_raised_with_its_reason(client, far):
+    far.answer(keys.log("room", "u1"), lambda query: query.reply_err(b"disk full"), client.session)
+    with pytest.raises(BusError, match=r"@log.*disk full"):
+        client.log("u1", 1)
+
+
+def test_a_command_carries_its_request_and_brings_the_reply(client, far):
+    key = keys.rpc("room", "u1", "start")
+
+    def answer(query):
+        request = CommandRequest.FromString(query.payload.to_bytes())
+        reply = CommandReply(request_id=request.request_id, done=request.pause_s == 2.0)
+        query.reply(key, reply.SerializeToString())
+
+    far.answer(key, answer, client.session)
+    reply = client.command("u1", "start", CommandRequest(pause_s=2.0), timeout_s=5.0)
+    assert reply.done and len(reply.request_id) == 32
+    assert client.command("u1", "start", CommandRequest(request_id="mine"), timeout_s=5.0) == CommandReply(
+        request_id="mine"
+    )
+
+
+def test_a_command_that_nobody_takes_is_told_from_one_that_takes_too_long(client, far):
+    with pytest.raises(BusError, match="no gateway serves unit 'u1' of site 'room'"):
+        client.command("u1", "home", CommandRequest(), timeout_s=5.0)
+    held = []
+    far.answer(keys.rpc("room", "u1", "home"), held.append, client.session)
+    with pytest.raises(BusError, match=r"@rpc/home: Timeout \(waited up to 0.2 s\)"):
+        client.command("u1", "home", CommandRequest(), timeout_s=0.2)
+
+
+def test_a_client_of_a_name_that_fits_no_key_is_refused_before_it_connects():
+    with pytest.raises(KeyFormatError, match="site 'My Room'"):
+        Client("My Room")

@@ -1,0 +1,237 @@
+"""A follower has every sweep once, through dead routers, lost publications, failing stores and restarts."""
+
+import random
+import threading
+
+import pytest
+
+from noctule import Client, LogFollower, bus, keys
+from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
+
+PATIENCE_S = 20.0
+POLL_S = 0.3  # so that a test in which all signs are lost need not wait for the usual ten seconds
+
+
+class LoggedUnit:
+    """The bus side of a gateway: a log that keeps ``keep`` records, and publications of which a share gets lost."""
+
+    def __init__(self, session, unit, log_id="a", keep=10_000, lose=0.0, dice=None):
+        self._unit, self._lose, self._dice = unit, lose, dice or random.Random(0)
+        self.log_id, self.keep, self.sweeps = log_id, keep, []
+        self._key = keys.log("room", unit)
+        self._publisher = bus.declare_publisher(session, keys.sweep("room", unit), Sweep)
+        self._status = bus.StatePublisher(session, keys.unit_status("room", unit), UnitStatus)
+        self._queryable = session.declare_queryable(self._key, self._answer)
+        self._token = session.liveliness().declare_token(keys.alive("room", unit))  # it ends with its last reference
+
+    @property
+    def head(self):
+        return len(self.sweeps)
+
+    @property
+    def tail(self):
+        return max(1, self.head - self.keep + 1)
+
+    def begin_log(self, log_id):
+        self.log_id, self.sweeps = log_id, []
+
+    def sweep(self, count=1):
+        for _ in range(count):
+            made = Sweep(site="room", unit=self._unit, log_id=self.log_id, log_sequence=self.head + 1)
+            self.sweeps.append(made)
+            if self._dice.random() >= self._lose:
+                self._publisher.put(made.SerializeToString())
+
+    def status(self):
+        self._status.put(UnitStatus(unit=self._unit, log_id=self.log_id, log_head=self.head, log_tail=self.tail))
+
+    def _answer(self, query):
+        head, tail = self.head, self.tail
+        first = max(int(query.parameters.get("from")), tail)
+        sweeps = self.sweeps[first - 1 : min(head, first - 1 + int(query.parameters.get("max")))]
+        records = LogRecords(log_id=self.log_id, head=head, tail=tail, sweeps=sweeps)
+        query.reply(self._key, records.SerializeToString())
+
+
+class Store:
+    """A reader's database: sweeps and cursors change together, or not at all when it fails."""
+
+    def __init__(self, fail=lambda: False):
+        self.sweeps, self.cursors, self.fail = [], {}, fail
+        self._changed = threading.Condition()
+
+    def deliver(self, sweeps):
+        with self._changed:
+            if self.fail():
+                raise OSError("disk full")
+            self.sweeps.extend(sweeps)
+            last = sweeps[-1]
+            self.cursors[last.unit] = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
+            self._changed.notify_all()
+
+    def of(self, unit):
+        return [sweep.log_sequence for sweep in self.sweeps if sweep.unit == unit]
+
+    def wait_for(self, condition):
+        with self._changed:
+            assert self._changed.wait_for(lambda: condition(self), PATIENCE_S), (
+                f"{len(self.sweeps)} stored, {self.cursors}"
+            )
+
+
+@pytest.fixture
+def follow(open_session):
+    """Starts a follower with a client of its own that stores into a store; returns it."""
+    running = []
+
+    def start(store, poll_s=POLL_S):
+        client = Client("room", session=open_session())
+        follower = LogFollower(client, store.deliver, dict(store.cursors), poll_s)
+        follower.start()
+        running.append((follower, client))
+        return follower
+
+    yield start
+    for follower, client in running:
+        follower.close()
+        client.close()
+
+
+def test_what_was_logged_before_and_after_the_start_comes_in_order(open_session, follow):
+    unit = LoggedUnit(open_session(), "u1")
+    unit.sweep(1200)
+    store = Store()
+    follower = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == 1200)
+    unit.sweep(30)
+    store.wait_for(lambda stored: len(stored.sweeps) == 1230)
+    assert store.sweeps == unit.sweeps
+    assert follower.cursors()["u1"] == Cursor(unit="u1", log_id="a", log_sequence=1230)
+
+
+def test_a_restarted_follower_goes_on_at_its_cursor(open_session, follow):
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    unit.sweep(10)
+    first = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == 10)
+    first.close()
+    unit.sweep(10)
+    second = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == 20)
+    assert store.of("u1") == list(range(1, 21))
+    assert second.counters()["delivered"] == 10
+
+
+def test_a_status_tells_of_sweeps_whose_publication_was_lost(open_session, follow):
+    unit, store = LoggedUnit(open_session(), "u1", lose=1.0), Store()
+    follow(store, poll_s=3600.0)
+    unit.sweep(5)
+    unit.status()
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4, 5])
+
+
+def test_sweeps_are_found_when_every_sign_of_them_was_lost(open_session, follow):
+    unit, store = LoggedUnit(open_session(), "u1", lose=1.0), Store()
+    follow(store)
+    unit.sweep(2)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2])
+    unit.sweep(2)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4])
+
+
+def test_a_unit_that_appears_later_is_read(open_session, follow):
+    store = Store()
+    follow(store, poll_s=3600.0)
+    LoggedUnit(open_session(), "u7").sweep(3)
+    store.wait_for(lambda stored: stored.of("u7") == [1, 2, 3])
+
+
+def test_what_the_log_removed_while_nobody_read_is_counted_as_lost(open_session, follow):
+    unit, store = LoggedUnit(open_session(), "u1", keep=20), Store()
+    unit.sweep(10)
+    first = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == 10)
+    first.close()
+    unit.sweep(50)
+    second = follow(store)
+    store.wait_for(lambda stored: stored.of("u1")[-1] == 60)
+    assert store.of("u1") == [*range(1, 11), *range(41, 61)]
+    assert second.counters()["lost"] == 30
+
+
+def test_a_new_log_is_read_from_its_beginning(open_session, follow):
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    follow(store)
+    unit.sweep(5)
+    store.wait_for(lambda stored: len(stored.sweeps) == 5)
+    unit.begin_log("b")
+    unit.sweep(3)
+    store.wait_for(lambda stored: len(stored.sweeps) == 8)
+    assert [(sweep.log_id, sweep.log_sequence) for sweep in store.sweeps[5:]] == [("b", 1), ("b", 2), ("b", 3)]
+
+
+def test_a_store_that_fails_gets_the_same_sweeps_again_and_meanwhile_nothing_moves(open_session, follow):
+    failing = threading.Event()
+    failing.set()
+    failed = threading.Semaphore(0)
+    store = Store(fail=lambda: failing.is_set() and (failed.release() or True))
+    unit = LoggedUnit(open_session(), "u1")
+    unit.sweep(5)
+    follower = follow(store)
+    for _ in range(3):
+        assert failed.acquire(timeout=20.0)
+    assert follower.cursors()["u1"].log_sequence == 0
+    failing.clear()
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4, 5])
+    assert follower.counters()["failed"] >= 3
+
+
+def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, follow):
+    class Picky(Store):
+        def deliver(self, sweeps):
+            if sweeps[0].unit == "bad":
+                raise ValueError("no such unit in the store")
+            super().deliver(sweeps)
+
+    session, store = open_session(), Picky()
+    units = [LoggedUnit(session, name) for name in ("bad", "good")]
+    follow(store)
+    for _ in range(20):
+        for unit in units:
+            unit.sweep()
+    store.wait_for(lambda stored: stored.of("good") == list(range(1, 21)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_sweep_is_stored_once_in_order_under_random_faults(router, open_session, follow, seed):
+    dice = random.Random(seed)
+    store = Store(fail=lambda: dice.random() < 0.1)
+    session = open_session()
+    units = {name: LoggedUnit(session, name, lose=0.2, dice=dice) for name in ("u1", "u2", "u3")}
+    follower = follow(store)
+    for _ in range(60):
+        for unit in units.values():
+            unit.sweep(dice.randrange(8))
+        match dice.randrange(20):
+            case 0:
+                router.restart()
+            case 1:
+                follower.close()
+                follower = follow(store)
+            case 2:
+                dice.choice(list(units.values())).status()
+    store.wait_for(lambda stored: all(len(stored.of(name)) >= unit.head for name, unit in units.items()))
+    for name, unit in units.items():
+        assert store.of(name) == list(range(1, unit.head + 1))
+    assert follower.counters()["lost"] == 0
+
+
+def test_sweeps_made_while_the_router_was_dead_come_when_it_is_back(router, open_session, follow):
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    unit.sweep(3)
+    follow(store, poll_s=3600.0)
+    store.wait_for(lambda stored: len(stored.sweeps) == 3)
+    router.stop()
+    unit.sweep(4)
+    router.session = bus.open_session(listen=[router.endpoint])
+    store.wait_for(lambda stored: stored.of("u1") == list(range(1, 8)))

@@ -1,0 +1,49 @@
+"""Keys are built and taken apart in one place."""
+
+import pytest
+import zenoh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from noctule import keys
+from noctule.errors import KeyFormatError
+
+NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,20}", fullmatch=True)
+OF_A_UNIT = st.sampled_from([keys.sweep, keys.pose, keys.unit_status, keys.log, keys.alive])
+
+
+@given(NAMES, NAMES, OF_A_UNIT)
+def test_a_units_key_names_its_site_and_unit_and_zenoh_takes_it(site, unit, build):
+    key = build(site, unit)
+    parsed = keys.parse_unit(key)
+    assert (parsed.site, parsed.unit) == (site, unit)
+    assert build(parsed.site, parsed.unit) == key
+    assert str(zenoh.KeyExpr(key)) == key
+
+
+@given(NAMES, NAMES, NAMES)
+def test_a_commands_key_has_the_command_as_its_last_chunk(site, unit, command):
+    assert keys.parse_unit(keys.rpc(site, unit, command)) == keys.UnitKey(site, unit, f"@rpc/{command}")
+
+
+@given(st.text().filter(lambda text: not keys._NAME.fullmatch(text) and text != keys.ANY))
+def test_a_name_that_does_not_fit_a_chunk_is_refused_by_what_it_names(name):
+    with pytest.raises(KeyFormatError, match=r"^site "):
+        keys.contour(name)
+    with pytest.raises(KeyFormatError, match=r"^unit "):
+        keys.sweep("room", name)
+
+
+@pytest.mark.parametrize(
+    "key", ["noctule/@v1/room/map/contour", "noctule/@v2/room/unit/u1/sweep", "noctule/@v1/room/unit/u1", ""]
+)
+def test_a_key_that_is_not_a_units_is_refused(key):
+    with pytest.raises(KeyFormatError):
+        keys.parse_unit(key)
+
+
+@pytest.mark.parametrize("sealed", [keys.log("room", "u1"), keys.rpc("room", "u1", "home"), keys.alive("room", "u1")])
+def test_a_subscription_to_everything_sees_data_but_neither_logs_nor_commands(sealed):
+    everything = zenoh.KeyExpr(f"{keys.ROOT}/**")
+    assert everything.intersects(zenoh.KeyExpr(keys.sweep("room", "u1")))
+    assert not everything.intersects(zenoh.KeyExpr(sealed))

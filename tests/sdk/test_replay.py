@@ -1,0 +1,113 @@
+"""A replayed survey looks like units that sweep now, to any reader."""
+
+import threading
+
+import pytest
+
+from noctule import Client, LogFollower, bus, keys
+from noctule.errors import SurveyError
+from noctule.messages_pb2 import CommandRequest, Reading, ServiceStatus, Sweep, UnitStatus
+from noctule.replay import Readers, Replay
+
+
+def survey_of(*units, count=20, interval_ms=50):
+    for n in range(count):
+        for unit in units:
+            sweep = Sweep(
+                site="old", unit=unit, log_id="old", log_sequence=90 + n, boot=4, readings=[Reading(bearing_rad=n)]
+            )
+            sweep.start.FromMilliseconds(1_000_000 + n * interval_ms)
+            yield sweep
+
+
+@pytest.fixture
+def client(open_session):
+    with Client("room", session=open_session()) as client:
+        yield client
+
+
+@pytest.fixture
+def replay(open_session):
+    replay = Replay(open_session(), "room")
+    yield replay
+    replay.close()
+
+
+def test_a_follower_has_the_whole_survey_under_the_new_site_and_log(client, replay, collected):
+    follower = LogFollower(client, collected.add_all, {})
+    follower.start()
+    replay.run(survey_of("u1", "u2", count=700), None)
+    collected.wait_for(lambda came: len(came) == 1400)
+    follower.close()
+    for unit in ("u1", "u2"):
+        got = [sweep for sweep in collected if sweep.unit == unit]
+        head = replay.heads()[unit]
+        assert [sweep.log_sequence for sweep in got] == list(range(1, 701))
+        assert {(sweep.site, sweep.log_id, sweep.boot) for sweep in got} == {("room", head.log_id, 4)}
+        assert [sweep.start.ToMilliseconds() for sweep in got] == [1_000_000 + n * 50 for n in range(700)]
+        assert [sweep.readings[0].bearing_rad for sweep in got] == list(range(700))
+
+
+def test_a_survey_is_replayed_at_its_pace_times_the_speed(replay):
+    clock = threading.Event()
+    finished = threading.Thread(
+        target=lambda: (replay.run(survey_of("u1", count=5, interval_ms=1000), 10.0), clock.set())
+    )
+    finished.start()
+    assert not clock.wait(0.3)  # four seconds' worth at ten times the speed
+    assert clock.wait(20.0)
+    finished.join()
+
+
+def test_a_sweep_without_a_start_has_no_pace(replay):
+    with pytest.raises(SurveyError, match="sweep 1 of the survey has no start: replay it at speed max"):
+        replay.run([Sweep(unit="u1")], 1.0)
+    replay.run([Sweep(unit="u1")], None)
+    assert replay.heads()["u1"].log_sequence == 1
+
+
+def test_a_replayed_unit_is_alive_has_a_status_and_answers_that_it_takes_no_commands(client, replay, known):
+    replay.run(survey_of("u1", count=3), None)
+    known(client.session, keys.rpc("room", "u1", "home"))
+    known(client.session, keys.unit_status("room", "u1"))
+    (status,) = client.unit_statuses()
+    assert (status.state, status.log_tail, status.log_head, status.boot) == (UnitStatus.STATE_SWEEPING, 1, 3, 4)
+    assert client.units() == {"u1"}
+    reply = client.command("u1", "home", CommandRequest(), 5.0)
+    assert not reply.done and "unit 'u1' is a replayed survey" in reply.error
+    hello = client.command("u1", "hello", CommandRequest(), 5.0)
+    assert hello.done and hello.status.log_id == status.log_id
+
+
+def test_a_log_query_that_is_not_one_gets_an_error(client, replay, known):
+    replay.run(survey_of("u1", count=1), None)
+    known(client.session, keys.log("room", "u1"))
+    (reply,) = client.session.get(keys.log("room", "u1") + "?from=begin")
+    assert b"is not from=N;max=M" in reply.err.payload.to_bytes()
+
+
+def test_the_replay_is_read_when_every_reader_shows_its_head(client, replay, open_session):
+    readers = Readers(client)
+    replay.run(survey_of("u1", "u2", count=3), None)
+    heads = replay.heads()
+    session = open_session()
+    states = {
+        name: bus.StatePublisher(session, keys.service_status("room", name), ServiceStatus) for name in ("m1", "m2")
+    }
+
+    def show(name, **sequences):
+        status = ServiceStatus(name=name)
+        for unit, sequence in sequences.items():
+            status.cursors.add(unit=unit, log_id=heads[unit].log_id, log_sequence=sequence)
+        states[name].put(status)
+
+    assert not readers.wait_past(heads, 0.05)
+    show("m1", u1=3)
+    assert not readers.wait_past(heads, 0.05)  # nobody has shown u2
+    show("m1", u1=3, u2=3)
+    assert readers.wait_past(heads, 20.0)
+    show("m2", u1=2)
+    late = threading.Thread(target=lambda: show("m2", u1=3))
+    late.start()
+    assert readers.wait_past(heads, 20.0)
+    late.join()

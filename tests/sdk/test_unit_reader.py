@@ -1,0 +1,159 @@
+"""A unit's log is read once and in order, whatever comes live and whatever the log has let go of."""
+
+from collections import Counter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from noctule.errors import BusError
+from noctule.messages_pb2 import Cursor, LogRecords, Sweep
+from noctule.unit_reader import UnitReader
+
+
+class Log:
+    """A unit's log: records from ``tail`` to ``head``, read at most ``most`` at a time."""
+
+    def __init__(self, log_id: str = "a", head: int = 0, tail: int = 1, most: int = 3) -> None:
+        self.log_id, self.head, self.tail, self.most = log_id, head, tail, most
+
+    def sweep(self, sequence: int) -> Sweep:
+        return Sweep(unit="u1", log_id=self.log_id, log_sequence=sequence)
+
+    def __call__(self, _unit: str, first: int) -> LogRecords:
+        held = range(max(first, self.tail), self.head + 1)[: self.most]
+        return LogRecords(log_id=self.log_id, head=self.head, tail=self.tail, sweeps=map(self.sweep, held))
+
+
+def reader(log, delivered, cursor=None):
+    counts = Counter()
+    read = UnitReader("u1", cursor, log, delivered.extend, counts)
+    return read, counts
+
+
+def sequences(delivered):
+    return [sweep.log_sequence for sweep in delivered]
+
+
+def read_to_head(unit):
+    while unit.ask_log():
+        pass
+
+
+def test_live_sweeps_that_follow_on_need_no_log():
+    delivered = []
+    unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))
+    assert unit.take([Log().sweep(n) for n in (4, 5, 5, 6)])
+    assert sequences(delivered) == [5, 6]
+    assert counts == Counter(delivered=2)
+    assert unit.cursor == Cursor(unit="u1", log_id="a", log_sequence=6)
+
+
+def test_what_lies_between_is_read_from_the_log():
+    delivered, log = [], Log(head=9)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=2))
+    assert not unit.take([log.sweep(3), log.sweep(9)])
+    read_to_head(unit)
+    assert sequences(delivered) == [3, 4, 5, 6, 7, 8, 9]
+    assert counts == Counter(delivered=7, pulled=6)
+
+
+def test_a_log_seen_for_the_first_time_is_read_from_its_tail_and_nothing_counts_as_lost():
+    delivered = []
+    unit, counts = reader(Log(head=12, tail=8), delivered)
+    read_to_head(unit)
+    assert sequences(delivered) == [8, 9, 10, 11, 12]
+    assert counts["lost"] == 0
+
+
+def test_what_was_removed_unread_is_counted_as_lost(caplog):
+    delivered = []
+    unit, counts = reader(Log(head=12, tail=8), delivered, Cursor(unit="u1", log_id="a", log_sequence=5))
+    read_to_head(unit)
+    assert sequences(delivered) == [8, 9, 10, 11, 12]
+    assert counts["lost"] == 2
+    assert "unit u1: sweeps 6 to 7 were removed from its log unread" in caplog.text
+
+
+@pytest.mark.parametrize("tail", [13, 0])  # how a log without records shows its tail is its gateway's affair
+def test_a_log_that_has_let_go_of_everything_is_passed_over(tail):
+    delivered, log = [], Log(head=12, tail=13)
+    log.tail = tail
+    unit, counts = reader(
+        lambda *_: LogRecords(log_id="a", head=12, tail=tail), delivered, Cursor(log_id="a", log_sequence=5)
+    )
+    assert not unit.ask_log()
+    assert (delivered, counts["lost"], unit.cursor.log_sequence) == ([], 7, 12)
+    assert unit.take([log.sweep(13)])
+
+
+def test_a_new_log_is_read_from_its_tail_and_an_old_one_from_where_it_was_left():
+    delivered, old = [], Log("old", head=3)
+    logs = [old]
+    unit, counts = reader(lambda *query: logs[0](*query), delivered)
+    read_to_head(unit)
+    logs[0] = Log("new", head=20, tail=19)
+    assert not unit.take([logs[0].sweep(20)])
+    read_to_head(unit)
+    old.head = 5
+    logs[0] = old
+    assert not unit.take([old.sweep(5)])
+    read_to_head(unit)
+    assert [(sweep.log_id, sweep.log_sequence) for sweep in delivered] == [
+        *(("old", 1), ("old", 2), ("old", 3)),
+        *(("new", 19), ("new", 20)),
+        *(("old", 4), ("old", 5)),
+    ]
+    assert counts["lost"] == 0
+
+
+def test_a_log_that_went_back_is_told_and_nothing_is_delivered():
+    delivered = []
+    unit, _ = reader(Log(head=3), delivered, Cursor(unit="u1", log_id="a", log_sequence=9))
+    with pytest.raises(BusError, match="log a of unit 'u1' ends at 3 and was read to 9: was it restored"):
+        unit.ask_log()
+    assert delivered == []
+
+
+def test_a_log_that_sends_nothing_of_what_it_says_it_holds_is_told():
+    unit, _ = reader(lambda *_: LogRecords(log_id="a", head=9, tail=4), [], Cursor(log_id="a", log_sequence=3))
+    with pytest.raises(BusError, match="says that it holds 4 to 9 and sends nothing"):
+        unit.ask_log()
+
+
+def test_nothing_has_moved_when_the_delivery_raised():
+    log, stored = Log(head=2), []
+    faults = iter([OSError("disk full"), OSError("disk full")])
+
+    def deliver(sweeps):
+        for fault in faults:
+            raise fault
+        stored.extend(sweeps)
+
+    counts = Counter()
+    unit = UnitReader("u1", Cursor(unit="u1", log_id="a"), log, deliver, counts)
+    with pytest.raises(OSError, match="disk full"):
+        unit.take([log.sweep(1)])
+    with pytest.raises(OSError, match="disk full"):
+        unit.ask_log()
+    assert unit.cursor.log_sequence == 0
+    assert counts["delivered"] == 0
+    read_to_head(unit)
+    assert sequences(stored) == [1, 2]
+
+
+@given(st.data())
+def test_delivered_and_lost_make_up_the_whole_log_in_order(data):
+    log, delivered = Log(), []
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a"))
+    for _ in range(data.draw(st.integers(1, 20))):
+        log.head += data.draw(st.integers(0, 6))
+        log.tail = data.draw(st.integers(log.tail, log.head + 1))
+        live = data.draw(st.lists(st.integers(max(1, log.head - 6), max(1, log.head)), max_size=6)) if log.head else []
+        if not unit.take([log.sweep(n) for n in live]) or data.draw(st.booleans()):
+            unit.ask_log()
+    read_to_head(unit)
+    read = sequences(delivered)
+    assert read == sorted(set(read))
+    assert len(read) + counts["lost"] == log.head == unit.cursor.log_sequence
+    assert counts["delivered"] == len(read)
