@@ -88,7 +88,7 @@ def programs(folder: Path) -> Iterator[Programs]:
         started.kill_all()
 
 
-def wait_until(condition: Callable[[], T], what: str, within_s: float, every_s: float = 0.1) -> T:
+def wait_until(condition: Callable[[], T | None], what: str, within_s: float, every_s: float = 0.1) -> T:
     """Call ``condition`` until it is true and return what it gave; fail with ``what`` when time is up."""
     deadline_s = time.monotonic() + within_s
     while not (value := condition()):

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import pytest
 import rerun.chunk
-from noctule import scene
-from noctule.client import Client
-from noctule.messages_pb2 import Contour
 from system.processes import ROOT, free_ports, listens, programs, wait_until
 from system.site import SITE, SURVEY_SWEEPS
 from truth import compare, load_room
+
+from noctule import scene
+from noctule.client import Client
+from noctule.messages_pb2 import Contour
 
 ROOM = ROOT / "firmware/simulator/rooms/paper.toml"
 

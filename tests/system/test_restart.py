@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from system.processes import Programs, programs, wait_until
+from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room
+
 from noctule import survey
 from noctule.client import Client
 from noctule.messages_pb2 import Contour, Sweep
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.fit import fit
-from system.processes import Programs, programs, wait_until
-from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room
 
 SAME_M = 1e-3  # a refit from the same sweeps differs by rounding alone; a missing sweep moves walls by more
 
