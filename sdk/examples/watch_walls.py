@@ -8,5 +8,7 @@ import noctule
 site, *routers = sys.argv[1:]
 with noctule.Client(site, connect=routers or ["tcp/127.0.0.1:7447"]) as client:
     client.on_sweep(lambda sweep: print(f"{sweep.unit}: {len(sweep.readings)} readings", flush=True))
-    client.on_contour(lambda contour: print([f"wall {wall.rho_m:.2f} m away" for wall in contour.walls], flush=True))
+    client.on_contour(
+        lambda contour: print("walls", [round(wall.rho_m, 2) for wall in contour.walls], "m away", flush=True)
+    )
     threading.Event().wait()
