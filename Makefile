@@ -20,12 +20,11 @@ soak: packages-test setup firmware
 bench: packages-test setup firmware
 	python tests/bench/run.py
 
-lint: packages-test setup
+lint: packages-test setup firmware
 	ruff check
 	ruff format --check
 	pyright
 	sh sdk/check_generated.sh
-	$(MAKE) --no-print-directory -C firmware lint
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
 
 packages-run packages-test:
