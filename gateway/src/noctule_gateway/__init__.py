@@ -1,0 +1,1 @@
+"""Serial scanner units to Zenoh."""

@@ -1,0 +1,88 @@
+"""The command ``noctule-gateway``."""
+
+import logging
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import zenoh
+
+from noctule import bus, site
+from noctule.errors import NoctuleError
+from noctule_gateway.log_file import Retention
+from noctule_gateway.service import Gateway
+
+DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+_REPORT_EVERY_S = 1.0
+_CLOSE_WITHIN_S = 15.0
+
+_log = logging.getLogger(__name__)
+app = typer.Typer(add_completion=False, help="Serial scanner units to Zenoh.")
+
+
+@app.callback()
+def main() -> None:
+    """Serial scanner units to Zenoh."""
+
+
+@app.command()
+def run(
+    site_file: Annotated[Path, typer.Argument(metavar="SITE.toml", help="The site whose units to serve.")],
+    data: Annotated[Path, typer.Option(help="Folder of the units' logs; made if it is not there.")],
+    connect: Annotated[list[str] | None, typer.Option(help="A router of the bus; give more for a fallback.")] = None,
+    listen: Annotated[
+        list[str] | None, typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="This gateway's name among the site's services.")] = "gateway",
+    keep_mb: Annotated[float, typer.Option(min=1, help="Size of each unit's log, in MB of sweeps.")] = 256,
+    keep_days: Annotated[float, typer.Option(min=0, help="Age at which sweeps leave the log.")] = 30,
+) -> None:
+    """Serve the units of a site until SIGTERM or Ctrl-C."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    zenoh.init_log_from_env_or("error")
+    threading.excepthook = _die
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
+    try:
+        _serve(site_file, data, name, retention, connect or [], listen or ([] if connect else [DEFAULT_LISTEN]))
+    except (NoctuleError, OSError) as error:
+        _log.error("%s", error)
+        raise typer.Exit(1) from error
+
+
+def _serve(site_file: Path, data: Path, name: str, retention: Retention, connect: list[str], listen: list[str]) -> None:
+    gateway = Gateway(site.load(site_file), data, name, retention)
+    session: zenoh.Session | None = None
+    try:
+        gateway.start()
+        session = bus.open_session(connect, listen)
+        gateway.join(session)
+        _log.info("on the bus: %s", f"the router at {', '.join(listen)}" if listen else ", ".join(connect))
+        while True:
+            gateway.report()
+            time.sleep(_REPORT_EVERY_S)
+    except KeyboardInterrupt:
+        _log.info("stopping")
+    finally:
+        _end_by(_CLOSE_WITHIN_S)
+        gateway.close()
+        if session is not None:
+            session.close()
+
+
+def _end_by(within_s: float) -> None:
+    """End the process even if the bus can't be closed; the logs are safe at any moment."""
+    last_resort = threading.Timer(within_s, os._exit, (1,))
+    last_resort.daemon = True
+    last_resort.start()
+
+
+def _die(failure: threading.ExceptHookArgs) -> None:
+    """A thread that has failed leaves a gateway that looks alive and is not: end it, to be started again."""
+    _log.critical("%s failed", failure.thread and failure.thread.name, exc_info=failure.exc_value)
+    os._exit(70)

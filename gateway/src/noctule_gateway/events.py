@@ -1,0 +1,60 @@
+"""What a link has to tell its caller."""
+
+from dataclasses import dataclass
+
+from noctule_gateway.clock import Exchange
+from noctule_gateway.errors import CommandError, WrongUnitError
+from noctule_gateway.frames import Hello, Order, Status, Sweep
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The unit is the one expected. ``rebooted``: under another boot than at the last HELLO, or it is the first."""
+
+    hello: Hello
+    rebooted: bool
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Who answers is not the unit expected."""
+
+    error: WrongUnitError
+
+
+@dataclass(frozen=True)
+class Silent:
+    """The unit has stopped answering."""
+
+
+@dataclass(frozen=True)
+class ClockRead:
+    """A CLOCK exchange, the bytes' own time on a 115200 baud line taken out."""
+
+    exchange: Exchange
+
+
+@dataclass(frozen=True)
+class StatusRead:
+    """What the unit says of itself."""
+
+    status: Status
+
+
+@dataclass(frozen=True)
+class SweepRead:
+    """A sweep to commit: call Link.committed() then, or Link.failed()."""
+
+    sweep: Sweep
+
+
+@dataclass(frozen=True)
+class OrderSettled:
+    """What became of an order given by Link.order(): ``error`` is None if it was carried out."""
+
+    order: Order
+    ticket: int
+    error: CommandError | None
+
+
+Event = Identified | Refused | Silent | ClockRead | StatusRead | SweepRead | OrderSettled

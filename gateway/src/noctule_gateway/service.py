@@ -1,0 +1,119 @@
+"""The gateway of a site: a server for each unit, a log for each, and their presence on the bus.
+
+Units are served with or without a bus: what is committed while no router answers is read from the logs later.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
+from pathlib import Path
+from time import time_ns
+
+import zenoh
+
+from noctule import bus, keys
+from noctule.messages_pb2 import ServiceStatus, UnitStatus
+from noctule.site import Site, Unit
+from noctule_gateway.log import SweepLog
+from noctule_gateway.log_file import Retention
+from noctule_gateway.outbox import Outbox
+from noctule_gateway.pose import PoseTrack
+from noctule_gateway.presence import Presence
+from noctule_gateway.unit import UnitServer
+
+_LOG_READERS = 2
+
+
+class _Served:
+    """One unit: its log, its server, and its presence once there is a bus."""
+
+    def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str) -> None:
+        self.unit = unit
+        self.track = PoseTrack()
+        self.presence: Presence | None = None
+        self._gateway = gateway
+        self.log = SweepLog(data / f"{unit.name}.sqlite", retention)
+        self.server = UnitServer(site, unit, self.log, self.track, self._publish, self._report)
+
+    def close(self) -> None:
+        self.server.join()
+        self.log.close()
+
+    def _publish(self, record: bytes) -> None:
+        if self.presence is not None:
+            self.presence.publish(record)
+
+    def _report(self, status: UnitStatus) -> None:
+        status.gateway = self._gateway
+        if self.presence is not None:
+            self.presence.report(status)
+
+
+class Gateway:
+    """Serves the units of ``site`` from start() to close(), with their logs in the folder ``data``.
+
+    Raises OSError if the folder can't be made, CommandError if a plan of the site file does not fit a unit.
+    """
+
+    def __init__(self, site: Site, data: Path, name: str = "gateway", retention: Retention | None = None) -> None:
+        data.mkdir(parents=True, exist_ok=True)
+        self._site, self._name = site, keys.name(name, "gateway name")
+        retention = retention or Retention()
+        self._served = [_Served(site, unit, data, retention, self._name) for unit in site.units]
+        self._outbox = Outbox()
+        self._readers = ThreadPoolExecutor(_LOG_READERS, thread_name_prefix="log reader")
+        self._status: bus.StatePublisher | None = None
+
+    def start(self) -> None:
+        """Begin to serve the units."""
+        for served in self._served:
+            served.server.start()
+
+    def join(self, session: zenoh.Session) -> None:
+        """Put the units on the bus. The caller closes ``session``, after close()."""
+        bus.declare_schemas(session)
+        self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
+        for served in self._served:
+            served.presence = Presence(
+                session,
+                self._site.name,
+                served.unit,
+                served.log,
+                served.track,
+                served.server.command,
+                self._outbox,
+                self._readers,
+            )
+
+    def report(self) -> None:
+        """Publish the gateway's own status; to be called each second."""
+        if self._status is not None:
+            status, message = self._status, self._status_message()
+            self._outbox.post(lambda: status.put(message))
+
+    def close(self) -> None:
+        """Let the units go, commit what is on its way, and put on the bus what waits."""
+        for served in self._served:
+            served.server.stop()
+        for served in self._served:
+            served.close()
+        self._readers.shutdown()
+        self._outbox.close()
+
+    def _status_message(self) -> ServiceStatus:
+        connected = sum(served.server.connected for served in self._served)
+        away = [served.unit.name for served in self._served if not served.server.connected]
+        message = ServiceStatus(
+            site=self._site.name,
+            name=self._name,
+            role="gateway",
+            version=version("noctule-gateway"),
+            detail=f"not connected: {', '.join(away)}" if away else "",
+            counters={
+                "units": len(self._served),
+                "units_connected": connected,
+                "sweeps_committed": sum(served.log.state.head for served in self._served),
+                "puts_dropped": self._outbox.dropped,
+            },
+        )
+        message.time.FromNanoseconds(time_ns())
+        return message

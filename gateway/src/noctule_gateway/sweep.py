@@ -1,0 +1,61 @@
+"""A sweep of the line as the message of the bus: the wire's integers become SI units, radians and UTC."""
+
+from math import pi
+
+from noctule import messages_pb2 as messages
+from noctule.site import Site, Unit
+from noctule_gateway import frames
+from noctule_gateway.clock import TICK_S, HostTime
+from noctule_gateway.frames import FIRST_NO_ECHO, NO_TEMPERATURE, NO_WAYPOINT, NoEcho
+
+BEARING_RAD = 2 * pi / 65536  # of one unit of the wire
+OFFSET_S = 16 * TICK_S
+
+_STATUSES: dict[int, messages.ReadingStatus] = {
+    NoEcho.NO_ECHO: messages.READING_STATUS_NO_ECHO,
+    NoEcho.TOO_EARLY: messages.READING_STATUS_TOO_EARLY,
+    NoEcho.STUCK_HIGH: messages.READING_STATUS_STUCK_HIGH,
+    NoEcho.NO_SENSOR: messages.READING_STATUS_NO_SENSOR,
+}
+
+
+def waypoint_of(sweep: frames.Sweep) -> int | None:
+    """The waypoint that the sweep was made at, if the unit has been given one."""
+    return None if sweep.waypoint == NO_WAYPOINT else sweep.waypoint
+
+
+def to_message(
+    sweep: frames.Sweep, site: Site, unit: Unit, start: HostTime, pose: messages.Pose | None
+) -> messages.Sweep:
+    """The sweep as published, still without log_id and log_sequence; ``start`` is in UTC."""
+    message = messages.Sweep(
+        site=site.name,
+        unit=unit.name,
+        boot=sweep.boot,
+        sequence=sweep.sequence,
+        clock_error_s=start.error_s,
+        pose=pose,
+        waypoint=waypoint_of(sweep),
+        air_temperature_c=_air_temperature_c(sweep, site),
+        sensor=unit.sensor.message(),
+        readings=[_reading(reading) for reading in sweep.readings],
+    )
+    message.start.FromNanoseconds(round(start.time_s * 1e9))
+    return message
+
+
+def _air_temperature_c(sweep: frames.Sweep, site: Site) -> float | None:
+    return site.air_temperature_c if sweep.temperature == NO_TEMPERATURE else sweep.temperature / 100
+
+
+def _reading(reading: frames.Reading) -> messages.Reading:
+    heard = reading.echo < FIRST_NO_ECHO
+    # A kind of no echo that a newer firmware names is at least no echo.
+    status = messages.READING_STATUS_ECHO if heard else _STATUSES.get(reading.echo, messages.READING_STATUS_NO_ECHO)
+    return messages.Reading(
+        # -32768 is half a turn either way; radians run in (-pi, pi].
+        bearing_rad=pi if reading.bearing == -32768 else reading.bearing * BEARING_RAD,
+        time_offset_s=reading.offset * OFFSET_S,
+        time_of_flight_s=reading.echo * TICK_S if heard else None,
+        status=status,
+    )

@@ -1,0 +1,141 @@
+"""A scanner unit as firmware/README.md describes it, the far end of the gateway's tests. It reads no clock."""
+
+from collections import deque
+from dataclasses import replace
+
+from noctule_gateway import frames
+from noctule_gateway.codec import FrameReader, encode
+from noctule_gateway.frames import NoEcho, Outcome, Reading, State, Sweep
+
+TICKS_PER_S = 4_000_000
+RING_SWEEPS = 24
+RESEND_AFTER_S = (0.5, 1.0, 2.0, 4.0)  # "Sweeps are not lost"
+STARTED = 0x02
+
+
+class ModelUnit:
+    """A unit that was powered up at ``born_s`` and whose oscillator is fast by ``drift``; sweeps take ``sweep_s``.
+
+    ``made`` holds every sweep that it has made, ``carried_out`` every order that it has obeyed.
+    """
+
+    def __init__(
+        self, serial: int = 7, boot: int = 1, born_s: float = 0.0, drift: float = 0.0, sweep_s: float = 0.3
+    ) -> None:
+        self.serial, self.boot, self.drift, self.sweep_s = serial, boot, drift, sweep_s
+        self.made: list[Sweep] = []
+        self.carried_out: list[frames.Order] = []
+        self.ring: deque[Sweep] = deque()
+        self.waypoint = frames.NO_WAYPOINT
+        self._power_up(born_s)
+
+    def reset(self, now_s: float) -> None:
+        """Start anew under the next boot number; the ring outlives it."""
+        self.boot += 1
+        self._power_up(now_s)
+
+    def tick(self, now_s: float) -> int:
+        """The unit's time."""
+        return int((now_s - self._born_s) * (1 + self.drift) * TICKS_PER_S)
+
+    def make_sweep(self, now_s: float) -> Sweep:
+        """Put a sweep that begins now into the ring."""
+        self._sequence += 1
+        readings = (Reading(-24576, 0, 34000 + self._sequence), Reading(-20480, 15000, NoEcho.NO_ECHO))
+        sweep = Sweep(self.boot, self._sequence, self.tick(now_s), self.waypoint, frames.NO_TEMPERATURE, 0, readings)
+        self.made.append(sweep)
+        self.ring.append(sweep)
+        return sweep
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Take in what came over the line."""
+        for frame in self._reader.feed(data):
+            self._take(frame, now_s)
+
+    def output(self, now_s: float) -> bytes:
+        """Make the sweeps that are due, and give what is to be sent."""
+        while self._started and now_s >= self._next_sweep_s and len(self.ring) < RING_SWEEPS:
+            self.make_sweep(max(self._next_sweep_s, self._born_s))
+            self._next_sweep_s = max(self._next_sweep_s, now_s - self.sweep_s) + self.sweep_s
+        if self.ring and (self.ring[0] is not self._sent or now_s >= self._resend_s):
+            self._send_oldest(now_s)
+        written = bytes(self._out)
+        self._out.clear()
+        return written
+
+    def _power_up(self, now_s: float) -> None:
+        self._born_s = now_s
+        self._sequence = 0
+        self._started = False
+        self._next_sweep_s = now_s
+        self._sent: Sweep | None = None
+        self._resends = 0
+        self._resend_s = 0.0
+        self._out = bytearray()
+        self._reader = FrameReader()
+        self._last: tuple[frames.Frame, bytes] | None = None
+
+    def _send_oldest(self, now_s: float) -> None:
+        self._resends = self._resends + 1 if self.ring[0] is self._sent else 0
+        self._sent = self.ring[0]
+        self._resend_s = now_s + RESEND_AFTER_S[min(self._resends, len(RESEND_AFTER_S) - 1)]
+        self._out += encode(self._sent)
+
+    def _take(self, frame: frames.Frame, now_s: float) -> None:
+        if isinstance(frame, frames.Ack):
+            if self.ring and (self.ring[0].boot, self.ring[0].sequence) == (frame.boot, frame.sequence):
+                self.ring.popleft()
+            return
+        if self._last is None or self._last[0] != frame:
+            self._last = (frame, encode(self._answer(frame, now_s)))
+        self._out += self._last[1]
+
+    def _answer(self, frame: frames.Frame, now_s: float) -> frames.Frame:
+        match frame:
+            case frames.AskHello():
+                return frames.Hello(frame.request, frames.PROTOCOL, self.serial, 0, 1, 0, self.boot, 0x02, 3000)
+            case frames.AskClock():
+                return frames.Clock(frame.request, self.tick(now_s), self.tick(now_s))
+            case frames.AskStatus():
+                return self._status(frame.request, now_s)
+        assert isinstance(frame, frames.Order)
+        return self._obey(frame, now_s)
+
+    def _obey(self, order: frames.Order, now_s: float) -> frames.Frame:
+        outcome = Outcome.DONE
+        match order:
+            case frames.Configure() if self._started:
+                outcome = Outcome.BUSY
+            case frames.Configure() if not 1 <= order.count <= frames.MAX_READINGS:
+                outcome = Outcome.OUT_OF_RANGE
+            case frames.Start():
+                self._started, self._next_sweep_s = True, now_s
+            case frames.Stop():
+                self._started = False
+            case frames.Single():
+                self.make_sweep(now_s)
+            case frames.SetWaypoint():
+                self.waypoint = order.waypoint
+        if outcome == Outcome.DONE:
+            self.carried_out.append(replace(order, request=0))
+        return frames.Result(order.request, order.TYPE, outcome)
+
+    def _status(self, request: int, now_s: float) -> frames.Status:
+        state = State.SWEEPING if self._started else State.IDLE
+        return frames.Status(
+            request=request,
+            state=State.WAITING if len(self.ring) >= RING_SWEEPS else state,
+            flags=STARTED if self._started else 0,
+            fault=0,
+            waypoint=self.waypoint,
+            bearing=0,
+            ring_used=120 * len(self.ring),
+            sweeps_waiting=len(self.ring),
+            sweeps_made=self._sequence,
+            sweeps_resent=0,
+            frames_bad=self._reader.frames_bad,
+            frames_unknown=0,
+            bytes_lost=0,
+            echo_faults=0,
+            tick=self.tick(now_s),
+        )

@@ -1,0 +1,139 @@
+"""Frames to bytes and back, and over a bad line. The vectors are shared with the firmware's codec."""
+
+import json
+from binascii import crc_hqx
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from cobs import cobs
+from gateway.bad_line import BadLine, Faults
+from hypothesis import given
+from hypothesis import strategies as st
+
+from noctule_gateway import frames
+from noctule_gateway.codec import MAX_FRAME_BYTES, FrameReader, UnknownFrameError, decode, encode
+from noctule_gateway.errors import FrameError
+from noctule_gateway.frames import Frame, Reading, Sweep
+
+VECTORS = json.loads((Path(__file__).parents[1] / "firmware" / "vectors" / "frames.json").read_text())
+TYPES = {frame_type.TYPE: frame_type for frame_type in get_args(Frame)}
+
+readings = st.builds(
+    Reading,
+    bearing=st.integers(-32768, 32767),
+    offset=st.integers(0, 0xFFFFFF),
+    echo=st.integers(0, 0xFFFFFF),
+)
+sweeps = st.builds(
+    Sweep,
+    boot=st.integers(0, 0xFFFF),
+    sequence=st.integers(0, 0xFFFFFFFF),
+    start=st.integers(0, 2**48 - 1),
+    waypoint=st.integers(0, 0xFFFF),
+    temperature=st.integers(-32768, 32767),
+    flags=st.integers(0, 255),
+    readings=st.lists(readings, max_size=frames.MAX_READINGS).map(tuple),
+)
+clocks = st.builds(
+    frames.Clock,
+    request=st.integers(0, 255),
+    received=st.integers(0, 2**48 - 1),
+    sent=st.integers(0, 2**48 - 1),
+)
+some_frames = sweeps | clocks | st.builds(frames.Ack, boot=st.integers(0, 0xFFFF), sequence=st.integers(0, 0xFFFFFFFF))
+
+
+def frame_of(vector: dict) -> Frame:
+    values = dict(vector["fields"])
+    if vector["type"] == frames.Hello.TYPE:
+        values |= dict(zip(("version_major", "version_minor", "version_patch"), values.pop("version"), strict=True))
+    if vector["type"] == Sweep.TYPE:
+        values["readings"] = tuple(Reading(**reading) for reading in values["readings"])
+        values.pop("count", None)
+    return TYPES[vector["type"]](**values)
+
+
+@pytest.mark.parametrize("vector", VECTORS, ids=lambda vector: vector["name"])
+def test_agrees_with_the_firmware_on_every_shared_vector(vector: dict) -> None:
+    frame = frame_of(vector)
+    wire = bytes.fromhex(vector["wire"])
+    assert encode(frame) == wire
+    assert decode(wire[:-1]) == frame
+
+
+def test_the_shared_vectors_hold_every_type_of_the_table() -> None:
+    assert {vector["type"] for vector in VECTORS} == set(TYPES)
+
+
+@given(some_frames)
+def test_a_frame_decodes_to_what_was_encoded(frame: Frame) -> None:
+    wire = encode(frame)
+    assert wire.count(0) == 1
+    assert wire.endswith(b"\0")
+    assert decode(wire[:-1]) == frame
+
+
+@given(st.lists(some_frames, min_size=1, max_size=4), st.integers(1, 7))
+def test_frames_come_whole_however_the_line_cuts_them(sent: list[Frame], piece: int) -> None:
+    reader = FrameReader()
+    wire = b"".join(map(encode, sent))
+    pieces = (wire[at : at + piece] for at in range(0, len(wire), piece))
+    assert [frame for part in pieces for frame in reader.feed(part)] == sent
+    assert reader.frames_bad == 0
+
+
+@given(st.binary(max_size=2000), sweeps)
+def test_garbage_costs_no_frame_after_its_end(garbage: bytes, sweep: Sweep) -> None:
+    reader = FrameReader()
+    found = reader.feed(garbage + b"\0" + encode(sweep))
+    assert found[-1] == sweep
+
+
+def test_a_line_that_loses_a_fifth_of_its_bytes_delivers_only_true_frames() -> None:
+    line = BadLine(Faults(lost=0.2), seed=20)
+    reader = FrameReader()
+    sent = [frames.Ack(boot=3, sequence=number) for number in range(3000)]
+    for frame in sent:
+        line.write(encode(frame), 0.0)
+    found = reader.feed(line.read(0.0))
+    # 10 bytes on the line, all of which must come: 0.8^10 = 11 %.
+    assert 200 < len(found) < 500
+    assert set(found) <= set(sent)
+    assert reader.frames_bad > 1000
+
+
+def test_a_flood_without_an_end_is_counted_once_and_kept_out_of_memory() -> None:
+    reader = FrameReader()
+    for _ in range(1000):
+        assert reader.feed(b"\x55" * 100) == []
+    assert reader.frames_bad == 1
+    assert reader.feed(b"\0" + encode(frames.Ack(1, 2))) == [frames.Ack(1, 2)]
+
+
+def test_a_sound_frame_of_an_unknown_type_is_told_from_a_bad_one() -> None:
+    body = b"\x7f\x01"
+    wire = cobs.encode(body + crc_hqx(body, 0).to_bytes(2, "little"))
+    with pytest.raises(UnknownFrameError, match="0x7f"):
+        decode(wire)
+    reader = FrameReader()
+    assert reader.feed(wire + b"\0") == []
+    assert (reader.frames_unknown, reader.frames_bad) == (1, 0)
+
+
+def test_a_frame_of_the_wrong_length_is_refused() -> None:
+    body = bytes([frames.Result.TYPE, 1, 2, 3, 4])
+    with pytest.raises(FrameError, match="Result of 4 bytes instead of 3"):
+        decode(cobs.encode(body + crc_hqx(body, 0).to_bytes(2, "little")))
+
+
+def test_a_value_that_does_not_fit_is_refused_before_it_is_sent() -> None:
+    with pytest.raises(FrameError, match="does not fit"):
+        encode(frames.Ack(boot=0x10000, sequence=0))
+    with pytest.raises(FrameError, match="at most 64"):
+        encode(Sweep(1, 1, 0, 0, 0, 0, (Reading(0, 0, 0),) * 65))
+
+
+def test_the_longest_sweep_fits_the_longest_frame() -> None:
+    longest = Sweep(1, 1, 0, 0, 0, 0, (Reading(-1, 0xFFFFFF, 0xFFFFFF),) * frames.MAX_READINGS)
+    assert len(encode(longest)) <= MAX_FRAME_BYTES

@@ -1,0 +1,309 @@
+"""The link against a unit that speaks the protocol, over bad lines, in a time of the test's own."""
+
+from dataclasses import replace
+from random import Random
+from typing import TypeVar
+
+import pytest
+from gateway.bad_line import BadLine, Faults
+from gateway.model_unit import ModelUnit
+
+from noctule_gateway import frames
+from noctule_gateway.codec import encode
+from noctule_gateway.errors import CommandError
+from noctule_gateway.events import ClockRead, Event, Identified, OrderSettled, Refused, Silent, StatusRead, SweepRead
+from noctule_gateway.link import HELLO_EVERY_S, QUICK_CLOCKS, SILENT_AFTER, Link
+from noctule_gateway.orders import DEFAULT_PLAN
+from noctule_gateway.requests import ORDER_ATTEMPTS, TIMEOUT_S
+from noctule_gateway.setup import Wanted
+
+E = TypeVar("E")
+
+SERIAL = 7
+STEP_S = 0.002
+AT_REST = Wanted(plan=None, start=frames.Start(0, 0), running=False)
+PLAN = replace(DEFAULT_PLAN, count=5)
+SWEEPING = Wanted(plan=PLAN, start=frames.Start(0, 250), running=True)
+
+
+class Rig:
+    """A link and a unit on one line; sweeps are committed by ``commit``, which says whether that went well."""
+
+    def __init__(
+        self, unit: ModelUnit, wanted: Wanted = AT_REST, faults: Faults | None = None, seed: int = 1, first: int = 40
+    ) -> None:
+        faults = faults or Faults()
+        self.unit = unit
+        self.link = Link(SERIAL, wanted, first)
+        self.now_s = 100.0
+        self.events: list[Event] = []
+        self.committed: list[frames.Sweep] = []
+        self.commit_fails = 0.0
+        self._random = Random(seed)
+        self._down, self._up = BadLine(faults, seed), BadLine(faults, seed + 1000)
+        self.link.connected(self.now_s)
+
+    def run(self, duration_s: float) -> list[Event]:
+        """Let time pass; the events of that time."""
+        begun = len(self.events)
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s:
+            self.now_s += STEP_S
+            self._take(self.link.advance(self.now_s))
+            self._down.write(self.link.output(self.now_s), self.now_s)
+            self.unit.receive(self._down.read(self.now_s), self.now_s)
+            self._up.write(self.unit.output(self.now_s), self.now_s)
+            self._take(self.link.receive(self._up.read(self.now_s), self.now_s))
+        return self.events[begun:]
+
+    def cut(self, duration_s: float) -> list[Event]:
+        """Let time pass without a line."""
+        begun = len(self.events)
+        end_s = self.now_s + duration_s
+        while self.now_s < end_s:
+            self.now_s += STEP_S
+            self._take(self.link.advance(self.now_s))
+            self.link.output(self.now_s)
+        return self.events[begun:]
+
+    def settled(self, ticket: int) -> OrderSettled:
+        """What became of an order."""
+        (event,) = (each for each in self.events if isinstance(each, OrderSettled) and each.ticket == ticket)
+        return event
+
+    def _take(self, events: list[Event]) -> None:
+        self.events += events
+        for event in events:
+            if isinstance(event, SweepRead):
+                if self._random.random() < self.commit_fails:
+                    self.link.failed(event.sweep)
+                else:
+                    self.committed.append(event.sweep)
+                    self.link.committed(event.sweep)
+
+
+def of_type(events: list[Event], kind: type[E]) -> list[E]:
+    return [event for event in events if isinstance(event, kind)]
+
+
+def test_hello_comes_first_then_eight_quick_clocks_and_the_status() -> None:
+    rig = Rig(ModelUnit(SERIAL))
+    events = rig.run(0.3)
+    assert isinstance(events[0], Identified)
+    assert [type(event) for event in events[1:]] == [ClockRead] * QUICK_CLOCKS + [StatusRead, ClockRead]
+
+
+def test_clock_and_status_go_on_about_once_a_second() -> None:
+    rig = Rig(ModelUnit(SERIAL))
+    rig.run(1.0)
+    events = rig.run(30.0)
+    assert len(of_type(events, ClockRead)) == pytest.approx(30, abs=2)
+    assert len(of_type(events, StatusRead)) == pytest.approx(30, abs=2)
+
+
+def test_the_plan_and_the_start_of_the_site_file_are_given_once() -> None:
+    unit = ModelUnit(SERIAL)
+    Rig(unit, SWEEPING).run(20.0)
+    assert unit.carried_out == [PLAN, frames.Start(0, 250)]
+
+
+def test_a_unit_found_sweeping_is_stopped_for_its_plan_and_started_again() -> None:
+    unit = ModelUnit(SERIAL)
+    Rig(unit, SWEEPING).run(2.0)
+    Rig(unit, replace(SWEEPING, running=False), first=90).run(2.0)
+    assert unit.carried_out[2:] == [frames.Stop(0), PLAN, frames.Start(0, 250)]
+
+
+def test_a_unit_that_was_reset_is_brought_back_to_what_the_operator_last_ordered() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, SWEEPING)
+    rig.run(2.0)
+    plan = replace(PLAN, count=9)
+    tickets = [rig.link.order(order) for order in (frames.Stop(0), plan)]
+    rig.run(1.0)
+    assert [rig.settled(ticket).error for ticket in tickets] == [None, None]
+    unit.reset(rig.now_s)
+    unit.carried_out.clear()
+    events = rig.run(3.0)
+    assert [event.hello.boot for event in of_type(events, Identified)] == [2]
+    assert unit.carried_out == [plan]
+
+
+def test_a_line_that_is_opened_again_does_not_disturb_the_unit() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, SWEEPING)
+    rig.run(2.0)
+    rig.cut(5.0)
+    rig.link.connected(rig.now_s)
+    events = rig.run(2.0)
+    assert [event.rebooted for event in of_type(events, Identified)] == [False]
+    assert unit.carried_out == [PLAN, frames.Start(0, 250)]
+
+
+def test_a_plan_that_the_unit_refuses_is_told_and_nothing_is_started() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, replace(SWEEPING, plan=replace(PLAN, count=65)))
+    rig.run(3.0)
+    assert "out of range" in rig.link.setup.error
+    assert unit.carried_out == []
+
+
+def test_a_wrong_serial_is_refused_and_the_unit_is_not_obeyed() -> None:
+    unit = ModelUnit(serial=8)
+    unit.make_sweep(50.0)
+    rig = Rig(unit, SWEEPING)
+    events = rig.run(20.0)
+    assert {type(event) for event in events} == {Refused}
+    assert "unit 8 answers where the site file has 7" in str(of_type(events, Refused)[0].error)
+    assert rig.committed == []
+    assert unit.carried_out == []
+    with pytest.raises(CommandError, match="not connected"):
+        rig.link.order(frames.Stop(0))
+
+
+def test_another_protocol_is_refused() -> None:
+    link = Link(SERIAL, AT_REST, 0)
+    link.connected(0.0)
+    request = link.output(0.0)
+    assert request
+    answer = frames.Hello(1, 2, SERIAL, 0, 1, 0, 1, 0, 3000)
+    (event,) = link.receive(encode(answer), 0.01)
+    assert isinstance(event, Refused)
+    assert "protocol 2" in str(event.error)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_over_a_bad_line_every_sweep_is_committed_exactly_once(seed: int) -> None:
+    unit = ModelUnit(SERIAL, sweep_s=1.0)
+    # A sweep of two readings is 39 bytes on the line, a clock's answer 18: about one in three and one in six are hit.
+    faults = Faults(corrupted=0.004, lost=0.004, doubled=0.002, delay_s=0.05)
+    rig = Rig(unit, replace(SWEEPING, plan=None), faults, seed)
+    rig.commit_fails = 0.1
+    rig.run(60.0)
+    unit.reset(rig.now_s)
+    rig.run(40.0)
+    rig.cut(10.0)
+    rig.link.connected(rig.now_s)
+    rig.run(40.0)
+    rig.link.order(frames.Stop(0))
+    rig.run(60.0)
+    assert len(unit.made) > 100
+    assert {sweep.boot for sweep in unit.made} == {1, 2}
+    assert rig.committed == unit.made
+    assert not unit.ring
+    assert rig.link.reader.frames_bad > 20
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_over_a_bad_line_every_order_is_carried_out_exactly_once(seed: int) -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, AT_REST, Faults(corrupted=0.01, lost=0.01, doubled=0.005, delay_s=0.05), seed)
+    rig.run(10.0)
+    tickets = []
+    for waypoint in range(20):
+        while not rig.link.identified:
+            rig.run(0.5)
+        tickets.append(rig.link.order(frames.SetWaypoint(0, waypoint)))
+        rig.run(ORDER_ATTEMPTS * TIMEOUT_S)
+    rig.run(2 * ORDER_ATTEMPTS * TIMEOUT_S)
+    done = [waypoint for waypoint, ticket in enumerate(tickets) if rig.settled(ticket).error is None]
+    assert len(done) > 15
+    carried_out = [order.waypoint for order in unit.carried_out if isinstance(order, frames.SetWaypoint)]
+    assert [waypoint for waypoint in carried_out if waypoint in done] == done
+
+
+def test_a_sweep_that_comes_again_is_acknowledged_again_and_not_committed_again() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit)
+    rig.run(1.0)
+    sweep = unit.make_sweep(rig.now_s)
+    rig.run(0.1)
+    unit.ring.append(sweep)  # as if the acknowledgement had been lost
+    rig.run(1.0)
+    assert rig.committed == [sweep]
+    assert rig.link.receipts.duplicates == 1
+    assert not unit.ring
+
+
+def test_a_sweep_is_not_acknowledged_before_it_is_committed() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit)
+    rig.commit_fails = 1.0
+    rig.run(1.0)
+    unit.make_sweep(rig.now_s)
+    events = rig.run(10.0)
+    assert len(unit.ring) == 1
+    # Sent at once and resent after 0.5, 1, 2 and 4 s: firmware/README.md, "Sweeps are not lost".
+    assert len(of_type(events, SweepRead)) == 5
+
+
+def test_a_sweep_of_an_earlier_boot_is_taken_after_a_reset() -> None:
+    unit = ModelUnit(SERIAL)
+    unit.make_sweep(50.0)
+    unit.reset(99.0)
+    rig = Rig(unit)
+    rig.run(2.0)
+    assert rig.committed == unit.made
+    assert of_type(rig.events, Identified)[0].hello.boot == 2
+
+
+def test_ticks_that_go_back_are_asked_about_and_not_believed() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit)
+    rig.run(5.0)
+    unit.reset(rig.now_s)
+    events = rig.run(2.0)
+    rebooted = next(at for at, event in enumerate(events) if isinstance(event, Identified))
+    assert not of_type(events[:rebooted], ClockRead)
+    assert len(of_type(events[rebooted:], ClockRead)) >= QUICK_CLOCKS
+
+
+def test_a_reset_that_no_tick_shows_is_found_by_the_next_hello() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit)
+    rig.run(1.0)
+    unit.boot += 1  # as a unit that was reset so soon that its ticks had not got far
+    assert [event.hello.boot for event in of_type(rig.run(HELLO_EVERY_S + 1.0), Identified)] == [2]
+
+
+def test_a_unit_that_stops_answering_is_reported_silent_and_greeted_until_it_is_back() -> None:
+    rig = Rig(ModelUnit(SERIAL))
+    rig.run(2.0)
+    ticket = rig.link.order(frames.Single(0))
+    events = rig.cut(SILENT_AFTER * TIMEOUT_S + 1.0)
+    assert len(of_type(events, Silent)) == 1
+    assert "stopped answering" in str(rig.settled(ticket).error)
+    assert len(of_type(rig.run(3.0), Identified)) == 1
+
+
+def test_an_order_that_is_never_answered_is_repeated_and_then_given_up() -> None:
+    class Deaf(ModelUnit):
+        def _obey(self, order: frames.Order, now_s: float) -> frames.Frame:  # noqa: ARG002
+            return frames.Rejected(2, order.TYPE)
+
+    rig = Rig(Deaf(SERIAL))
+    rig.run(1.0)
+    ticket = rig.link.order(frames.Home(0))
+    rig.run(ORDER_ATTEMPTS * TIMEOUT_S + 1.0)
+    assert "did not answer" in str(rig.settled(ticket).error)
+
+
+def test_what_a_unit_answers_to_an_order_is_told_in_words() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, SWEEPING)
+    rig.run(1.0)
+    ticket = rig.link.order(DEFAULT_PLAN)
+    rig.run(0.5)
+    assert "busy" in str(rig.settled(ticket).error)
+
+
+def test_a_clock_exchange_brackets_the_units_stamps_with_the_bytes_own_time_taken_out() -> None:
+    link = Link(SERIAL, AT_REST, 0)
+    link.connected(0.0)
+    link.output(0.0)
+    link.receive(encode(frames.Hello(1, 1, SERIAL, 0, 1, 0, 1, 0, 3000)), 1.0)
+    assert len(link.output(1.0)) == 6
+    (event,) = of_type(link.receive(encode(frames.Clock(2, 4_000_000, 4_000_400)), 1.01), ClockRead)
+    # 6 bytes there and 18 back, at 10 bits a byte and 115200 bit/s.
+    assert event.exchange.sent_s == pytest.approx(1.0 + 60 / 115200)
+    assert event.exchange.answered_s == pytest.approx(1.01 - 180 / 115200)

@@ -1,0 +1,125 @@
+"""Lines of every kind: a device (a pseudo-terminal), a socket, and RFC 2217 served by pyserial's own server side."""
+
+import contextlib
+import os
+import pty
+import socket
+import threading
+import time
+import tty
+from collections.abc import Iterator
+
+import pytest
+import serial
+from serial.rfc2217 import PortManager
+from system.processes import wait_until
+
+from noctule_gateway.errors import LineError
+from noctule_gateway.port import Port, open_port
+
+LONG_S = 20.0
+ALL_BYTES = bytes(range(256))
+
+
+@contextlib.contextmanager
+def line(address: str) -> Iterator[Port]:
+    port = open_port(address)
+    try:
+        yield port
+    finally:
+        port.close()
+
+
+def address_of(scheme: str, server: socket.socket) -> str:
+    return f"{scheme}://127.0.0.1:{server.getsockname()[1]}"
+
+
+def read(port: Port, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        data += port.read(LONG_S)
+    return data
+
+
+def test_a_device_carries_every_byte_both_ways_and_says_when_it_is_pulled_out() -> None:
+    far, near = pty.openpty()
+    tty.setraw(near)
+    with line(os.ttyname(near)) as port:
+        os.close(near)
+        port.write(ALL_BYTES)
+        assert os.read(far, 1000) == ALL_BYTES
+        os.write(far, ALL_BYTES)
+        assert read(port, 256) == ALL_BYTES
+        os.close(far)
+        with pytest.raises(LineError, match="/dev/pts/"):
+            port.read(LONG_S)
+
+
+def test_a_device_is_held_by_one_gateway_only() -> None:
+    far, near = pty.openpty()
+    with line(os.ttyname(near)), pytest.raises(LineError, match="lock"):
+        open_port(os.ttyname(near))
+    os.close(far)
+    os.close(near)
+
+
+def test_a_socket_carries_every_byte_both_ways_and_says_when_it_is_closed() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, line(address_of("socket", server)) as port:
+        far, _ = server.accept()
+        port.write(ALL_BYTES)
+        assert far.recv(1000) == ALL_BYTES
+        far.sendall(ALL_BYTES)
+        assert read(port, 256) == ALL_BYTES
+        far.close()
+        with pytest.raises(LineError, match="closed at the other end"):
+            port.read(LONG_S)
+
+
+def test_a_reader_that_waits_is_woken_from_another_thread() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server, line(address_of("socket", server)) as port:
+        begun_s = time.monotonic()
+        waker = threading.Timer(0.05, port.wake)
+        waker.start()
+        assert port.read(LONG_S) == b""
+        waker.join()
+        assert time.monotonic() - begun_s < LONG_S / 2
+
+
+def test_rfc2217_carries_every_byte_both_ways_and_wakes_and_says_when_it_is_closed() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        echo = threading.Thread(target=serve_echo, args=(server,))
+        echo.start()
+        with line(address_of("rfc2217", server)) as port:
+            port.write(ALL_BYTES)
+            assert read(port, 256) == ALL_BYTES
+            port.wake()
+            assert port.read(LONG_S) == b""
+            port.write(b"END")
+            echo.join()
+            with pytest.raises(LineError, match="was cut"):
+                wait_until(lambda: port.read(LONG_S) == b"?", "the end was not seen", LONG_S)
+
+
+def serve_echo(server: socket.socket) -> None:
+    """An RFC 2217 server with a looped-back port; it hangs up at END."""
+    connection, _ = server.accept()
+    looped = serial.serial_for_url("loop://", timeout=0)
+
+    class Wire:
+        def write(self, data: bytes) -> None:
+            connection.sendall(data)
+
+    manager = PortManager(looped, Wire())  # pyright: ignore[reportArgumentType]: the stubs know one kind of port
+    with connection:
+        while data := connection.recv(1000):
+            content = b"".join(manager.filter(data))
+            if content == b"END":
+                return
+            connection.sendall(b"".join(manager.escape(content)))
+
+
+def test_an_address_that_can_not_be_opened_is_named() -> None:
+    with pytest.raises(LineError, match="can't open /dev/no-such-device"):
+        open_port("/dev/no-such-device")
+    with pytest.raises(LineError, match="can't open quux"):
+        open_port("quux://unit")

@@ -1,0 +1,271 @@
+"""The gateway whole: model units over TCP on one side, a real Zenoh router and client on the other."""
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import zenoh
+from gateway.model_unit import ModelUnit
+from gateway.tcp_unit import tcp_unit
+from system.processes import free_ports, programs, wait_until
+
+from noctule import bus, keys
+from noctule.client import Client
+from noctule.messages_pb2 import (
+    CommandReply,
+    CommandRequest,
+    LogRecords,
+    Pose,
+    ServiceStatus,
+    Sweep,
+    SweepPlan,
+    UnitStatus,
+)
+from noctule.site import load
+from noctule_gateway import frames
+from noctule_gateway.service import Gateway
+
+SITE = "test-site"
+UNIT = """
+[[unit]]
+name = "{name}"
+serial = {serial}
+address = "{address}"
+{more}
+"""
+FIXED = "pose = { x_m = 1.0, y_m = 2.0, heading_deg = 90 }"
+
+
+def site_file(folder: Path, *units: tuple[str, int, str, str], top: str = "air_temperature_c = 21.5") -> Path:
+    """A site file of units (name, serial, address, pose and whatever else)."""
+    path = folder / "site.toml"
+    tables = [
+        UNIT.format(name=name, serial=serial, address=address, more=more) for name, serial, address, more in units
+    ]
+    path.write_text(f'site = "{SITE}"\n{top}\n' + "".join(tables))
+    return path
+
+
+@pytest.fixture
+def router() -> Iterator[zenoh.Session]:
+    (port,) = free_ports(1)
+    with bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as session:
+        yield session
+
+
+@contextmanager
+def running(path: Path, data: Path, session: zenoh.Session) -> Iterator[Gateway]:
+    gateway = Gateway(load(path), data)
+    try:
+        gateway.start()
+        gateway.join(session)
+        gateway.report()
+        yield gateway
+    finally:
+        gateway.close()
+
+
+def unit_status(client: Client, unit: str = "u1") -> UnitStatus:
+    return next((status for status in client.unit_statuses() if status.unit == unit), UnitStatus())
+
+
+def connected(client: Client, unit: str = "u1") -> bool:
+    return unit_status(client, unit).state not in (UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED)
+
+
+def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: Path, router: zenoh.Session) -> None:
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED + "\nsensor = { range_bias_m = 0.0023 }"))
+        got: list[Sweep] = []
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            assert client.units() == {"u1"}
+            with line.lock:
+                made = line.unit.make_sweep(time.monotonic())
+                made_at_s = time.time()
+            (sweep,) = wait_until(lambda: got, "no sweep came", 20)
+    assert (sweep.site, sweep.unit, sweep.boot, sweep.sequence, sweep.log_sequence) == (SITE, "u1", 1, 1, 1)
+    assert sweep.start.ToNanoseconds() / 1e9 == pytest.approx(made_at_s, abs=3 * sweep.clock_error_s + 0.01)
+    assert (sweep.pose.x_m, sweep.pose.y_m, sweep.pose.heading_rad) == (1.0, 2.0, pytest.approx(math.pi / 2))
+    assert sweep.air_temperature_c == 21.5
+    assert (sweep.sensor.range_bias_m, sweep.sensor.HasField("range_sigma_m")) == (0.0023, False)
+    assert not sweep.HasField("waypoint")
+    heard, unheard = sweep.readings
+    assert heard.bearing_rad == pytest.approx(math.radians(-135))
+    assert heard.time_of_flight_s == pytest.approx(made.readings[0].echo / 4e6)
+    assert (unheard.status, unheard.HasField("time_of_flight_s")) == (2, False)
+    assert unheard.time_offset_s == pytest.approx(0.06)  # 15000 times 4 us
+
+
+def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router: zenoh.Session) -> None:
+    unit = ModelUnit(8, born_s=time.monotonic())
+    unit.make_sweep(time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: "unit 8 answers" in unit_status(client).detail, "the wrong unit was not shown", 20)
+            status = unit_status(client)
+        assert status.state == UnitStatus.STATE_DISCONNECTED
+        assert status.log_head == 0
+        assert len(unit.ring) == 1
+
+
+def test_a_unit_that_is_not_there_is_shown_and_served_as_soon_as_it_is(tmp_path: Path, router: zenoh.Session) -> None:
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        (closed_port,) = free_ports(1)
+        path = site_file(
+            tmp_path,
+            ("u1", 7, line.address, FIXED),
+            ("u2", 8, f"socket://127.0.0.1:{closed_port}", FIXED),
+        )
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            line.cut()
+            wait_until(lambda: line.connections == 2, "the line was not opened again", 20)
+            wait_until(lambda: connected(client), "the unit was not connected again", 20)
+            assert unit_status(client, "u2").state == UnitStatus.STATE_DISCONNECTED
+            assert "can't open" in unit_status(client, "u2").detail
+
+
+def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zenoh.Session) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+
+            def command(name: str, request: CommandRequest) -> CommandReply:
+                return client.command("u1", name, request, timeout_s=10)
+
+            plan = SweepPlan(bearing_step_rad=math.radians(45), count=7)
+            replies = [
+                command("configure", CommandRequest(request_id="a", plan=plan)),
+                command("set_waypoint", CommandRequest(request_id="b", waypoint=3)),
+                command("single", CommandRequest(request_id="c")),
+                command("single", CommandRequest(request_id="c")),
+            ]
+            assert all(reply.done for reply in replies), replies
+            refused = command("configure", CommandRequest(request_id="d", plan=SweepPlan(count=65)))
+            assert (refused.done, "out of range" in refused.error) == (False, True)
+            hello = command("hello", CommandRequest(request_id="e"))
+            assert (hello.done, hello.status.serial, hello.status.firmware) == (True, 7, "0.1.0")
+            assert "no command 'jump'" in command("jump", CommandRequest(request_id="f")).error
+    configure, waypoint, single = unit.carried_out
+    assert isinstance(configure, frames.Configure)
+    assert (configure.first_bearing, configure.bearing_step, configure.count) == (-24576, 8192, 7)
+    assert (waypoint, single) == (frames.SetWaypoint(0, 3), frames.Single(0))
+
+
+def test_the_log_answers_from_and_max_and_says_what_it_can_not_read(tmp_path: Path, router: zenoh.Session) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic())
+    for _ in range(10):
+        unit.make_sweep(time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: unit_status(client).log_head == 10, "the sweeps were not logged", 20)
+            records = client.log("u1", 4, max=3)
+            assert isinstance(records, LogRecords)
+            assert [sweep.sequence for sweep in records.sweeps] == [4, 5, 6]
+            assert (records.head, records.tail, records.log_id) == (10, 1, unit_status(client).log_id)
+            (reply,) = router.get(f"{keys.log(SITE, 'u1')}?from=x")
+            assert reply.err is not None
+            assert b"from=x" in reply.err.payload.to_bytes()
+
+
+def test_a_moving_unit_takes_its_pose_from_the_key_and_says_when_there_is_none(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, 'pose = "key"'))
+        got: list[Sweep] = []
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            with line.lock:
+                unit.make_sweep(time.monotonic())
+            wait_until(lambda: "no pose" in unit_status(client).detail, "the missing pose was not shown", 20)
+            client.publish_pose("u1", Pose(x_m=4.0))
+
+            def placed() -> bool:
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                return any(sweep.HasField("pose") for sweep in got)
+
+            wait_until(placed, "no sweep got the pose", 20)
+            wait_until(lambda: not unit_status(client).detail, "the trouble was not taken back", 20)
+        assert not got[0].HasField("pose")
+        assert got[-1].pose.x_m == 4.0
+
+
+def test_a_stopped_gateway_leaves_its_units_as_disconnected(tmp_path: Path, router: zenoh.Session) -> None:
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        services: list[ServiceStatus] = []
+        statuses: list[UnitStatus] = []
+        with Client(SITE, session=router) as client:
+            client.on_service_status(services.append)
+            client.on_unit_status(statuses.append)
+            with running(path, tmp_path, router):
+                wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: statuses and "stopped" in statuses[-1].detail, "the last status did not come", 20)
+        assert statuses[-1].state == UnitStatus.STATE_DISCONNECTED
+        assert services[0].role == "gateway"
+
+
+def test_killed_and_started_again_it_loses_no_sweep_and_doubles_none(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    unit = ModelUnit(7, born_s=time.monotonic(), sweep_s=0.02)
+    with tcp_unit(unit) as line, programs(tmp_path) as started:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED + "\nsweep = { start = true }"))
+        command = ("noctule-gateway", "run", str(path), "--data", str(tmp_path / "data"))
+        listen = ("--listen", f"tcp/127.0.0.1:{port}")
+        for round_ in range(3):
+            started.start("gateway", *command, *listen)
+            acknowledged = 100 * (round_ + 1)
+            wait_until(
+                lambda least=acknowledged: len(unit.made) - len(unit.ring) >= least, "the sweeps do not go on", 30
+            )
+            started.kill("gateway")
+        started.start("gateway", *command, *listen)
+        with Client(SITE, connect=[f"tcp/127.0.0.1:{port}"]) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 30)
+            client.command("u1", "stop", CommandRequest(request_id="last"), timeout_s=10)
+            wait_until(lambda: not unit.ring, "the ring was not emptied", 30)
+            wait_until(lambda: unit_status(client).log_head >= len(unit.made), "the log is short", 10)
+            held = held_sweeps(client)
+        assert started.end("gateway") == 0
+    assert [sweep.log_sequence for sweep in held] == list(range(1, len(held) + 1))
+    assert sorted((sweep.boot, sweep.sequence) for sweep in held) == [(made.boot, made.sequence) for made in unit.made]
+
+
+def held_sweeps(client: Client) -> list[Sweep]:
+    held: list[Sweep] = []
+    while (records := client.log("u1", len(held) + 1)) and records.sweeps:
+        held += records.sweeps
+    return held
+
+
+def test_units_are_served_before_any_router_answers(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    unit = ModelUnit(7, born_s=time.monotonic())
+    unit.make_sweep(time.monotonic())
+    with tcp_unit(unit) as line, programs(tmp_path) as started:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        endpoint = f"tcp/127.0.0.1:{port}"
+        started.start("gateway", "noctule-gateway", "run", str(path), "--data", str(tmp_path), "--connect", endpoint)
+        wait_until(lambda: not unit.ring, "the sweep was not acknowledged", 30)
+        with bus.open_session(listen=[endpoint]) as router, Client(SITE, session=router) as client:
+            wait_until(lambda: unit_status(client).log_head == 1, "the unit did not come to the bus", 30)
+            assert started.end("gateway") == 0
+
+
+def test_a_gateway_that_can_not_begin_says_why_and_ends(tmp_path: Path) -> None:
+    with programs(tmp_path) as started:
+        started.start("gateway", "noctule-gateway", "run", str(tmp_path / "none.toml"), "--data", str(tmp_path))
+        wait_until(lambda: "none.toml can't be read" in started.log("gateway"), "no reason was given", 30)
