@@ -10,6 +10,7 @@ import pytest
 import zenoh
 from gateway.model_unit import ModelUnit
 from gateway.tcp_unit import tcp_unit
+from google.protobuf.timestamp_pb2 import Timestamp
 from system.processes import free_ports, programs, wait_until
 
 from noctule import bus, keys
@@ -201,6 +202,27 @@ def test_a_moving_unit_takes_its_pose_from_the_key_and_says_when_there_is_none(
             wait_until(lambda: not unit_status(client).detail, "the trouble was not taken back", 20)
         assert not got[0].HasField("pose")
         assert got[-1].pose.x_m == 4.0
+
+
+def test_a_trackers_own_time_of_a_pose_counts_and_not_when_it_came(tmp_path: Path, router: zenoh.Session) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, 'pose = "key"'))
+        got: list[Sweep] = []
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            now_s = int(time.time())
+            client.publish_pose("u1", Pose(x_m=0.0, time=Timestamp(seconds=now_s - 1000)))
+            client.publish_pose("u1", Pose(x_m=200.0, time=Timestamp(seconds=now_s + 1000)))
+
+            def placed() -> bool:
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                return any(sweep.HasField("pose") for sweep in got)
+
+            wait_until(placed, "no sweep got a pose", 20)
+        assert got[-1].pose.x_m == pytest.approx(100.0, abs=10.0)  # half-way, and 0.1 m further each second
 
 
 def test_a_stopped_gateway_leaves_its_units_as_disconnected(tmp_path: Path, router: zenoh.Session) -> None:

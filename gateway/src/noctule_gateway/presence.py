@@ -54,12 +54,14 @@ class Presence:
         self._outbox.post(lambda: self._status.put(status))
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
-        # Stamped by the tracker or the first router on the way; else it is as late as the bus was.
-        time_s = sample.timestamp.get_time().timestamp() if sample.timestamp else time.time()
         try:
-            self._track.add(time_s, Pose.FromString(sample.payload.to_bytes()))
+            pose = Pose.FromString(sample.payload.to_bytes())
         except DecodeError:
             self._track.refused += 1
+        else:
+            time_s = _time_of(pose, sample)
+            pose.ClearField("time")  # a sweep has its own
+            self._track.add(time_s, pose)
 
     def _on_log_query(self, query: zenoh.Query) -> None:
         self._readers.submit(self._answer_from_log, query)
@@ -103,3 +105,10 @@ def _number(name: str, text: str | None, default: int) -> int:
     if not text.isdecimal():
         raise ValueError(f"{name}={text} is not a count: ask with from=N;max=M")
     return int(text)
+
+
+def _time_of(pose: Pose, sample: zenoh.Sample) -> float:
+    """When the unit was there: as the tracker says, else as stamped on the way, else now."""
+    if pose.HasField("time"):
+        return pose.time.ToNanoseconds() * 1e-9
+    return sample.timestamp.get_time().timestamp() if sample.timestamp else time.time()

@@ -37,18 +37,20 @@ CONTACT_KIND_CYLINDER: ContactKind
 CONTACT_KIND_CORNER: ContactKind
 
 class Pose(_message.Message):
-    __slots__ = ("x_m", "y_m", "heading_rad", "sigma_position_m", "sigma_heading_rad")
+    __slots__ = ("x_m", "y_m", "heading_rad", "sigma_position_m", "sigma_heading_rad", "time")
     X_M_FIELD_NUMBER: _ClassVar[int]
     Y_M_FIELD_NUMBER: _ClassVar[int]
     HEADING_RAD_FIELD_NUMBER: _ClassVar[int]
     SIGMA_POSITION_M_FIELD_NUMBER: _ClassVar[int]
     SIGMA_HEADING_RAD_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
     x_m: float
     y_m: float
     heading_rad: float
     sigma_position_m: float
     sigma_heading_rad: float
-    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_rad: _Optional[float] = ..., sigma_position_m: _Optional[float] = ..., sigma_heading_rad: _Optional[float] = ...) -> None: ...
+    time: _timestamp_pb2.Timestamp
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_rad: _Optional[float] = ..., sigma_position_m: _Optional[float] = ..., sigma_heading_rad: _Optional[float] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
 
 class Sensor(_message.Message):
     __slots__ = ("beam_width_rad", "range_bias_m", "range_sigma_m")
