@@ -11,7 +11,7 @@ demo: packages-run setup firmware
 	@python deploy/demo/run.py
 
 test: packages-test setup firmware
-	cd firmware/simulator && sh ../../deploy/cargo.sh test --quiet
+	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
 	pytest
 
 soak: packages-test setup firmware

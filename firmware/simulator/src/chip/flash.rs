@@ -1,0 +1,182 @@
+//! Flash memory and how it is written (datasheet chapter "Flash Memory"): keys, lock, supply monitor, stall.
+
+use crate::chip::sfr;
+use crate::fault::Violation;
+use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
+
+pub const FLASH_SIZE: usize = 0x1_0000;
+pub const PAGE_SIZE: u16 = 512;
+/// From here on flash is reserved: reading, executing or writing it is a flash-error reset.
+pub const RESERVED: u16 = 0xFC00;
+/// The page of the lock byte at 0xFBFF.
+const LOCK_PAGE: u16 = 0xFA00;
+const PSWE: u8 = 0x01;
+const PSEE: u8 = 0x02;
+/// Typical times of the datasheet's table of flash characteristics (40-55-70 us, 10-15-20 ms).
+const WRITE_TIME: Tick = 55 * TICKS_PER_US;
+const ERASE_TIME: Tick = 15 * TICKS_PER_MS;
+
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Lock {
+    Locked,
+    FirstKey,
+    Unlocked,
+    /// Until the next reset.
+    Disabled,
+}
+
+/// What a MOVX to flash did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Operation {
+    /// The CPU stalls for that many ticks.
+    Done(Tick),
+    /// The lock or the reserved area forbade it.
+    Refused,
+    FlashError,
+}
+
+pub struct Flash {
+    bytes: Box<[u8; FLASH_SIZE]>,
+    lock: Lock,
+    psctl: u8,
+    pub changed: bool,
+}
+
+impl Flash {
+    pub fn new(bytes: Box<[u8; FLASH_SIZE]>) -> Self {
+        Self { bytes, lock: Lock::Locked, psctl: 0, changed: false }
+    }
+
+    pub fn reset(&mut self) {
+        self.lock = Lock::Locked;
+        self.psctl = 0;
+    }
+
+    pub fn bytes(&self) -> &[u8; FLASH_SIZE] {
+        &self.bytes
+    }
+
+    #[inline]
+    pub fn byte(&self, address: u16) -> u8 {
+        self.bytes[address as usize]
+    }
+
+    pub fn read(&self, address: u8) -> u8 {
+        if address == sfr::PSCTL { self.psctl } else { self.lock as u8 }
+    }
+
+    /// # Errors
+    /// A [`Violation`] for bits of PSCTL that are not modelled.
+    pub fn write(&mut self, address: u8, value: u8) -> Result<(), Violation> {
+        if address == sfr::PSCTL {
+            crate::fault::only_bits(address, value, PSWE | PSEE)?;
+            self.psctl = value;
+        } else {
+            self.lock = match (self.lock, value) {
+                (Lock::Locked, 0xA5) => Lock::FirstKey,
+                (Lock::FirstKey, 0xF1) => Lock::Unlocked,
+                _ => Lock::Disabled,
+            };
+        }
+        Ok(())
+    }
+
+    /// Whether MOVX writes go to flash.
+    pub fn takes_movx(&self) -> bool {
+        self.psctl & PSWE != 0
+    }
+
+    /// A MOVX write while PSWE is set: erases the page if PSEE is set, else clears bits of the byte.
+    ///
+    /// # Errors
+    /// A [`Violation`] for the page of the lock byte, where a real chip would be locked for good.
+    pub fn movx(&mut self, address: u16, value: u8, supply_monitored: bool) -> Result<Operation, Violation> {
+        if !supply_monitored || address >= RESERVED {
+            return Ok(Operation::FlashError);
+        }
+        if self.lock != Lock::Unlocked {
+            self.lock = Lock::Disabled;
+            return Ok(Operation::Refused);
+        }
+        if address >= LOCK_PAGE {
+            return Err(Violation::rule(format!(
+                "flash 0x{address:04X} written: this can lock the chip for good"
+            )));
+        }
+        self.lock = Lock::Locked;
+        self.changed = true;
+        if self.psctl & PSEE != 0 {
+            let page = (address & !(PAGE_SIZE - 1)) as usize;
+            self.bytes[page..page + PAGE_SIZE as usize].fill(0xFF);
+            return Ok(Operation::Done(ERASE_TIME));
+        }
+        self.bytes[address as usize] &= value;
+        Ok(Operation::Done(WRITE_TIME))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flash() -> Flash {
+        Flash::new(Box::new([0xFF; FLASH_SIZE]))
+    }
+
+    fn unlock(flash: &mut Flash, psctl: u8) {
+        flash.write(sfr::FLKEY, 0xA5).unwrap();
+        flash.write(sfr::FLKEY, 0xF1).unwrap();
+        flash.write(sfr::PSCTL, psctl).unwrap();
+    }
+
+    #[test]
+    fn a_write_clears_bits_and_only_an_erase_of_the_page_sets_them() {
+        let mut flash = flash();
+        for (value, expected) in [(0xF0, 0xF0), (0x3C, 0x30)] {
+            unlock(&mut flash, PSWE);
+            assert_eq!(flash.movx(0xF400, value, true).unwrap(), Operation::Done(WRITE_TIME));
+            assert_eq!(flash.byte(0xF400), expected);
+        }
+        unlock(&mut flash, PSWE | PSEE);
+        assert_eq!(flash.movx(0xF5FF, 0, true).unwrap(), Operation::Done(ERASE_TIME));
+        assert_eq!(flash.byte(0xF400), 0xFF);
+    }
+
+    #[test]
+    fn every_operation_wants_its_own_keys() {
+        let mut flash = flash();
+        unlock(&mut flash, PSWE);
+        flash.movx(0xF400, 0, true).unwrap();
+        assert_eq!(flash.movx(0xF401, 0, true).unwrap(), Operation::Refused);
+        assert_eq!(flash.byte(0xF401), 0xFF);
+        unlock(&mut flash, PSWE);
+        assert_eq!(flash.movx(0xF401, 0, true).unwrap(), Operation::Refused);
+    }
+
+    #[test]
+    fn a_wrong_key_locks_flash_until_the_next_reset() {
+        let mut flash = flash();
+        flash.write(sfr::FLKEY, 0xF1).unwrap();
+        assert_eq!(flash.read(sfr::FLKEY), 3);
+        unlock(&mut flash, PSWE);
+        assert_eq!(flash.movx(0xF400, 0, true).unwrap(), Operation::Refused);
+        flash.reset();
+        unlock(&mut flash, PSWE);
+        assert_eq!(flash.movx(0xF400, 0, true).unwrap(), Operation::Done(WRITE_TIME));
+    }
+
+    #[test]
+    fn a_write_without_the_supply_monitor_or_to_the_reserved_area_is_a_flash_error() {
+        let mut flash = flash();
+        unlock(&mut flash, PSWE);
+        assert_eq!(flash.movx(0xF400, 0, false).unwrap(), Operation::FlashError);
+        assert_eq!(flash.movx(RESERVED, 0, true).unwrap(), Operation::FlashError);
+    }
+
+    #[test]
+    fn the_page_of_the_lock_byte_is_refused_loudly() {
+        let mut flash = flash();
+        unlock(&mut flash, PSWE);
+        assert!(flash.movx(0xFBFF, 0, true).is_err());
+    }
+}

@@ -1,0 +1,199 @@
+//! The C8051F340 around its CPU: peripherals behind their special function registers, memories, events, interrupts.
+
+pub mod clock;
+pub mod flash;
+pub mod interrupts;
+pub mod memory;
+pub mod pca;
+mod pca_counter;
+#[cfg(test)]
+mod pca_tests;
+pub mod ports;
+mod registers;
+pub mod reload_timer;
+pub mod reset;
+pub mod sfr;
+pub mod timers;
+pub mod uart;
+
+use crate::fault::Violation;
+use crate::time::{NEVER, Tick};
+use clock::Clock;
+use flash::Flash;
+use interrupts::Interrupts;
+use memory::Xram;
+use pca::Pca;
+use ports::Ports;
+use reload_timer::ReloadTimer;
+use reset::{Cause, Resets};
+use std::cell::{Cell, OnceCell};
+use timers::Timers;
+use uart::Uart;
+
+pub struct Chip {
+    pub now: Tick,
+    pub ports: Ports,
+    pub pca: Pca,
+    pub uart: Uart,
+    pub flash: Flash,
+    pub interrupts: Interrupts,
+    pub xram: Xram,
+    /// The CPU sleeps until an interrupt.
+    pub idle: bool,
+    /// A flash operation holds the CPU until then.
+    pub stalled_until: Tick,
+    pub reset_request: Option<Cause>,
+    /// A register was written, or refused, since this was last cleared: events, pins and interrupts may have changed.
+    pub touched: Cell<bool>,
+    clock: Clock,
+    timers: Timers,
+    timer2: ReloadTimer,
+    timer3: ReloadTimer,
+    resets: Resets,
+    ckcon: u8,
+    emi0cn: u8,
+    general_flags: u8,
+    /// The instruction under way reads port latches, not pins (read-modify-write).
+    reads_latch: bool,
+    /// The instruction under way is a MOVX @Ri.
+    pages_movx: bool,
+    /// The first thing that the firmware did wrong.
+    pub violation: OnceCell<Violation>,
+}
+
+impl Chip {
+    /// A chip at power-up.
+    pub fn new(flash: Flash, xram: Xram) -> Self {
+        let clock = Clock::new();
+        let ticks = clock.ticks_per_sysclk();
+        Self {
+            now: 0,
+            ports: Ports::new(),
+            pca: Pca::new(ticks, 0),
+            uart: Uart::default(),
+            flash,
+            interrupts: Interrupts::default(),
+            xram,
+            idle: false,
+            stalled_until: 0,
+            reset_request: None,
+            touched: Cell::new(true),
+            timers: Timers::new(ticks),
+            timer2: ReloadTimer::new(ticks),
+            timer3: ReloadTimer::new(ticks),
+            clock,
+            resets: Resets::power_up(),
+            ckcon: 0,
+            emi0cn: 0,
+            general_flags: 0,
+            reads_latch: false,
+            pages_movx: false,
+            violation: OnceCell::new(),
+        }
+    }
+
+    /// Puts everything but the memories, the supply monitor and the world outside into its reset state.
+    pub fn reset(&mut self, cause: Cause) {
+        self.clock = Clock::new();
+        let ticks = self.clock.ticks_per_sysclk();
+        let pulls = self.ports.pulls;
+        self.ports = Ports::new();
+        self.ports.pulls = pulls;
+        self.pca = Pca::new(ticks, self.now);
+        self.timers = Timers::new(ticks);
+        self.timer2 = ReloadTimer::new(ticks);
+        self.timer3 = ReloadTimer::new(ticks);
+        self.interrupts = Interrupts::default();
+        self.uart.reset();
+        self.flash.reset();
+        self.resets.reset(cause);
+        (self.ckcon, self.emi0cn, self.general_flags) = (0, 0, 0);
+        (self.idle, self.stalled_until, self.reset_request) = (false, 0, None);
+        self.touched.set(true);
+    }
+
+    pub fn ticks_per_sysclk(&self) -> Tick {
+        self.clock.ticks_per_sysclk()
+    }
+
+    /// When a peripheral will next do something by itself.
+    pub fn next_event(&self) -> Tick {
+        let timer = |index, interrupt| {
+            if self.interrupts.enables(interrupt) { self.timers.next_event(index) } else { NEVER }
+        };
+        self.pca
+            .next_event()
+            .min(self.uart.next_event())
+            .min(self.timer2.next_event())
+            .min(self.timer3.next_event())
+            .min(timer(0, interrupts::TIMER0))
+            .min(timer(1, interrupts::TIMER1))
+    }
+
+    /// Brings the peripherals up to now.
+    pub fn service(&mut self) {
+        self.timers.sync(self.now);
+        self.timer2.sync(self.now);
+        self.timer3.sync(self.now);
+        self.pca.sync(self.now);
+        if self.pca.watchdog_bites() {
+            self.reset_request = Some(Cause::Watchdog);
+        }
+        self.uart.service(self.now, self.ports.uart0_transmits(), self.ports.uart0_receives());
+    }
+
+    /// The interrupts that are asked for, one bit each.
+    pub fn pending(&self) -> u32 {
+        u32::from(self.timers.overflowed(0)) << interrupts::TIMER0
+            | u32::from(self.timers.overflowed(1)) << interrupts::TIMER1
+            | u32::from(self.uart.pending()) << interrupts::UART0
+            | u32::from(self.timer2.pending()) << interrupts::TIMER2
+            | u32::from(self.pca.pending()) << interrupts::PCA0
+            | u32::from(self.timer3.pending()) << interrupts::TIMER3
+    }
+
+    /// The CPU goes to an interrupt's vector.
+    pub fn enter_interrupt(&mut self, interrupt: u8) {
+        self.interrupts.enter(interrupt);
+        match interrupt {
+            interrupts::TIMER0 => self.timers.acknowledge(0),
+            interrupts::TIMER1 => self.timers.acknowledge(1),
+            _ => {}
+        }
+        self.touched.set(true);
+    }
+
+    pub fn wake(&mut self) {
+        if self.idle {
+            self.pca.sync(self.now);
+            self.pca.set_idle(false);
+            self.idle = false;
+        }
+    }
+
+    /// Tells whether the instruction under way is a MOVX @Ri.
+    pub fn prepare_movx(&mut self, paged: bool) {
+        self.pages_movx = paged;
+    }
+
+    /// Notes a violation; only the first counts.
+    pub fn report(&self, violation: Violation) {
+        let _ = self.violation.set(violation);
+        self.touched.set(true);
+    }
+
+    /// IE and IP, after an instruction that worked on them.
+    pub fn set_interrupt_registers(&mut self, ie: u8, ip: u8) {
+        self.touched.set(true);
+        for (address, value) in [(sfr::IE, ie), (sfr::IP, ip)] {
+            if let Err(violation) = self.interrupts.write(address, value) {
+                self.report(violation);
+            }
+        }
+    }
+
+    pub fn leave_interrupt(&mut self) {
+        self.interrupts.leave();
+        self.touched.set(true);
+    }
+}

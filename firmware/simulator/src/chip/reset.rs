@@ -1,0 +1,108 @@
+//! Reset sources and the supply monitor: RSTSRC, VDM0CN (datasheet chapter "Reset Sources").
+
+use crate::chip::sfr;
+use crate::fault::{Violation, only_bits};
+use crate::time::{TICKS_PER_US, Tick};
+
+const VDMEN: u8 = 0x80;
+const VDDSTAT: u8 = 0x40;
+const PORSF: u8 = 0x02;
+const MCDE: u8 = 0x04;
+const SWRSF: u8 = 0x10;
+/// Selected sooner after it was enabled, the supply monitor resets the chip.
+const MONITOR_SETTLE: Tick = 100 * TICKS_PER_US;
+
+/// Causes of a reset, with RSTSRC's bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    PowerUp = 0x02,
+    Watchdog = 0x08,
+    Software = 0x10,
+    FlashError = 0x40,
+}
+
+pub struct Resets {
+    cause: Cause,
+    monitor_enabled_at: Option<Tick>,
+    monitor_resets: bool,
+    clock_detector: bool,
+}
+
+impl Resets {
+    pub fn power_up() -> Self {
+        Self { cause: Cause::PowerUp, monitor_enabled_at: None, monitor_resets: false, clock_detector: false }
+    }
+
+    /// A reset by `cause`; only a power-up changes the supply monitor.
+    pub fn reset(&mut self, cause: Cause) {
+        if cause == Cause::PowerUp {
+            *self = Self::power_up();
+        }
+        self.cause = cause;
+        self.clock_detector = false;
+    }
+
+    pub fn read(&self, address: u8) -> u8 {
+        if address == sfr::RSTSRC {
+            return self.cause as u8 | if self.clock_detector { MCDE } else { 0 };
+        }
+        VDDSTAT | if self.monitor_enabled_at.is_some() { VDMEN } else { 0 }
+    }
+
+    /// Gives the reset that the write causes, if any.
+    ///
+    /// # Errors
+    /// A [`Violation`] for reset sources that are not modelled.
+    pub fn write(&mut self, address: u8, value: u8, now: Tick) -> Result<Option<Cause>, Violation> {
+        if address == sfr::VDM0CN {
+            only_bits(address, value, VDMEN | VDDSTAT)?;
+            self.monitor_enabled_at = (value & VDMEN != 0).then(|| self.monitor_enabled_at.unwrap_or(now));
+            return Ok(None);
+        }
+        only_bits(address, value, PORSF | MCDE | SWRSF)?;
+        self.clock_detector = value & MCDE != 0;
+        self.monitor_resets = value & PORSF != 0;
+        let settled = self.monitor_enabled_at.is_some_and(|at| now >= at + MONITOR_SETTLE);
+        if self.monitor_resets && !settled {
+            return Ok(Some(Cause::PowerUp));
+        }
+        Ok((value & SWRSF != 0).then_some(Cause::Software))
+    }
+
+    /// Whether flash may be written: the supply monitor is on and resets the chip.
+    pub fn supply_monitored(&self) -> bool {
+        self.monitor_resets && self.monitor_enabled_at.is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_supply_monitor_guards_flash_once_it_is_on_and_selected() {
+        let mut resets = Resets::power_up();
+        resets.write(sfr::VDM0CN, VDMEN, 0).unwrap();
+        assert!(!resets.supply_monitored());
+        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE).unwrap(), None);
+        assert!(resets.supply_monitored());
+        resets.reset(Cause::Software);
+        assert!(resets.supply_monitored());
+    }
+
+    #[test]
+    fn selecting_the_monitor_before_it_is_stable_resets_the_chip() {
+        let mut resets = Resets::power_up();
+        resets.write(sfr::VDM0CN, VDMEN, 0).unwrap();
+        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE - 1).unwrap(), Some(Cause::PowerUp));
+    }
+
+    #[test]
+    fn rstsrc_names_the_last_cause() {
+        let mut resets = Resets::power_up();
+        assert_eq!(resets.read(sfr::RSTSRC), 0x02);
+        assert_eq!(resets.write(sfr::RSTSRC, SWRSF, 0).unwrap(), Some(Cause::Software));
+        resets.reset(Cause::Watchdog);
+        assert_eq!(resets.read(sfr::RSTSRC), 0x08);
+    }
+}

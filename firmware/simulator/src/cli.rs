@@ -1,0 +1,85 @@
+//! The command line.
+
+use clap::Parser;
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Runs scanner units' firmware, byte for byte as it is flashed, on simulated boards in a simulated room.
+#[derive(Debug, Parser)]
+#[command(name = "noctule-sim", version)]
+pub struct Arguments {
+    /// The firmware, an Intel hex file
+    #[arg(long, value_name = "FILE.ihx", default_value = "firmware/build/noctule.ihx")]
+    pub firmware: PathBuf,
+
+    /// The room: paper, l-shaped, or a TOML file
+    #[arg(long, value_name = "ROOM", default_value = "paper")]
+    pub room: String,
+
+    /// How many units; their serial numbers count from 1
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub units: u32,
+
+    /// Simulated seconds per second, or max
+    #[arg(long, value_name = "N|max", default_value = "1")]
+    pub speed: Speed,
+
+    /// Where unit 1 listens; each further unit on the next port
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", conflicts_with = "pty")]
+    pub tcp: String,
+
+    /// Give pseudo-terminals in place of TCP ports, linked as DIR/unit-1 and so on
+    #[arg(long, value_name = "DIR")]
+    pub pty: Option<PathBuf>,
+
+    /// Measure: a host inside the simulator has the units sweep without end and acknowledges each sweep
+    #[arg(long, conflicts_with_all = ["tcp", "pty"])]
+    pub acknowledge: bool,
+
+    /// Where all randomness comes from: noise, power-up states
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+
+    /// How often each unit is carried along the room's path
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub laps: usize,
+
+    /// Simulated seconds until the end; without it, until SIGINT or SIGTERM
+    #[arg(long, value_name = "SECONDS")]
+    pub duration: Option<f64>,
+
+    /// Keep the units' flash memories here from run to run
+    #[arg(long, value_name = "DIR")]
+    pub state: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// The address that unit 1 listens on.
+    ///
+    /// # Errors
+    /// If the host has no address or the text is not HOST:PORT.
+    pub fn first_address(&self) -> std::io::Result<SocketAddr> {
+        let none = || std::io::Error::new(std::io::ErrorKind::NotFound, "no such host");
+        self.tcp.to_socket_addrs()?.next().ok_or_else(none)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Speed {
+    /// Simulated seconds per second.
+    Times(f64),
+    Max,
+}
+
+impl FromStr for Speed {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text.parse::<f64>() {
+            _ if text == "max" => Ok(Self::Max),
+            Ok(times) if times > 0.0 && times.is_finite() => Ok(Self::Times(times)),
+            _ => Err("a positive number or max"),
+        }
+    }
+}

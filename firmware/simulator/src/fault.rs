@@ -1,0 +1,41 @@
+//! What ends a simulation: the firmware did what the chip forbids, or what the simulator does not model.
+
+use crate::time::{Tick, to_seconds};
+use thiserror::Error;
+
+/// What the firmware did.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum Violation {
+    #[error("SFR 0x{address:02X} {access} is not modelled")]
+    UnmodelledSfr { address: u8, access: &'static str },
+    #[error("SFR 0x{address:02X} written with 0x{value:02X}: bits 0x{bits:02X} are not modelled")]
+    UnmodelledBits { address: u8, value: u8, bits: u8 },
+    #[error("{0}")]
+    Rule(String),
+}
+
+impl Violation {
+    pub fn rule(text: impl Into<String>) -> Self {
+        Self::Rule(text.into())
+    }
+}
+
+/// A violation with where and when it happened.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{violation} (PC 0x{pc:04X}, tick {tick} of 48 MHz, {:.6} s)", to_seconds(*tick))]
+pub struct Fault {
+    pub violation: Violation,
+    pub pc: u16,
+    pub tick: Tick,
+}
+
+/// Refuses bits of a register that have no model.
+///
+/// # Errors
+/// [`Violation::UnmodelledBits`] if `value` sets a bit outside `modelled`.
+pub fn only_bits(address: u8, value: u8, modelled: u8) -> Result<(), Violation> {
+    match value & !modelled {
+        0 => Ok(()),
+        bits => Err(Violation::UnmodelledBits { address, value, bits }),
+    }
+}

@@ -1,0 +1,109 @@
+//! A fleet of units on one thread: slices of simulated time in turn, serial lines in between, paced by a clock.
+
+use crate::cli::Speed;
+use crate::fault::Fault;
+use crate::flash_store::FlashStore;
+use crate::host::Host;
+use crate::line::Line;
+use crate::time::{TICKS_PER_MS, Tick, from_seconds, to_seconds};
+use crate::unit::Unit;
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use thiserror::Error;
+
+/// Simulated time between two looks at the serial lines when nothing is paced.
+const FREE_SLICE: Tick = 5 * TICKS_PER_MS;
+/// Real time between two looks at the serial lines when it is.
+const PACED_SLICE: Duration = Duration::from_millis(1);
+/// What may wait on the wire to a unit before its client is left to wait itself.
+const WIRE: usize = 512;
+
+#[derive(Debug, Error)]
+pub enum FleetError {
+    #[error("unit {serial}: {fault}")]
+    Fault { serial: u32, fault: Fault },
+    #[error("unit {serial}: its flash can't be kept in --state: {source}")]
+    Store { serial: u32, source: io::Error },
+}
+
+/// What a unit's serial line ends in.
+pub enum Peer {
+    Line(Line),
+    Host(Host),
+}
+
+pub struct Member {
+    pub serial: u32,
+    pub unit: Unit,
+    pub peer: Peer,
+    pub store: Option<FlashStore>,
+}
+
+/// How long to run, and how fast.
+pub struct Schedule {
+    pub speed: Speed,
+    pub end: Option<Tick>,
+}
+
+impl Schedule {
+    fn slice(&self) -> Tick {
+        match self.speed {
+            Speed::Max => FREE_SLICE,
+            Speed::Times(times) => from_seconds(times * PACED_SLICE.as_secs_f64()).clamp(1, 4 * FREE_SLICE),
+        }
+    }
+}
+
+/// Runs the fleet until its end or until `stop`; gives the simulated time that has passed.
+///
+/// # Errors
+/// A [`FleetError`] for the first unit that fails.
+pub fn run(fleet: &mut [Member], schedule: &Schedule, stop: &AtomicBool) -> Result<Tick, FleetError> {
+    let began = Instant::now();
+    let mut now = 0;
+    while !stop.load(Ordering::Relaxed) && schedule.end.is_none_or(|end| now < end) {
+        now = (now + schedule.slice()).min(schedule.end.unwrap_or(Tick::MAX));
+        for member in fleet.iter_mut() {
+            member.run_until(now)?;
+        }
+        if let Speed::Times(times) = schedule.speed {
+            let due = began + Duration::from_secs_f64(to_seconds(now) / times);
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        }
+    }
+    Ok(now)
+}
+
+impl Member {
+    fn run_until(&mut self, end: Tick) -> Result<(), FleetError> {
+        let serial = self.serial;
+        self.unit.run_until(end).map_err(|fault| FleetError::Fault { serial, fault })?;
+        if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
+            store.save(flash).map_err(|source| FleetError::Store { serial, source })?;
+        }
+        self.exchange();
+        Ok(())
+    }
+
+    fn exchange(&mut self) {
+        match &mut self.peer {
+            Peer::Line(line) => {
+                let mut buffer = [0; WIRE];
+                let room = WIRE - self.unit.incoming_len().min(WIRE);
+                let received = line.exchange(self.unit.sent(), &mut buffer[..room]);
+                self.unit.sent().clear();
+                if received > 0 {
+                    self.unit.feed(&buffer[..received]);
+                }
+            }
+            Peer::Host(host) => {
+                if !self.unit.sent().is_empty() {
+                    let answer = host.answer(self.unit.sent());
+                    self.unit.sent().clear();
+                    self.unit.feed(&answer);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! The sensor of a room's units: its noise, its faults, its lobe.
+
+use serde::Deserialize;
+
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sensor {
+    pub range_bias_m: f64,
+    pub range_sigma_m: f64,
+    /// Half the beam's width, linear between the given ranges and constant beyond them.
+    pub lobe: Vec<LobePoint>,
+    /// An echo found one or two cycles of 40 kHz late.
+    pub late_echo_probability: f64,
+    /// An echo that is not heard.
+    pub lost_echo_probability: f64,
+    /// A range from nowhere in place of the reading.
+    pub false_echo_probability: f64,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LobePoint {
+    pub range_m: f64,
+    pub half_angle_deg: f64,
+}
+
+impl Default for Sensor {
+    /// No noise, and the HC-SR04's lobe as measured by many: wide close by, 9 to 10 deg from 0.5 to 1.5 m.
+    fn default() -> Self {
+        let lobe = [(0.3, 20.0), (0.5, 10.0), (1.5, 9.0), (4.0, 6.0)];
+        Self {
+            range_bias_m: 0.0,
+            range_sigma_m: 0.0,
+            lobe: lobe.map(|(range_m, half_angle_deg)| LobePoint { range_m, half_angle_deg }).to_vec(),
+            late_echo_probability: 0.0,
+            lost_echo_probability: 0.0,
+            false_echo_probability: 0.0,
+        }
+    }
+}
+
+impl Sensor {
+    /// Half the beam's width at a range.
+    pub fn half_beam_rad(&self, range_m: f64) -> f64 {
+        let after = self.lobe.partition_point(|point| point.range_m <= range_m);
+        let near = self.lobe[after.saturating_sub(1)];
+        let far = self.lobe[after.min(self.lobe.len() - 1)];
+        let span = far.range_m - near.range_m;
+        let share = if span > 0.0 { ((range_m - near.range_m) / span).clamp(0.0, 1.0) } else { 0.0 };
+        (near.half_angle_deg + share * (far.half_angle_deg - near.half_angle_deg)).to_radians()
+    }
+
+    /// The first thing wrong: field and problem.
+    pub fn problem(&self) -> Option<(&'static str, &'static str)> {
+        let probabilities =
+            [self.late_echo_probability, self.lost_echo_probability, self.false_echo_probability];
+        if self.lobe.is_empty() || !self.lobe.is_sorted_by(|a, b| a.range_m < b.range_m) {
+            return Some(("sensor.lobe", "must have rising range_m"));
+        }
+        if !probabilities.iter().all(|probability| (0.0..=1.0).contains(probability)) {
+            return Some(("sensor", "has a probability outside 0 to 1"));
+        }
+        (self.range_sigma_m < 0.0).then_some(("sensor.range_sigma_m", "is negative"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_lobe_is_20_deg_close_by_and_9_to_10_deg_from_half_a_metre_on() {
+        let sensor = Sensor::default();
+        for (range_m, half_deg) in [(0.1, 20.0), (0.5, 10.0), (1.0, 9.5), (1.5, 9.0), (9.0, 6.0)] {
+            assert!((sensor.half_beam_rad(range_m).to_degrees() - half_deg).abs() < 1e-9, "{range_m}");
+        }
+    }
+
+    #[test]
+    fn a_probability_above_1_is_refused() {
+        let sensor = Sensor { lost_echo_probability: 1.5, ..Sensor::default() };
+        assert!(sensor.problem().is_some());
+    }
+}

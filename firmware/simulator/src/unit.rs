@@ -1,0 +1,256 @@
+//! A scanner unit: chip, CPU and world, run from event to event.
+
+use crate::chip::Chip;
+use crate::chip::flash::{FLASH_SIZE, Flash};
+use crate::chip::interrupts::vector;
+use crate::chip::memory::XRAM_SIZE;
+use crate::chip::reset::Cause;
+use crate::cpu::Cpu;
+use crate::fault::{Fault, Violation};
+use crate::time::Tick;
+use crate::world::{ECHO, World};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+pub struct Unit {
+    cpu: Cpu,
+    chip: Chip,
+    world: World,
+    rng: ChaCha8Rng,
+    next_event: Tick,
+    /// An interrupt may be waiting: something has changed since the last look.
+    look_for_interrupt: bool,
+    /// RETI and writes to the interrupt registers let one more instruction run.
+    one_more: bool,
+    /// The last instruction that accessed a register.
+    accessed_at: u16,
+    instructions: u64,
+    resets: u32,
+}
+
+impl Unit {
+    /// A unit at power-up, with arbitrary contents in its memories.
+    pub fn power_up(flash: Box<[u8; FLASH_SIZE]>, world: World, seed: u64) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut xram = Box::new([0; XRAM_SIZE]);
+        rng.fill_bytes(xram.as_mut_slice());
+        let cpu = Cpu::new(noise(&mut rng));
+        let mut chip = Chip::new(Flash::new(flash), xram);
+        chip.ports.pulls = world.pulls();
+        Self {
+            cpu,
+            chip,
+            world,
+            rng,
+            next_event: 0,
+            look_for_interrupt: true,
+            one_more: false,
+            accessed_at: 0,
+            instructions: 0,
+            resets: 0,
+        }
+    }
+
+    /// Instructions run since power-up.
+    pub fn instructions(&self) -> u64 {
+        self.instructions
+    }
+
+    /// Resets since power-up.
+    pub fn resets(&self) -> u32 {
+        self.resets
+    }
+
+    pub fn path_is_done(&self) -> bool {
+        self.world.path_is_done()
+    }
+
+    /// The flash memory, if it has changed since this was last asked.
+    pub fn changed_flash(&mut self) -> Option<&[u8; FLASH_SIZE]> {
+        std::mem::take(&mut self.chip.flash.changed).then(|| self.chip.flash.bytes())
+    }
+
+    /// What the unit has sent since it was last cleared.
+    pub fn sent(&mut self) -> &mut Vec<u8> {
+        &mut self.chip.uart.outgoing
+    }
+
+    /// Puts bytes on the wire to the unit.
+    pub fn feed(&mut self, bytes: &[u8]) {
+        self.chip.uart.feed(bytes, self.chip.now);
+        self.next_event = 0;
+    }
+
+    /// How many bytes are on the wire to the unit.
+    pub fn incoming_len(&self) -> usize {
+        self.chip.uart.incoming_len()
+    }
+
+    /// Runs until the simulated time `end`, or an instruction past it.
+    ///
+    /// # Errors
+    /// A [`Fault`] if the firmware does what the chip forbids or what is not modelled.
+    pub fn run_until(&mut self, end: Tick) -> Result<(), Fault> {
+        while self.chip.now < end {
+            self.advance(end).map_err(|violation| Fault {
+                violation,
+                pc: self.accessed_at,
+                tick: self.chip.now,
+            })?;
+        }
+        Ok(())
+    }
+
+    fn advance(&mut self, end: Tick) -> Result<(), Violation> {
+        if self.chip.now >= self.next_event {
+            self.service()?;
+        }
+        if self.chip.now < self.chip.stalled_until {
+            self.skip_to(self.chip.stalled_until.min(end));
+            return Ok(());
+        }
+        if self.look_for_interrupt && !std::mem::take(&mut self.one_more) {
+            self.look_for_interrupt = false;
+            if let Some(interrupt) = self.chip.interrupts.select(self.chip.pending()) {
+                self.chip.wake();
+                self.chip.enter_interrupt(interrupt);
+                let clocks = self.cpu.interrupt(vector(interrupt));
+                self.chip.now += clocks * self.chip.ticks_per_sysclk();
+                return self.after_access();
+            }
+        }
+        if self.chip.idle {
+            self.skip_to(end);
+            return Ok(());
+        }
+        self.execute(end)
+    }
+
+    /// Runs instructions until one touches a register or something is due; only one if an interrupt must wait for it.
+    fn execute(&mut self, end: Tick) -> Result<(), Violation> {
+        let limit = self.next_event.min(end);
+        let ticks_per_sysclk = self.chip.ticks_per_sysclk();
+        loop {
+            let pc = self.cpu.pc();
+            self.chip.now += self.cpu.step(&mut self.chip) * ticks_per_sysclk;
+            self.instructions += 1;
+            if self.chip.touched.get() {
+                self.accessed_at = pc;
+                self.one_more = self.cpu.defers_interrupts();
+                return self.after_access();
+            }
+            if self.chip.now >= limit || self.look_for_interrupt {
+                return Ok(());
+            }
+        }
+    }
+
+    fn skip_to(&mut self, end: Tick) {
+        self.chip.now = self.next_event.min(end).max(self.chip.now);
+    }
+
+    /// Does what is due by now, in the world first: edges are captured at their own time.
+    fn service(&mut self) -> Result<(), Violation> {
+        while let Some(edge) = self.world.service(self.chip.now) {
+            for module in 0..5 {
+                if self.chip.ports.cex_pin(module) == Some(ECHO) {
+                    self.chip.pca.edge(usize::from(module), edge.rising, edge.at);
+                }
+            }
+        }
+        self.chip.ports.pulls = self.world.pulls();
+        self.chip.service();
+        self.after_access()
+    }
+
+    /// Registers were written or flags went up: pins, resets, interrupts and the next event may have changed.
+    fn after_access(&mut self) -> Result<(), Violation> {
+        self.chip.touched.set(false);
+        if let Some(violation) = self.chip.violation.take() {
+            return Err(violation);
+        }
+        if let Some(cause) = self.chip.reset_request {
+            self.reset(cause);
+        }
+        self.world.watch(&self.chip.ports, self.chip.now)?;
+        self.chip.ports.pulls = self.world.pulls();
+        self.look_for_interrupt = true;
+        self.next_event = self.chip.next_event().min(self.world.next_event());
+        Ok(())
+    }
+
+    fn reset(&mut self, cause: Cause) {
+        self.resets += 1;
+        if cause == Cause::PowerUp {
+            self.rng.fill_bytes(self.chip.xram.as_mut_slice());
+            self.cpu = Cpu::new(noise(&mut self.rng));
+        } else {
+            self.cpu.reset();
+        }
+        self.chip.reset(cause);
+    }
+}
+
+fn noise(rng: &mut ChaCha8Rng) -> [u8; 256] {
+    let mut bytes = [0; 256];
+    rng.fill_bytes(&mut bytes);
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::echo::Scene;
+    use crate::image::{erased, flash_firmware};
+    use crate::room::Room;
+    use std::rc::Rc;
+
+    const TICKS_PER_CLOCK: Tick = 32;
+
+    /// A unit that runs from address 0 at the clock of reset, behind it nothing but NOPs.
+    fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
+        let room = Room::parse("x", "name = 'x'\n[unit]\nposition_m = [0.0, 0.0]\n").unwrap();
+        let mut flash = erased();
+        flash.fill(0);
+        flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
+        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 1, 1), 1)
+    }
+
+    #[test]
+    fn one_instruction_runs_between_two_runs_of_a_routine_that_leaves_its_flag_up() {
+        // ANL PCA0MD,#0xBF; MOV TMR2CN,#0x80; MOV IE,#0xA0
+        let mut unit = unit(&[0x53, 0xD9, 0xBF, 0x75, 0xC8, 0x80, 0x75, 0xA8, 0xA0], &[0x32]);
+        let start_up = 3 + 3 + 3;
+        let (entry, reti, nop) = (6, 6, 1);
+        unit.run_until((start_up + 100 * (nop + entry + reti)) * TICKS_PER_CLOCK).unwrap();
+        assert_eq!(unit.instructions(), 3 + 200);
+    }
+
+    #[test]
+    fn a_sleeping_chip_wakes_at_the_exact_tick_of_its_timer() {
+        // ANL PCA0MD,#0xBF; MOV TMR2CN,#0x04; MOV IE,#0xA0; ORL PCON,#1; at the vector MOV P1,#0; NOPs
+        let program = [0x53, 0xD9, 0xBF, 0x75, 0xC8, 0x04, 0x75, 0xA8, 0xA0, 0x43, 0x87, 0x01];
+        let mut unit = unit(&program, &[0x75, 0x90, 0x00]);
+        let overflow = 0x1_0000 * 12 * TICKS_PER_CLOCK;
+        unit.run_until(overflow + 5 * TICKS_PER_CLOCK).unwrap();
+        assert_eq!(unit.instructions(), 4);
+        unit.run_until(overflow + 7 * TICKS_PER_CLOCK).unwrap();
+        assert_eq!(unit.instructions(), 5);
+    }
+
+    #[test]
+    fn a_fault_names_the_instruction() {
+        // NOP; NOP; MOV A,ADC0H
+        let fault = unit(&[0x00, 0x00, 0xE5, 0xBE], &[]).run_until(1000 * TICKS_PER_CLOCK).unwrap_err();
+        assert_eq!(fault.pc, 2);
+        assert!(fault.to_string().starts_with("SFR 0xBE read is not modelled (PC 0x0002"), "{fault}");
+    }
+
+    #[test]
+    fn running_into_the_reserved_area_resets_the_chip() {
+        // ANL PCA0MD,#0xBF; LJMP 0xFC00
+        let mut unit = unit(&[0x53, 0xD9, 0xBF, 0x02, 0xFC, 0x00], &[]);
+        unit.run_until(100 * TICKS_PER_CLOCK).unwrap();
+        assert!(unit.resets() > 1);
+    }
+}
