@@ -1,0 +1,1 @@
+"""Sweeps to contours, logged to Rerun."""

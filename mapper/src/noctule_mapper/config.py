@@ -1,0 +1,148 @@
+"""Every parameter of the mapper, its unit in its name: nested, frozen models that a caller may load from any file."""
+
+import math
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Method = Literal["eht-lsm", "refined"]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class SensorConfig(_Model):
+    """What stands in where a sweep tells nothing of its sensor: the HC-SR04 of Liu et al. 2019, II.A and V.A."""
+
+    beam_width_rad: float = Field(default=math.radians(22.5), gt=0, le=math.pi)  # full width
+    range_bias_m: float = 0.0023
+    range_sigma_m: float | None = Field(default=None, gt=0)  # None: estimated from the survey
+    shortest_range_m: float = Field(default=0.02, ge=0)
+    longest_range_m: float = Field(default=4.0, gt=0)
+    air_temperature_c: float = 20.0
+
+
+class NoiseConfig(_Model):
+    """How the spread of the ranges is estimated where nobody has calibrated it."""
+
+    assumed_sigma_m: float = Field(
+        default=0.0032, gt=0
+    )  # the paper's, for contacts and grid, and until there are echoes to tell
+    least_sigma_m: float = Field(default=0.001, gt=0)
+    most_sigma_m: float = Field(default=0.06, gt=0)
+    baseline_edges_m: tuple[float, ...] = (
+        0.08,
+        0.45,
+        0.9,
+        1.6,
+        2.5,
+    )  # triples are taken with neighbours in each of these bands
+    widest_deviation_m: float = Field(default=0.2, gt=0)  # a triple that fails Eq. 1 by more tells nothing
+    least_triples: int = Field(default=20, ge=3)
+
+
+class ContactConfig(_Model):
+    """Which readings are matched, and the accumulator in which each finds its contact."""
+
+    shortest_baseline_m: float = Field(default=0.1, gt=0)
+    longest_baseline_m: float = Field(default=1.3, gt=0)
+    partners: int = Field(default=16, ge=2)  # sweeps that a new one is matched with, at most
+    beam_slack_rad: float = Field(default=math.radians(2.0), ge=0)
+    direction_bins: int = Field(default=20, ge=4)  # across the beam
+    curvature_bins: int = Field(default=9, ge=3)  # from a wall to a point
+    least_votes: float = Field(default=1.6, gt=0)  # two other sweeps that agree, less their interpolation loss
+    simpler_kind_share: float = Field(default=0.85, gt=0, le=1)  # of the best tangent circle's votes
+
+
+class GridConfig(_Model):
+    """The reliability grid."""
+
+    cell_m: float = Field(default=0.02, gt=0)
+    tile_cells: int = Field(default=64, ge=8)
+    nodes: int = Field(default=12, ge=8, le=32)  # of the fusion integral, per cell
+    epsilon_sigmas: float = Field(default=2.0, gt=0)  # the paper's eps, in sigmas of a range
+    most_occupied: float = Field(default=0.9, gt=0, lt=1)  # one contact's belief at its very point
+    most_free: float = Field(default=0.3, ge=0, lt=1)  # one reading's belief in the space before its arc
+
+
+class FeatureConfig(_Model):
+    """When a cluster of cells is a feature point."""
+
+    least_occupied: float = Field(default=0.25, gt=0, lt=1)
+    block_m: float = Field(
+        default=0.2, gt=0
+    )  # a longer cluster is cut into blocks of this size, each with its own point
+
+
+class WallConfig(_Model):
+    """The extended Hough transform (Section IV.B-C)."""
+
+    theta_bin_rad: float = Field(default=math.radians(1.0), gt=0)
+    rho_bin_m: float = Field(default=0.01, gt=0)
+    deviation_sigmas: float = Field(default=5.0, gt=0)  # Eq. 15, with the calibrated sigma
+    least_points: int = Field(default=3, ge=2)
+
+
+class CylinderConfig(_Model):
+    """The RANSAC Hough transform for circles (Section IV.D.1)."""
+
+    trials: int = Field(default=400, ge=1)
+    seed: int = 1
+    sectors: int = Field(default=16, ge=4)
+    ring_sigmas: float = Field(default=5.0, gt=0)
+    smallest_radius_m: float = Field(default=0.02, gt=0)
+    largest_radius_m: float = Field(default=1.0, gt=0)
+    least_points: int = Field(default=5, ge=3)
+    finalists: int = Field(default=10, ge=1)
+
+
+class RefinementConfig(_Model):
+    """Model selection and the joint fit on the raw ranges."""
+
+    wall_price_nats: float = 16.0
+    point_price_nats: float = 16.0
+    cylinder_price_nats: float = 24.0
+    contradiction_price_nats: float = 3.0  # an echo from behind the object, well inside beam and extent
+    gate_sigmas: float = Field(
+        default=4.0, gt=0
+    )  # an echo comes from behind when its range is longer by this and behind_m
+    behind_m: float = Field(default=0.05, gt=0)
+    beam_slack_rad: float = Field(default=math.radians(2.0), ge=0)
+    same_place_m: float = Field(
+        default=0.08, gt=0
+    )  # echoes in one direction from one place count as one when objects are weighed
+    cylinder_reach_m: float = Field(default=1.5, gt=0)  # beyond it a cylinder's silence proves nothing
+    longest_hole_m: float = Field(default=1.2, gt=0)  # in a wall, between two of its feet
+    short_wall_m: float = Field(default=0.35, gt=0)  # a wall seen along less than this
+    short_wall_places: int = Field(default=6, ge=3)  # must be heard from so many places, lest it be a corner's echoes
+    least_places: int = Field(default=3, ge=3)  # from which an object must be heard
+    growth_m: float = Field(default=0.4, ge=0)  # a wall may win echoes this far beyond what has been seen of it
+    overshoot_m: float = Field(default=0.4, ge=0)  # feet of a corner's echoes look like the wall's beyond its end
+    longest_gap_m: float = Field(default=2.0, gt=0)  # between a wall's last foot and its corner
+    heard_through_price_m: float = Field(
+        default=0.7, ge=0
+    )  # an echo from behind a stretch makes the gap that much longer
+    least_crossing_sine: float = Field(default=0.04, gt=0)
+    most_theta_sigma_rad: float = Field(default=math.radians(1.5), gt=0)
+    least_radius_sigmas: float = Field(default=5.0, gt=0)  # a cylinder's radius against its error, lest it be a corner
+    most_cylinder_sigma_m: float = Field(default=0.05, gt=0)
+    most_corner_sigma_m: float = Field(default=0.04, gt=0)
+    most_pair_echoes: int = Field(default=400, ge=1)
+    most_pairs: int = Field(default=1500, ge=1)
+    most_triples: int = Field(default=4000, ge=1)
+    rounds: int = Field(default=6, ge=1)
+
+
+class MapperConfig(_Model):
+    """All of it."""
+
+    method: Method = "refined"
+    sensor: SensorConfig = SensorConfig()
+    noise: NoiseConfig = NoiseConfig()
+    contacts: ContactConfig = ContactConfig()
+    grid: GridConfig = GridConfig()
+    features: FeatureConfig = FeatureConfig()
+    walls: WallConfig = WallConfig()
+    cylinders: CylinderConfig = CylinderConfig()
+    refinement: RefinementConfig = RefinementConfig()

@@ -1,0 +1,139 @@
+"""Contacts: where each reading touched its reflector, found with the readings near it.
+
+Two readings with a common reflector have a common tangent circle: of radius infinity on a wall, of its own radius on a
+cylinder, of none in a corner or at an edge (Liu et al. 2019, Section II.B, taken from three collinear positions to any
+number anywhere). With s = 1 / (r + R_i) for the circle's curvature as reading i sees it, d = p_i - p_j, and n the
+direction from p_i to the contact, tangency to both arcs is
+
+    2 n . d + 2 (R_i - R_j) + s (|d|^2 - (R_i - R_j)^2) = 0
+
+which for every s gives n up to a mirror image. So each other reading votes along a curve in the (direction, curvature)
+plane of reading i, as far as the contact lies inside both beams, and the curves of those that share the reflector cross
+in one point.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from noctule_mapper.config import ContactConfig
+from noctule_mapper.echoes import Echoes
+
+
+class Kind(IntEnum):
+    """What a contact touched."""
+
+    NONE = 0
+    WALL = 1
+    CYLINDER = 2
+    CORNER = 3
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """The contact of each echo, (n,): direction from the sensor, curvature 1 / (r + R), kind (NONE where too few
+    agree), votes.
+    """
+
+    direction_rad: np.ndarray
+    curvature_per_m: np.ndarray
+    kind: np.ndarray
+    votes: np.ndarray
+
+    def take(self, index: np.ndarray | slice) -> "Contacts":
+        """The contacts at ``index`` (numbers, a mask or a slice)."""
+        return Contacts(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+
+
+def join_contacts(parts: Sequence[Contacts]) -> Contacts:
+    """Several sets of contacts as one, in their order."""
+    parts = parts or [Contacts(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0))]
+    return Contacts(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Contacts.__dataclass_fields__}
+    )
+
+
+def reference_range_m(first_m: float, third_m: float, d12_m: float, d13_m: float) -> float:
+    """Eq. 1 with its bracket put right: the range R2d that a wall would give at position 2, between collinear positions
+    1 and 3.
+    """
+    return first_m + (third_m - first_m) * d12_m / d13_m
+
+
+def is_wall(first_m: float, second_m: float, third_m: float, d12_m: float, d13_m: float, threshold_m: float) -> bool:
+    """Eq. 2: whether three ranges from collinear positions touch a common line, to within the threshold Th."""
+    return abs(reference_range_m(first_m, third_m, d12_m, d13_m) - second_m) < threshold_m
+
+
+def votes(echoes: Echoes, others: Echoes, config: ContactConfig) -> np.ndarray:
+    """Accumulators of ``echoes``, (n, direction_bins, curvature_bins), with the votes of ``others`` (m,) from other
+    sweeps.
+
+    Curvature bin 0 is a wall, the last one a point at the reading's own range; directions run evenly over beam and
+    slack.
+    """
+    relative = np.linspace(0, 1, config.curvature_bins)
+    dx, dy = (a[:, None] - b[None, :] for a, b in ((echoes.x_m, others.x_m), (echoes.y_m, others.y_m)))
+    baseline = np.hypot(dx, dy)
+    longer = echoes.range_m[:, None] - others.range_m[None, :]
+    i, j = np.nonzero(
+        (baseline >= config.shortest_baseline_m)
+        & (baseline <= config.longest_baseline_m)
+        & (np.abs(longer) <= baseline)
+    )
+    dx, dy, baseline, longer = (a[i, j][:, None] for a in (dx, dy, baseline, longer))
+    curvature = relative / echoes.range_m[i, None]
+    cosine = -(longer + curvature * (baseline**2 - longer**2) / 2) / baseline
+    turn = np.arccos(np.clip(cosine, -1, 1))
+    sigma_rad = np.hypot(echoes.sigma_m[i], others.sigma_m[j])[:, None] / (baseline * np.maximum(np.sin(turn), 0.05))
+    bin_rad = 2 * (echoes.half_beam_rad[i, None] + config.beam_slack_rad) / config.direction_bins
+    weight = 1 / np.sqrt(1 + (sigma_rad / bin_rad) ** 2)
+    total = np.zeros((len(echoes), config.direction_bins, config.curvature_bins))
+    for side in (1, -1):
+        direction = np.arctan2(dy, dx) + side * turn
+        seen_x, seen_y = np.cos(direction), np.sin(direction)
+        other_direction = np.arctan2(curvature * dy + seen_y, curvature * dx + seen_x)
+        shared = (np.abs(cosine) <= 1) & (
+            np.abs(wrapped(other_direction - others.axis_rad[j, None]))
+            <= others.half_beam_rad[j, None] + config.beam_slack_rad
+        )
+        position = wrapped(direction - echoes.axis_rad[i, None]) / bin_rad + (config.direction_bins - 1) / 2
+        lower = np.floor(position).astype(int)
+        for bin_, share in ((lower, lower + 1 - position), (lower + 1, position - lower)):
+            pair, column = np.nonzero(shared & (bin_ >= 0) & (bin_ < config.direction_bins))
+            np.add.at(total, (i[pair], bin_[pair, column], column), (weight * share)[pair, column])
+    return total
+
+
+def contacts(echoes: Echoes, accumulators: np.ndarray, config: ContactConfig) -> Contacts:
+    """Read the accumulators, (n, directions, curvatures): the simplest kind that explains nearly all the votes of the
+    best circle.
+
+    A wall is simpler than a corner, a corner simpler than a cylinder: it has one radius to choose. What the votes can't
+    tell apart, because their baselines are short against the noise, is so left with the simpler kind.
+    """
+    by_curvature = accumulators.max(axis=1)
+    best = by_curvature.max(axis=1)
+    wall, corner = (by_curvature[:, k] >= config.simpler_kind_share * best for k in (0, -1))
+    column = np.where(wall, 0, np.where(corner, accumulators.shape[2] - 1, by_curvature.argmax(axis=1)))
+    kind = np.where(wall, Kind.WALL, np.where(corner, Kind.CORNER, Kind.CYLINDER))
+    chosen = np.take_along_axis(accumulators, column[:, None, None], axis=2)[:, :, 0]
+    peak = chosen.argmax(axis=1)
+    bins = np.arange(chosen.shape[1])
+    near = np.where(np.abs(bins - peak[:, None]) <= 1, chosen, 0)
+    centre = (near * bins).sum(axis=1) / np.maximum(near.sum(axis=1), 1e-12)
+    bin_rad = 2 * (echoes.half_beam_rad + config.beam_slack_rad) / chosen.shape[1]
+    count = near.sum(axis=1)
+    return Contacts(
+        direction_rad=echoes.axis_rad + (centre - (chosen.shape[1] - 1) / 2) * bin_rad,
+        curvature_per_m=column / (accumulators.shape[2] - 1) / echoes.range_m,
+        kind=np.where(count >= config.least_votes, kind, Kind.NONE),
+        votes=count,
+    )
+
+
+def wrapped(angle_rad: np.ndarray) -> np.ndarray:
+    """The same angle within -pi to pi."""
+    return (angle_rad + np.pi) % (2 * np.pi) - np.pi

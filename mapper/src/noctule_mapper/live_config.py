@@ -1,0 +1,81 @@
+"""The parameters of the live mapper, and the TOML files that people write them in."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from noctule.errors import NoctuleError
+from noctule_mapper.config import MapperConfig, SensorConfig
+
+_M = TypeVar("_M", bound=BaseModel)
+
+
+class ConfigFileError(NoctuleError):
+    """A file of parameters that can't be used; the message names the file, the field and what is wrong."""
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Window(_Model):
+    """Which sweeps the map rests on: what is too old, superseded or too many is taken out again."""
+
+    max_age_s: float = Field(default=86_400.0, gt=0)  # against the newest sweep
+    max_sweeps: int = Field(default=1_000, ge=1)
+    sweeps_per_place: int = Field(default=2, ge=1)  # one in each direction of the stepper
+    place_size_m: float = Field(default=0.05, gt=0)
+    place_heading_rad: float = Field(default=math.radians(15.0), gt=0)
+
+
+class Pace(_Model):
+    """How often the contour is fitted again."""
+
+    shortest_interval_s: float = Field(default=1.0, ge=0)
+    most_time_share: float = Field(default=0.5, gt=0, le=1)  # of one processor
+
+
+class LiveConfig(_Model):
+    """All of it, and the mapper's own."""
+
+    window: Window = Window()
+    pace: Pace = Pace()
+    mapper: MapperConfig = MapperConfig()
+
+
+def load_live(path: Path) -> LiveConfig:
+    """Parameters from tables [window], [pace] and [mapper...], each with its default. Raises ConfigFileError."""
+    return _validated(path, LiveConfig, _read(path))
+
+
+def load_sensor(path: Path) -> SensorConfig:
+    """A sensor's calibration from top-level fields, its beam in rad or deg. Raises ConfigFileError."""
+    fields = _read(path)
+    if "beam_width_deg" in fields:
+        if "beam_width_rad" in fields:
+            raise ConfigFileError(f"{path}: beam_width_deg and beam_width_rad are one quantity: keep one of them")
+        width_deg = fields.pop("beam_width_deg")
+        if not isinstance(width_deg, int | float):
+            raise ConfigFileError(f"{path}: beam_width_deg should be a number, not {width_deg!r}")
+        fields["beam_width_rad"] = math.radians(width_deg)
+    return _validated(path, SensorConfig, fields)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigFileError(f"{path} can't be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigFileError(f"{path} is not TOML: {error}") from error
+
+
+def _validated(path: Path, model: type[_M], fields: dict[str, Any]) -> _M:
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        raise ConfigFileError(f"{path}: {wrong}") from error

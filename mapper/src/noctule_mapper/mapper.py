@@ -1,0 +1,71 @@
+"""The mapper: the algorithm from sweep to contour, one line per stage.
+
+sensor model -> contacts -> belief fusion on a sparse grid -> features -> walls, cylinders -> contour -> refinement
+"""
+
+from dataclasses import replace
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.contact_book import ContactBook, ContactChange
+from noctule_mapper.echoes import echoes_of
+from noctule_mapper.eht_lsm import eht_lsm
+from noctule_mapper.estimate import Contour
+from noctule_mapper.features import FeaturePoints, feature_points
+from noctule_mapper.grid import Grid
+from noctule_mapper.refinement import refine
+from noctule_mapper.regions import contact_regions, free_space
+from noctule_mapper.sweep import SweepReadings
+
+
+class Mapper:
+    """Sweeps of one site in, its contour out. A sweep costs the same however large the map; a contour costs what the
+    map holds.
+    """
+
+    def __init__(self, config: MapperConfig | None = None) -> None:
+        self.config = config or MapperConfig()
+        self.grid = Grid(self.config.grid)
+        self._contacts = ContactBook(self.config.contacts)
+        self._sweeps: dict[tuple[str, int], SweepReadings] = {}
+        self._registered = 0
+
+    def register_sweep(self, sweep: SweepReadings) -> None:
+        """Put a sweep on the map; one that is there already changes nothing."""
+        if sweep.identity in self._sweeps:
+            return
+        self._sweeps[sweep.identity] = sweep
+        self._registered += 1
+        echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
+        self.grid.add_free(*free_space(sweep, self.config.grid))
+        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))
+
+    def remove_sweep(self, identity: tuple[str, int]) -> None:
+        """Take a sweep off the map; one that is not there changes nothing."""
+        sweep = self._sweeps.pop(identity, None)
+        if sweep is not None:
+            self.grid.add_free(*free_space(sweep, self.config.grid), sign=-1)
+            self._update(self._contacts.remove(identity))
+
+    @property
+    def feature_points(self) -> FeaturePoints:
+        """Where reflectors were touched, from the grid as it is."""
+        return feature_points(
+            self.grid.tiles(), self._contacts.echoes(), self._contacts.contacts(), self.config.features
+        )
+
+    def contour(self) -> Contour:
+        """The contour of all sweeps on the map, by the method that the configuration names."""
+        echoes, contacts = self._contacts.echoes(), self._contacts.contacts()
+        if not len(echoes):
+            contour = Contour()
+        elif self.config.method == "eht-lsm":
+            contour = eht_lsm(self.feature_points, echoes, self.config)
+        else:
+            contour = refine(echoes, contacts, self.config)
+        newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
+        return replace(contour, sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
+
+    def _update(self, change: ContactChange) -> None:
+        """Change the evidence of every reading whose contact a sweep's coming or going has moved."""
+        self.grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
+        self.grid.add(contact_regions(change.echoes, change.after, self.config.grid))

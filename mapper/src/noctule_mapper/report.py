@@ -1,0 +1,108 @@
+"""The estimate as messages: Contour, Features and GridTile."""
+
+import math
+
+import numpy as np
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from noctule import messages_pb2
+from noctule_mapper.contacts import Kind
+from noctule_mapper.estimate import Contour, Wall
+from noctule_mapper.features import FeaturePoints
+from noctule_mapper.grid import GridTile
+
+_KINDS = {
+    Kind.WALL: messages_pb2.CONTACT_KIND_WALL,
+    Kind.CYLINDER: messages_pb2.CONTACT_KIND_CYLINDER,
+    Kind.CORNER: messages_pb2.CONTACT_KIND_CORNER,
+}
+
+
+def contour_message(contour: Contour, site: str, mapper: str = "", version: int = 0) -> messages_pb2.Contour:
+    """``contour`` as the message that goes on the bus and into files."""
+    return messages_pb2.Contour(
+        site=site,
+        mapper=mapper,
+        version=version,
+        time=timestamp(contour.time_s),
+        method=contour.method,
+        sweeps=contour.sweeps,
+        walls=[_wall(wall) for wall in contour.walls],
+        corners=[
+            messages_pb2.Corner(
+                x_m=corner.x_m, y_m=corner.y_m, covariance=corner.covariance.ravel(), walls=corner.walls
+            )
+            for corner in contour.corners
+        ],
+        cylinders=[
+            messages_pb2.Cylinder(
+                x_m=cylinder.x_m,
+                y_m=cylinder.y_m,
+                radius_m=cylinder.radius_m,
+                covariance=cylinder.covariance.ravel(),
+                readings=cylinder.readings,
+            )
+            for cylinder in contour.cylinders
+        ],
+    )
+
+
+def _wall(wall: Wall) -> messages_pb2.Wall:
+    """``wall`` with theta in 0 to pi, as in the paper's Table I; on which side the room is, start and end tell."""
+    turns = math.floor(wall.theta_rad / math.pi)
+    sign = -1 if turns % 2 else 1
+    mirror = np.array([[1, sign], [sign, 1]])
+    return messages_pb2.Wall(
+        theta_rad=wall.theta_rad - turns * math.pi,
+        rho_m=sign * wall.rho_m,
+        start=messages_pb2.Point(x_m=wall.start[0], y_m=wall.start[1]),
+        end=messages_pb2.Point(x_m=wall.end[0], y_m=wall.end[1]),
+        covariance=(mirror * wall.covariance).ravel(),
+        readings=wall.readings,
+    )
+
+
+def features_message(
+    points: FeaturePoints, site: str, mapper: str = "", version: int = 0, time_s: float = 0.0
+) -> messages_pb2.Features:
+    """Feature points as the message that goes on the bus."""
+    return messages_pb2.Features(
+        site=site,
+        mapper=mapper,
+        version=version,
+        time=timestamp(time_s),
+        points=[
+            messages_pb2.FeaturePoint(x_m=x, y_m=y, reliability=reliability, kind=_KINDS[Kind(kind)])
+            for x, y, reliability, kind in zip(points.x_m, points.y_m, points.reliability, points.kind, strict=True)
+        ],
+    )
+
+
+def tile_message(tile: GridTile, site: str, mapper: str = "", time_s: float = 0.0) -> messages_pb2.GridTile:
+    """A tile of the reliability grid as the message that goes on the bus, beliefs in 1/255."""
+    rows, columns = tile.occupied.shape
+    return messages_pb2.GridTile(
+        site=site,
+        mapper=mapper,
+        time=timestamp(time_s),
+        tile_x=tile.tile_x,
+        tile_y=tile.tile_y,
+        x_m=tile.x_m,
+        y_m=tile.y_m,
+        cell_m=tile.cell_m,
+        columns=columns,
+        rows=rows,
+        occupied=_bytes(tile.occupied),
+        free=_bytes(tile.free),
+    )
+
+
+def timestamp(time_s: float) -> Timestamp:
+    """Seconds since 1970 UTC as a Timestamp."""
+    stamp = Timestamp()
+    stamp.FromNanoseconds(round(time_s * 1e9))
+    return stamp
+
+
+def _bytes(belief: np.ndarray) -> bytes:
+    return np.rint(np.clip(belief, 0, 1) * 255).astype(np.uint8).tobytes()

@@ -1,0 +1,154 @@
+"""The mapper's memory: the sweeps of its window and how far it has read each unit's log, in one SQLite file."""
+
+import sqlite3
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import tau
+from pathlib import Path
+
+from noctule.errors import NoctuleError
+from noctule.messages_pb2 import Cursor, Sweep
+from noctule_mapper.live_config import Window
+from noctule_mapper.sweep import identity_of
+
+Identity = tuple[str, int]
+"""As from identity_of(); a log_id is drawn at random, so it names its unit too."""
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS sweep (
+    unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
+    start_ns INTEGER NOT NULL, place TEXT NOT NULL, record BLOB NOT NULL,
+    PRIMARY KEY (unit, log_id, log_sequence));
+CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
+CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (place, start_ns);
+CREATE TABLE IF NOT EXISTS cursor (unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL);
+INSERT INTO contour SELECT 0 WHERE NOT EXISTS (SELECT * FROM contour);
+"""
+_VERSION = 1
+
+_TOO_OLD = """
+DELETE FROM sweep WHERE start_ns < (SELECT max(start_ns) FROM sweep) - :max_age_ns RETURNING log_id, log_sequence
+"""
+_SUPERSEDED = """
+DELETE FROM sweep WHERE rowid IN (
+    SELECT rowid FROM sweep WHERE place = :place
+    ORDER BY start_ns DESC, log_id, log_sequence DESC LIMIT -1 OFFSET :sweeps_per_place)
+RETURNING log_id, log_sequence
+"""
+_TOO_MANY = """
+DELETE FROM sweep WHERE rowid IN (
+    SELECT rowid FROM sweep ORDER BY start_ns DESC, log_id, log_sequence DESC LIMIT -1 OFFSET :max_sweeps)
+RETURNING log_id, log_sequence
+"""
+
+
+class StoreError(NoctuleError):
+    """A store file that can't be used."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a commit did to the window."""
+
+    entered: tuple[Sweep, ...]
+    left: tuple[Identity, ...]
+
+
+class SweepStore:
+    """Sweeps of the window by identity, and a cursor per unit. Safe to use from several threads."""
+
+    def __init__(self, path: Path, window: Window) -> None:
+        """Open ``path`` or make it; raises StoreError if it is not a store of this version."""
+        self._window = window
+        self._lock = threading.Lock()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+            self._prepare(path)
+        except sqlite3.DatabaseError as error:
+            raise StoreError(
+                f"{path} can't be used as the mapper's store ({error}): move it away and start again"
+            ) from error
+
+    def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
+        """Take sweeps in and move the cursors in one transaction; a sweep that is already held changes nothing."""
+        with self._transaction() as database:
+            entered = {identity_of(sweep): sweep for sweep in sweeps if self._insert(database, sweep)}
+            database.executemany(
+                "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?)",
+                [(cursor.unit, cursor.log_id, cursor.log_sequence) for cursor in cursors],
+            )
+            left = self._shrink(database, {self._place(sweep) for sweep in entered.values()})
+        return Change(
+            entered=tuple(sweep for identity, sweep in entered.items() if identity not in left),
+            left=tuple(identity for identity in left if identity not in entered),
+        )
+
+    def sweeps(self) -> list[Sweep]:
+        """The sweeps of the window, oldest first."""
+        with self._transaction() as database:
+            rows = database.execute("SELECT record FROM sweep ORDER BY start_ns, log_id, log_sequence").fetchall()
+        return [Sweep.FromString(record) for (record,) in rows]
+
+    def cursors(self) -> dict[str, Cursor]:
+        """How far each unit's log has been read, by unit."""
+        with self._transaction() as database:
+            rows = database.execute("SELECT unit, log_id, log_sequence FROM cursor").fetchall()
+        return {unit: Cursor(unit=unit, log_id=log_id, log_sequence=sequence) for unit, log_id, sequence in rows}
+
+    def next_contour_version(self) -> int:
+        """A number that no contour of this store has borne yet, greater than all before it."""
+        with self._transaction() as database:
+            return database.execute("UPDATE contour SET version = version + 1 RETURNING version").fetchall()[0][0]
+
+    def close(self) -> None:
+        with self._lock:
+            self._database.close()
+
+    def _prepare(self, path: Path) -> None:
+        self._database.execute("PRAGMA journal_mode = WAL")
+        self._database.execute("PRAGMA synchronous = FULL")
+        (version,) = self._database.execute("PRAGMA user_version").fetchone()
+        if version not in (0, _VERSION):
+            raise StoreError(f"{path} has format {version}, this mapper reads {_VERSION}: move it away and start again")
+        self._database.executescript(_SCHEMA)
+        self._database.execute(f"PRAGMA user_version = {_VERSION}")
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        with self._lock:
+            self._database.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._database
+            except BaseException:
+                self._database.execute("ROLLBACK")
+                raise
+            self._database.execute("COMMIT")
+
+    def _insert(self, database: sqlite3.Connection, sweep: Sweep) -> bool:
+        row = (
+            sweep.unit,
+            *identity_of(sweep),
+            sweep.start.ToNanoseconds(),
+            self._place(sweep),
+            sweep.SerializeToString(),
+        )
+        return database.execute("INSERT OR IGNORE INTO sweep VALUES (?, ?, ?, ?, ?, ?)", row).rowcount == 1
+
+    def _shrink(self, database: sqlite3.Connection, places: set[str]) -> set[Identity]:
+        window = self._window
+        left = set(database.execute(_TOO_OLD, {"max_age_ns": int(window.max_age_s * 1e9)}).fetchall())
+        for place in places:
+            values = {"place": place, "sweeps_per_place": window.sweeps_per_place}
+            left.update(database.execute(_SUPERSEDED, values).fetchall())
+        left.update(database.execute(_TOO_MANY, {"max_sweeps": window.max_sweeps}).fetchall())
+        return left
+
+    def _place(self, sweep: Sweep) -> str:
+        size_m, turn_rad = self._window.place_size_m, self._window.place_heading_rad
+        pose = sweep.pose
+        turns = round(pose.heading_rad / turn_rad) % round(tau / turn_rad)
+        return f"{sweep.unit} {round(pose.x_m / size_m)} {round(pose.y_m / size_m)} {turns}"

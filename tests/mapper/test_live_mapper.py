@@ -1,0 +1,154 @@
+"""The live mapper as a process on a real bus: what it publishes, and what it does when it is killed or fed rubbish."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from mapper.live_site import SITE, LiveSite, live_site, paper_survey
+from mapper.rerun_relay import relay
+from system.processes import wait_until
+
+from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus
+from noctule_mapper.fit import fit
+from noctule_mapper.live_config import Window
+from noctule_mapper.store import SweepStore
+
+SAME_M = 1e-6  # the order in which sums are made; a sweep more or less moves walls by far more
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[LiveSite]:
+    with live_site(tmp_path) as made:
+        yield made
+
+
+def assert_same_map(contour: Contour, expected: Contour) -> None:
+    assert (contour.site, contour.method) == (SITE, expected.method)
+    assert len(contour.walls) == len(expected.walls) > 0
+    assert len(contour.cylinders) == len(expected.cylinders)
+    for wall, wanted in zip(contour.walls, expected.walls, strict=True):
+        assert (wall.theta_rad, wall.rho_m) == pytest.approx((wanted.theta_rad, wanted.rho_m), abs=SAME_M)
+    for cylinder, wanted in zip(contour.cylinders, expected.cylinders, strict=True):
+        assert (cylinder.x_m, cylinder.y_m, cylinder.radius_m) == pytest.approx(
+            (wanted.x_m, wanted.y_m, wanted.radius_m), abs=SAME_M
+        )
+
+
+def test_a_survey_becomes_the_contour_that_fitting_its_file_gives(site: LiveSite) -> None:
+    survey = paper_survey()
+    site.start_mapper()
+    site.play(survey)
+    contour = site.contour_of(len(survey))
+    assert_same_map(contour, fit(survey))
+    assert contour.mapper == "mapper"
+    assert contour.time == survey[-1].start
+    assert site.running.end("mapper") == 0
+
+
+def test_who_joins_late_gets_features_grid_and_status_too(site: LiveSite) -> None:
+    survey = paper_survey()[:12]
+    site.start_mapper()
+    site.play(survey)
+    site.contour_of(len(survey))
+    features, tiles, statuses = [], [], []
+    site.client.on_features(features.append)
+    site.client.on_grid(tiles.append)
+    site.client.on_service_status(statuses.append)
+    wait_until(lambda: features and tiles and statuses, "no late joiner's features, tiles and status", within_s=20)
+    newest: Features = features[0]
+    tile: GridTile = tiles[0]
+    status: ServiceStatus = statuses[0]
+    assert newest.time == survey[-1].start
+    assert len(tile.occupied) == len(tile.free) == tile.rows * tile.columns > 0
+    assert (status.role, status.counters["sweeps_unusable"]) == ("mapper", 0)
+
+
+def test_a_mapper_killed_in_mid_survey_ends_with_the_same_map_and_every_sweep(site: LiveSite, tmp_path: Path) -> None:
+    survey = paper_survey()
+    site.start_mapper()
+    site.play(survey[:15])
+    before = site.contour_of(15)
+    site.play(survey[15:20])
+    site.running.kill("mapper")
+    site.play(survey[20:30])
+    site.start_mapper()
+    site.play(survey[30:])
+    contour = site.contour_of(len(survey))
+    assert_same_map(contour, fit(survey))
+    assert contour.version > before.version
+    site.running.end("mapper")
+    store = SweepStore(tmp_path / f"{SITE}.sqlite3", Window())
+    assert [sweep.log_sequence for sweep in store.sweeps()] == list(range(1, len(survey) + 1))
+    assert store.cursors()["u1"].log_sequence == len(survey)
+    store.close()
+
+
+def test_a_sweep_without_a_pose_is_counted_and_passed_over(site: LiveSite) -> None:
+    survey = paper_survey()[:6]
+    for sweep in survey[2:4]:
+        sweep.ClearField("pose")
+    site.start_mapper()
+    statuses: list[ServiceStatus] = []
+    site.client.on_service_status(statuses.append)
+    site.play(survey)
+    site.contour_of(4)
+    wait_until(lambda: statuses and statuses[-1].counters["sweeps_taken"] == 6, "the status does not come", within_s=20)
+    assert statuses[-1].counters["sweeps_unusable"] == 2
+    assert [cursor.log_sequence for cursor in statuses[-1].cursors] == [6]
+    assert site.running.log("mapper").count("has no pose") == 1
+
+
+def test_sweeps_that_leave_the_window_leave_the_map(site: LiveSite, tmp_path: Path) -> None:
+    config = tmp_path / "mapper.toml"
+    config.write_text("[window]\nmax_sweeps = 10\n")
+    survey = paper_survey()
+    site.start_mapper("--config", str(config))
+    site.play(survey[:20])
+    site.play(survey[20:30])
+    wait_until(lambda: site.contour_of(10).time == survey[29].start, "no contour of the last sweeps", within_s=30)
+    assert_same_map(site.contour_of(10), fit(survey[20:30]))
+
+
+def test_mapping_goes_on_when_the_relay_dies_and_ends_without_waiting_for_it(site: LiveSite) -> None:
+    survey = paper_survey()[:12]
+    with relay() as far_end:
+        far_end.start()
+        site.start_mapper(rerun=far_end.url)
+        site.play(survey[:6])
+        site.contour_of(6)
+        wait_until(lambda: "drawing on the Rerun relay" in site.running.log("mapper"), "no relay is drawn on", 20)
+    site.play(survey[6:])
+    site.contour_of(12)
+    wait_until(lambda: "went away" in site.running.log("mapper"), "the relay is not missed", 20)
+    assert site.running.end("mapper") == 0
+
+
+def test_a_mapper_ends_though_its_relay_does_not_take_what_it_draws(site: LiveSite) -> None:
+    survey = paper_survey()
+    with relay() as far_end:
+        far_end.start()
+        site.start_mapper(rerun=far_end.url)
+        site.play(survey[:6])
+        site.contour_of(6)
+        wait_until(lambda: "drawing on the Rerun relay" in site.running.log("mapper"), "no relay is drawn on", 20)
+        far_end.freeze()
+        for first in range(6, 44, 4):
+            site.play(survey[first : first + 4])
+            site.contour_of(min(first + 4, 44))
+        assert site.running.end("mapper") == 0
+
+
+def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSite, tmp_path: Path) -> None:
+    nobody = "tcp/127.0.0.1:9"  # the discard port, where nothing listens
+    where = ("--site", SITE, "--data", str(tmp_path), "--connect", nobody)
+    site.running.start("mapper", "noctule-mapper", "run", *where)
+    wait_until(lambda: "no router answers" in site.running.log("mapper"), "it does not say that it waits", within_s=20)
+    assert site.running.end("mapper") == 0
+
+
+def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: LiveSite, tmp_path: Path) -> None:
+    (tmp_path / f"{SITE}.sqlite3").write_text("no store " * 200)
+    site.start_mapper()
+    wait_until(lambda: "can't be used as the mapper's store" in site.running.log("mapper"), "nothing is said", 20)
+    assert "Traceback" not in site.running.log("mapper")
+    assert site.running.end("mapper") == 1

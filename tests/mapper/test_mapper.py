@@ -1,0 +1,78 @@
+"""The mapper as its callers see it: sweeps come once, in any order, at a constant price."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mapper.room import paper_path, paper_room, survey
+
+from noctule_mapper.mapper import Mapper
+
+SWEEPS = survey(paper_room(), paper_path(), np.random.default_rng(11))
+
+
+def mapped(sweeps) -> Mapper:
+    mapper = Mapper()
+    for sweep in sweeps:
+        mapper.register_sweep(sweep)
+    return mapper
+
+
+def beliefs(mapper: Mapper) -> dict:
+    return {(tile.tile_x, tile.tile_y): tile.occupied for tile in mapper.grid.tiles()}
+
+
+def test_a_sweep_that_comes_twice_counts_once():
+    once, twice = mapped(SWEEPS[:12]), mapped([*SWEEPS[:12], *SWEEPS[3:7]])
+    assert twice.contour().sweeps == 12
+    for key, occupied in beliefs(once).items():
+        assert np.array_equal(beliefs(twice)[key], occupied)
+
+
+def test_the_order_in_which_sweeps_come_hardly_matters():
+    forth, back = mapped(SWEEPS).contour(), mapped(SWEEPS[::-1]).contour()
+    both = [sorted((wall.rho_m, wall.theta_rad) for wall in contour.walls) for contour in (forth, back)]
+    assert np.array(both[0]) == pytest.approx(np.array(both[1]), abs=0.001)
+
+
+def test_taking_off_a_sweep_that_is_not_there_changes_nothing():
+    mapper = mapped(SWEEPS[:3])
+    before = beliefs(mapper)
+    mapper.remove_sweep(("nobody", 1))
+    assert beliefs(mapper).keys() == before.keys()
+
+
+def test_a_map_rebuilt_from_its_sweeps_is_the_same_map():
+    lived = mapped(SWEEPS[:20])
+    for sweep in SWEEPS[:6]:
+        lived.remove_sweep(sweep.identity)
+    rebuilt = mapped(SWEEPS[6:20])
+    for key, occupied in beliefs(rebuilt).items():
+        assert beliefs(lived)[key] == pytest.approx(occupied, abs=1e-3)
+
+
+def test_the_contour_tells_the_newest_sweep_and_how_many_there_are():
+    contour = mapped(SWEEPS[:5]).contour()
+    assert (contour.sweeps, contour.time_s, contour.method) == (5, SWEEPS[4].time_s, "refined")
+
+
+def test_a_sweep_costs_no_more_on_a_large_map_than_on_a_small_one():
+    mapper = Mapper()
+    first_s, last_s = [], []
+    for lap in range(12):
+        for sweep in SWEEPS:
+            moved = replace(sweep, identity=("lap", lap * 100 + sweep.identity[1]), x_m=sweep.x_m + 5.0 * lap)
+            started = time.process_time()
+            mapper.register_sweep(moved)
+            (first_s if lap < 2 else last_s if lap >= 10 else []).append(time.process_time() - started)
+    assert np.median(last_s) < 2 * np.median(first_s)
+
+
+def test_feature_points_lie_on_the_reflectors_they_are_named_after():
+    points = mapped(SWEEPS).feature_points
+    assert len(points.x_m) > 50
+    ((x, y, radius),) = paper_room().cylinders
+    on_cylinder = np.abs(np.hypot(points.x_m - x, points.y_m - y) - radius) < 0.02
+    assert on_cylinder[points.kind == 2].mean() > 0.6
+    assert not on_cylinder[points.kind == 1].any()

@@ -1,0 +1,135 @@
+"""What the mapper shows, read back as a viewer is sent it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mapper.rerun_relay import Viewer, relay, viewer
+
+from noctule import scene
+from noctule.messages_pb2 import Contour, Cylinder, GridTile, Point, ServiceStatus, UnitStatus, Wall
+from noctule_mapper.rerun_log import RerunLog
+from noctule_mapper.sweep import SweepReadings
+
+QUARTER_RAD = np.pi / 2
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Iterator[tuple[RerunLog, Viewer]]:
+    """A log, and a viewer of it."""
+    with relay() as far_end:
+        far_end.start()
+        log = RerunLog(far_end.url, "paper-room")
+        try:
+            with viewer(far_end.url, tmp_path) as watching:
+                yield log, watching
+        finally:
+            log.close()
+
+
+def readings(sequence: int, x_m: float) -> SweepReadings:
+    """A unit that looks along y; one echo ahead, none to the left, a fault to the right."""
+    return SweepReadings(
+        identity=("8c1f", sequence),
+        unit="u1",
+        time_s=2_000.0 + sequence,
+        x_m=x_m,
+        y_m=0.0,
+        heading_rad=QUARTER_RAD,
+        sigma_position_m=0.0,
+        sigma_heading_rad=0.0,
+        bearing_rad=np.array([0.0, QUARTER_RAD, -QUARTER_RAD]),
+        range_m=np.array([1.5, np.nan, np.nan]),
+        no_echo=np.array([False, True, False]),
+        beam_width_rad=0.4,
+        range_sigma_m=0.003,
+    )
+
+
+def status(state: "UnitStatus.State", detail: str = "") -> UnitStatus:
+    return UnitStatus(unit="u1", state=state, detail=detail, clock_error_s=0.002)
+
+
+def test_walls_bear_their_lengths_and_cylinders_their_radii(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    contour = Contour(
+        walls=[Wall(start=Point(x_m=0.0, y_m=0.0), end=Point(x_m=3.0, y_m=4.0))],
+        cylinders=[Cylinder(x_m=1.0, y_m=2.0, radius_m=0.448)],
+    )
+    log.show_contour(contour)
+    assert watching.values(scene.WALLS, "LineStrips2D:strips") == [[[[0.0, 0.0], [3.0, 4.0]]]]
+    assert watching.values(scene.WALLS, "LineStrips2D:labels") == [["5.00 m"]]
+    assert watching.values(scene.CYLINDERS, "Points2D:labels") == [["r 0.45 m"]]
+    assert watching.values(scene.CYLINDERS, "Ellipses2D:half_sizes") == [[pytest.approx([0.448, 0.448])]]
+
+
+def test_a_contour_without_objects_takes_away_what_was_shown(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0))], cylinders=[Cylinder(radius_m=0.1)]))
+    log.show_contour(Contour())
+    assert watching.values(scene.WALLS, "LineStrips2D:strips", rows=2)[-1] == []
+    assert watching.values(scene.CYLINDERS, "Ellipses2D:half_sizes", rows=2)[-1] == []
+
+
+def test_rays_reach_their_echoes_and_are_short_where_nothing_was_heard(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    log.show_sweep(readings(1, x_m=0.5))
+    (rays,) = watching.values(scene.unit_rays("u1"), "LineStrips2D:strips")
+    assert rays == [
+        [[0.5, 0.0], pytest.approx([0.5, 1.5])],
+        [[0.5, 0.0], pytest.approx([0.25, 0.0], abs=1e-6)],
+    ]
+
+
+def test_a_unit_leaves_a_trail_that_outlives_a_restart(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    log.recall_sweep(readings(1, x_m=0.0))
+    log.show_sweep(readings(2, x_m=0.2))
+    (chunk,) = watching.wait_for(scene.unit_trail("u1"))
+    assert watching.values(scene.unit_trail("u1"), "LineStrips2D:strips") == [[[[0.0, 0.0], pytest.approx([0.2, 0.0])]]]
+    batch = chunk.to_record_batch()
+    assert batch.column("time").to_pylist()[0].timestamp() == 2_002.0
+    assert batch.column("sweep").to_pylist() == [2]
+
+
+def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    tile = GridTile(tile_x=-1, tile_y=2, x_m=-1.28, y_m=2.56, cell_m=0.02, columns=2, rows=1)
+    tile.occupied, tile.free = bytes([240, 0]), bytes([0, 0])
+    path = scene.grid_tile("-1_2")
+    log.show_tiles([tile])
+    assert watching.values(path, "Transform3D:translation") == [[pytest.approx([-1.28, 2.56, 0.0])]]
+    ((png,),) = watching.values(path, "EncodedImage:blob")
+    image = cv2.imdecode(np.array(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    occupied_alpha, unknown_alpha = image[0, :, 3]
+    assert occupied_alpha == 240
+    assert unknown_alpha == 0
+
+
+def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    for _ in range(3):
+        log.show_unit_status(status(UnitStatus.STATE_SWEEPING))
+    for _ in range(3):
+        log.show_unit_status(status(UnitStatus.STATE_FAULT, "the stepper is stuck"))
+    log.show_unit_status(status(UnitStatus.STATE_IDLE))
+    log.show_unit_status(status(UnitStatus.STATE_DISCONNECTED, "no gateway serves it any more"))
+    assert watching.values(scene.unit_log("u1"), "TextLog:text", rows=3) == [
+        ["u1 fault: the stepper is stuck"],
+        ["u1 is well again"],
+        ["u1 disconnected: no gateway serves it any more"],
+    ]
+    states = watching.values(scene.unit_state("u1"), "StateChange:state", rows=4)
+    assert states == [["sweeping"], ["fault"], ["idle"], ["disconnected"]]
+    assert watching.values(scene.unit_clock_error("u1"), "Scalars:scalars", rows=7) == [[2.0]] * 7
+
+
+def test_the_mappers_figures_come_with_a_heartbeat_that_says_the_hour(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    log.show_service_status(ServiceStatus(site="paper-room", counters={"contours": 12}), "5 walls")
+    assert watching.values(scene.mapper_counter("contours"), "Scalars:scalars") == [[12.0]]
+    ((heading,),) = watching.values(scene.HEARTBEAT, "TextDocument:text")
+    assert heading.startswith("### paper-room — 5 walls — ")
