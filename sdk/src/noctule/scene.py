@@ -1,10 +1,11 @@
 """The names of the Rerun scene, shared by those who log and those who lay out views."""
 
 APPLICATION_ID = "noctule"
+DEFAULT_RELAY = "rerun+http://127.0.0.1:9876/proxy"
 
 # Timelines. Time is that of the data (a sweep's start), not of the logging.
 TIME = "time"
-SWEEP = "sweep"  # counts the sweeps that the mapper has taken in
+SWEEP = "sweep"  # the sum of the units' log sequences
 
 # The map, in the site's frame.
 WORLD = "world"  # holds the transform that turns y upwards; a 2-D view's origin is its parent
@@ -13,11 +14,10 @@ FEATURES = "world/features"
 WALLS = "world/walls"
 CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
-TRUTH = "world/truth"  # of a simulated room
 UNITS = "world/units"
 
 LOG = "log"
-MAPPER = "mapper"  # the mapper's own figures: latency, sweeps, drops
+HEARTBEAT = "mapper/heartbeat"  # a heading that changes each second, so that a stale page shows
 
 
 def grid_tile(tile: str) -> str:
@@ -40,16 +40,6 @@ def unit_trail(unit: str) -> str:
     return f"{UNITS}/{unit}/trail"
 
 
-def unit_ranges(unit: str) -> str:
-    """The last sweep's ranges over bearing."""
-    return f"units/{unit}/ranges"
-
-
-def unit_residuals(unit: str) -> str:
-    """How far the unit's readings lie from the contour, over time."""
-    return f"units/{unit}/residuals"
-
-
 def unit_state(unit: str) -> str:
     """The unit's state over time."""
     return f"units/{unit}/state"
@@ -63,3 +53,8 @@ def unit_clock_error(unit: str) -> str:
 def unit_log(unit: str) -> str:
     """What the unit has to tell its operator."""
     return f"{LOG}/{unit}"
+
+
+def mapper_counter(name: str) -> str:
+    """One of the mapper's own figures over time."""
+    return f"mapper/counters/{name}"

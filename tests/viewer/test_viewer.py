@@ -1,0 +1,124 @@
+"""The viewer as people get it: the relay with its layout, and the picture that the layout makes of a map."""
+
+import io
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+import rerun as rr
+from PIL import Image
+from rerun.experimental import ViewerClient
+from system.processes import Programs, free_ports, listens, programs, wait_until
+
+from noctule import scene
+from noctule_viewer.relay import RERUN, Relay
+
+WALL, CYLINDER = (255, 255, 255), (255, 140, 66)
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[Programs]:
+    with programs(tmp_path) as made:
+        yield made
+
+
+def start_relay(running: Programs) -> Relay:
+    port, web_port = free_ports(2)
+    relay = Relay("127.0.0.1", port, web_port, "64MB")
+    running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port))
+    wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen", within_s=20)
+    return relay
+
+
+@contextmanager
+def native_viewer(relay: Relay) -> Iterator[ViewerClient]:
+    """A viewer without a screen that shows what the relay has."""
+    (port,) = free_ports(1)
+    arguments = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1280x760"]
+    process = subprocess.Popen([RERUN, relay.url, *arguments], env=os.environ | {"RUST_LOG": "error"})
+    try:
+        wait_until(lambda: listens(port), "the viewer does not listen", within_s=20)
+        yield ViewerClient(f"rerun+http://127.0.0.1:{port}/proxy")
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def log_room(relay: Relay) -> None:
+    """A wall, a cylinder and a unit that was not there when the layout was made."""
+    recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id="paper-room")
+    recording.connect_grpc(relay.url)
+    recording.set_time(scene.TIME, timestamp=1_800_000_000.0)
+    recording.log(scene.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]]), static=True)
+    wall = rr.LineStrips2D([[[0, 2], [3, 2]]], colors=[WALL], radii=rr.Radius.ui_points(5))
+    recording.log(scene.WALLS, wall)
+    cylinder = rr.Ellipses2D(
+        centers=[[1, 0]], half_sizes=[[0.5, 0.5]], colors=[CYLINDER], line_radii=rr.Radius.ui_points(5)
+    )
+    recording.log(scene.CYLINDERS, cylinder)
+    recording.log(scene.unit_state("u9"), rr.StateChange(state="sweeping"))
+    recording.log(scene.unit_clock_error("u9"), rr.Scalars(0.2))
+    recording.log(scene.unit_log("u9"), rr.TextLog("u9 is well again"))
+    recording.flush(timeout_sec=10)
+    recording.disconnect()
+
+
+def middle_row(picture: np.ndarray, colour: tuple[int, int, int]) -> float | None:
+    """Middle of the pixels that are nearly of that colour; None where they are too few to be a drawn line."""
+    rows, _ = np.nonzero(np.abs(picture.astype(int) - colour).max(axis=-1) < 24)
+    return float(np.median(rows)) if len(rows) > 1000 else None
+
+
+def test_one_address_is_printed_and_opens_the_page(running: Programs) -> None:
+    relay = start_relay(running)
+    (line,) = wait_until(lambda: re.findall("^Watch the map at (.*)$", running.log("viewer"), re.M), "no address", 10)
+    assert line == relay.page
+    with urlopen(line) as page:
+        assert b"<title>Rerun Viewer</title>" in page.read()
+    running.end("viewer")
+    assert not listens(relay.port)
+    assert not listens(relay.web_port)
+
+
+def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) -> None:
+    relay = start_relay(running)
+    log_room(relay)
+    with native_viewer(relay) as viewer:
+
+        def rows() -> list[float]:
+            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
+            return [row for colour in (WALL, CYLINDER) if (row := middle_row(picture, colour)) is not None]
+
+        wait_until(lambda: len(rows()) == 2, "wall and cylinder are not to be seen", within_s=60, every_s=0.5)
+        wall_row, cylinder_row = rows()
+        views = {view.name: view.reports for view in viewer.get_state().views}
+    assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
+    assert set(views) == {"Noctule", "Map", "Units", "Clock error, ms", "Contour, ms", "Events"}
+    assert not any(views.values())
+
+
+def test_a_port_that_is_taken_is_named(running: Programs) -> None:
+    relay = start_relay(running)
+    second = run_viewer("run", "--port", str(relay.port), "--web-port", str(relay.web_port))
+    assert second.returncode == 1
+    assert f"can't listen on 127.0.0.1:{relay.port} (Address already in use): name another port" in second.stderr
+
+
+def test_where_there_is_no_screen_the_address_is_told() -> None:
+    told = run_viewer("open", "--url", "rerun+http://127.0.0.1:4711/proxy")
+    assert told.returncode == 0
+    assert "rerun+http://127.0.0.1:4711/proxy" in told.stdout
+
+
+def run_viewer(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """noctule-viewer to its end, without a screen."""
+    environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [Path(sys.executable).with_name("noctule-viewer"), *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)

@@ -1,0 +1,1 @@
+"""The Rerun relay and the layout of the viewer."""

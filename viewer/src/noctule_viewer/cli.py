@@ -1,0 +1,55 @@
+"""The command noctule-viewer: ``run`` is the relay between mappers and those who watch, ``open`` shows the map."""
+
+import os
+import sys
+from typing import Annotated, NoReturn
+
+import typer
+
+from noctule_viewer.relay import RERUN, Relay, RelayError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="The Rerun relay and the layout of the viewer.",
+)
+
+_DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit="512MB")
+
+
+@app.command()
+def run(
+    bind: Annotated[
+        str, typer.Option(help="Address to listen on. The relay has no passwords: keep it on loopback.")
+    ] = (_DEFAULT.bind),
+    port: Annotated[int, typer.Option(help="Port for mappers and native viewers.")] = _DEFAULT.port,
+    web_port: Annotated[int, typer.Option(help="Port of the page for browsers.")] = _DEFAULT.web_port,
+    memory_limit: Annotated[str, typer.Option(help="How much history to keep for viewers that come later.")] = (
+        _DEFAULT.memory_limit
+    ),
+) -> None:
+    """Run the relay and print the address to open."""
+    relay = Relay(bind, port, web_port, memory_limit)
+    try:
+        relay.check_ports()
+    except RelayError as error:
+        _fail(str(error))
+    print(f"Watch the map at {relay.page}", flush=True)
+    relay.become()
+
+
+@app.command(name="open")
+def open_(
+    url: Annotated[str, typer.Option(help="The relay, as printed by the mapper's --rerun.")] = _DEFAULT.url,
+) -> None:
+    """Open the native viewer, or, where there is no screen, print the address for a browser."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        print(f"There is no screen here. Connect a Rerun viewer to {url}, or open {_DEFAULT.page} in a browser.")
+        return
+    os.execv(RERUN, [str(RERUN), url, "--bind", "127.0.0.1", "--port", "0"])
+
+
+def _fail(message: str) -> NoReturn:
+    print(f"noctule-viewer: {message}", file=sys.stderr)
+    raise typer.Exit(1)
