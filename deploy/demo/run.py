@@ -27,14 +27,11 @@ def main() -> None:
         if name.endswith("_PORT"):
             require_free(name, int(value))
     write_site(Path(settings["DEMO_DATA"]), settings["DEMO_UNIT_PORT"])
-    address = f"http://127.0.0.1:{settings['DEMO_WEB_PORT']}/?url=rerun%2Bhttp://127.0.0.1:{settings['DEMO_RERUN_PORT']}/proxy"
-    print(f"Open {address}  (Ctrl-C ends the demo)", flush=True)
-    honcho = Path(sys.executable).with_name("honcho")
-    os.execve(
-        honcho,
-        [str(honcho), "start", "--procfile", str(HERE / "Procfile"), "--app-root", str(Path.cwd())],
-        os.environ | settings | {"PYTHONUNBUFFERED": "1"},
-    )
+    print("The room is mapped in half a minute. Ctrl-C ends the demo.", flush=True)
+    commands = Path(sys.executable).parent
+    path = f"{commands}{os.pathsep}{os.environ['PATH']}"
+    honcho = [str(commands / "honcho"), "start", "--procfile", str(HERE / "Procfile"), "--app-root", str(Path.cwd())]
+    os.execve(honcho[0], honcho, os.environ | settings | {"PATH": path, "PYTHONUNBUFFERED": "1"})
 
 
 def require_free(name: str, port: int) -> None:

@@ -106,6 +106,14 @@ def free_ports(count: int) -> Sequence[int]:
         return [each.getsockname()[1] for each in sockets]
 
 
+def free_port_range(count: int) -> int:
+    """The first of ``count`` ports in a row that nothing listens on now."""
+    for first in range(20_000, 30_000, count):
+        if not any(listens(port) for port in range(first, first + count)):
+            return first
+    raise AssertionError(f"no {count} ports in a row are free")
+
+
 def listens(port: int) -> bool:
     """Something takes connections on the port."""
     with socket.socket() as probe:
