@@ -3,9 +3,9 @@
 import math
 
 import pytest
+from truth import Room, compare
 
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Wall
-from truth import Room, compare
 
 SQUARE = ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
 ROOM = Room(
