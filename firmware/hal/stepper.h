@@ -1,0 +1,39 @@
+// The 28BYJ-48: half steps made by interrupt, each after the interval that was queued for it.
+#ifndef STEPPER_H
+#define STEPPER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "irq.h"
+
+void stepper_start(void);
+
+// Sets the turning direction of the half steps queued from now on; only while stepper_is_turning() is false.
+void stepper_set_direction(bool decreasing);
+
+bool stepper_has_room(void);
+
+// Queues one half step, `interval_us` (at most 32,766) after the one before it; there must be room.
+void stepper_push(uint16_t interval_us);
+
+// True until the last half step queued has been made.
+bool stepper_is_turning(void);
+
+// Takes the current off the coils. The next half step goes on in the same phase, so that none is lost.
+void stepper_release(void);
+
+// The position in half steps. It is the caller's to set while the motor rests.
+int16_t stepper_position(void);
+void stepper_set_position(int16_t half_steps);
+
+// Looks for the home switch, before every half step, from now on.
+void stepper_watch_home(void);
+bool stepper_saw_home(void);
+
+// The position at which the switch was first found closed, once stepper_saw_home() is true.
+int16_t stepper_home_position(void);
+
+void stepper_isr(void) __interrupt(IRQ_TIMER3);
+
+#endif

@@ -1,0 +1,85 @@
+// Time: PCA0 at SYSCLK/12, its wraps counted, its module 0 capturing both edges on CEX0 (datasheet chapter
+// "Programmable Counter Array").
+#include "timebase.h"
+
+#include "timebase_stamp.h"
+
+volatile uint16_t timebase_wraps;
+static volatile uint16_t epochs; // wraps of the 32-bit count
+static volatile uint8_t edges;
+static volatile __idata uint32_t edge_ticks[2];
+
+void timebase_start(void)
+{
+    PCA0MD = PCA0MD_SYSCLK_12 | PCA0MD_ECF; // and goes on counting in idle mode
+    PCA0CPM0 = PCA0CPM_CAPP | PCA0CPM_CAPN | PCA0CPM_ECCF;
+    EIE1 |= EIE1_EPCA0;
+    CR = 1;
+}
+
+uint32_t timebase_now(void)
+{
+    uint32_t now;
+    __critical
+    {
+        uint8_t low = PCA0L; // latches the high byte
+        uint8_t high = PCA0H;
+        now = TIMEBASE_EXTEND(low, high);
+    }
+    return now;
+}
+
+uint16_t timebase_high(uint32_t tick)
+{
+    uint16_t high;
+    uint32_t now;
+    __critical
+    {
+        now = timebase_now();
+        high = epochs;
+        // `now` knows of a wrap that still waits to be served.
+        if (timebase_wraps == 0xFFFF && now < 0x80000000UL)
+            high++;
+    }
+    bool is_ahead = (int32_t)(tick - now) >= 0;
+    if (is_ahead && tick < now)
+        return high + 1;
+    return !is_ahead && tick > now ? high - 1 : high;
+}
+
+void timebase_watch_edges(void)
+{
+    __critical
+    {
+        CCF0 = 0;
+        edges = 0;
+    }
+}
+
+uint8_t timebase_edges(void)
+{
+    return edges;
+}
+
+uint32_t timebase_edge(uint8_t edge)
+{
+    return edge_ticks[edge]; // the service routine has done with it
+}
+
+void timebase_isr(void) __interrupt(IRQ_PCA0)
+{
+    if (CCF0) {
+        CCF0 = 0;
+        if (edges < 2) {
+            uint8_t low = PCA0CPL0;
+            uint8_t high = PCA0CPH0;
+            edge_ticks[edges] = TIMEBASE_EXTEND(low, high);
+            edges++;
+        }
+    }
+    if (CF) {
+        CF = 0;
+        if (++timebase_wraps == 0)
+            epochs++;
+    }
+}

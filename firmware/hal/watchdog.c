@@ -1,0 +1,25 @@
+// The watchdog: PCA module 4 (datasheet chapter "Programmable Counter Array").
+#include "watchdog.h"
+
+#include <stdint.h>
+
+#include "chip.h"
+
+// Runs before memory is cleared, which takes longer than the 2 ms that the watchdog of reset allows.
+uint8_t _sdcc_external_startup(void)
+{
+    PCA0MD &= ~PCA0MD_WDTE;
+    return 0;
+}
+
+void watchdog_start(void)
+{
+    PCA0CPL4 = 0xFF; // the longest time-out: 65,280 to 65,536 ticks
+    PCA0MD |= PCA0MD_WDTE | PCA0MD_WDLCK;
+    watchdog_feed();
+}
+
+void watchdog_feed(void)
+{
+    PCA0CPH4 = 0; // any write begins the time-out anew
+}

@@ -1,0 +1,10 @@
+// The boot number: counts power-ups and resets in flash, one bit each, so that a page is erased once in 4,064 boots.
+#ifndef BOOT_NUMBER_H
+#define BOOT_NUMBER_H
+
+#include <stdint.h>
+
+// Counts this boot and returns its number. To be called once, while flash may be written (../hal/flash.h).
+uint16_t boot_number_count(void);
+
+#endif

@@ -1,0 +1,140 @@
+// The host's commands, by the table in ../README.md.
+#include "command.h"
+
+#include <stdbool.h>
+
+#include "delivery.h"
+#include "plan.h"
+#include "protocol.h"
+#include "unit.h"
+#include "transmit.h"
+
+#define LENGTH_UNKNOWN 0
+#define REPEATS_WITHIN 32 // requests; a host that counts them comes back to a number only after 255
+
+// The last command that was run: it is known again by its CRC, and its number alone may have been used anew.
+static __xdata struct {
+    uint8_t request; // 0: none
+    uint8_t type;
+    uint8_t result;
+    uint8_t age; // requests since
+    uint16_t crc;
+} last;
+
+static uint16_t get16(const __xdata uint8_t *bytes)
+{
+    return bytes[0] | (uint16_t)bytes[1] << 8;
+}
+
+// The length of a frame of this type, without its CRC.
+static uint8_t length_of(uint8_t type)
+{
+    switch (type) {
+    case FRAME_STATUS:
+    case FRAME_CLOCK:
+    case FRAME_STOP:
+    case FRAME_SINGLE:
+    case FRAME_HOME:
+        return 2;
+    case FRAME_HELLO:
+        return 3;
+    case FRAME_START:
+    case FRAME_SET_WAYPOINT:
+        return 4;
+    case FRAME_ACK:
+        return 7;
+    case FRAME_CONFIGURE:
+        return 15;
+    default:
+        return LENGTH_UNKNOWN;
+    }
+}
+
+static uint8_t configure(const __xdata uint8_t *payload)
+{
+    static __xdata struct plan wanted;
+    wanted.first_bearing = get16(payload);
+    wanted.bearing_step = get16(payload + 2);
+    wanted.count = payload[4];
+    wanted.ping_interval_ms = get16(payload + 5);
+    wanted.top_speed = get16(payload + 7);
+    wanted.ramp_ms = get16(payload + 9);
+    wanted.settle_ms = get16(payload + 11);
+    return unit_configure(&wanted);
+}
+
+static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
+{
+    switch (type) {
+    case FRAME_CONFIGURE:
+        return configure(payload);
+    case FRAME_START:
+        return unit_start(get16(payload));
+    case FRAME_STOP:
+        return unit_stop();
+    case FRAME_SINGLE:
+        return unit_single();
+    case FRAME_HOME:
+        return unit_home();
+    default:
+        return unit_set_waypoint(get16(payload));
+    }
+}
+
+static bool is_repeat(uint8_t type, uint8_t request, uint16_t crc)
+{
+    return request != 0 && request == last.request && type == last.type && crc == last.crc &&
+           last.age < REPEATS_WITHIN;
+}
+
+static void run_once(const __xdata uint8_t *frame, uint16_t crc)
+{
+    uint8_t type = frame[0];
+    uint8_t request = frame[1];
+    if (!is_repeat(type, request, crc)) {
+        last.result = run(type, frame + 2);
+        last.request = request;
+        last.type = type;
+        last.crc = crc;
+    }
+    last.age = 0;
+    transmit_result(request, type, last.result);
+}
+
+static void greet(uint8_t request)
+{
+    last.request = 0; // a new host counts its requests anew
+    delivery_hasten();
+    transmit_hello(request);
+}
+
+uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint16_t crc, uint32_t received)
+{
+    uint8_t type = frame[0];
+    uint8_t request = frame[1];
+    uint8_t expected = length_of(type);
+    if (expected == LENGTH_UNKNOWN)
+        return REASON_UNKNOWN_TYPE;
+    if (length != expected)
+        return REASON_WRONG_LENGTH;
+    if (type != FRAME_ACK && last.age < REPEATS_WITHIN)
+        last.age++;
+    switch (type) {
+    case FRAME_HELLO:
+        greet(request);
+        break;
+    case FRAME_STATUS:
+        transmit_status(request);
+        break;
+    case FRAME_CLOCK:
+        transmit_clock(request, received);
+        break;
+    case FRAME_ACK:
+        delivery_acknowledge(get16(frame + 1), get16(frame + 3) | (uint32_t)get16(frame + 5) << 16);
+        break;
+    default:
+        run_once(frame, crc);
+        break;
+    }
+    return REASON_NONE;
+}

@@ -1,0 +1,30 @@
+// The plan of a sweep.
+#include "plan.h"
+
+#define DEGREES(degrees) ((int16_t)((degrees) * 65536L / 360))
+#define OUTERMOST DEGREES(148) // short of the home switch at -150 degrees
+
+const __code struct plan plan_default = {
+    .first_bearing = DEGREES(-135),
+    .bearing_step = DEGREES(45) / 2,
+    .count = 13,
+    .ping_interval_ms = 60,
+    .top_speed = 600,
+    .ramp_ms = 100,
+    .settle_ms = 20,
+};
+
+bool plan_is_possible(const __xdata struct plan *plan)
+{
+    if (plan->count < 1 || plan->count > 64)
+        return false;
+    int32_t last_bearing = plan->first_bearing + (int32_t)plan->bearing_step * (plan->count - 1);
+    return plan->first_bearing >= -OUTERMOST && last_bearing <= OUTERMOST && plan->ping_interval_ms >= 29 &&
+           plan->ping_interval_ms <= 1000 && plan->top_speed >= 50 && plan->top_speed <= 1000 &&
+           plan->ramp_ms <= 1000 && plan->settle_ms <= 1000;
+}
+
+int16_t plan_bearing(const __xdata struct plan *plan, uint8_t reading)
+{
+    return (int16_t)(plan->first_bearing + plan->bearing_step * reading);
+}

@@ -1,0 +1,51 @@
+// The numbers of the serial protocol; ../README.md has the table of frames and is the last word.
+#ifndef PROTOCOL_H
+#define PROTOCOL_H
+
+#define PROTOCOL_VERSION 1
+
+enum frame_type {
+    FRAME_HELLO = 0x01,
+    FRAME_STATUS = 0x02,
+    FRAME_CLOCK = 0x03,
+    FRAME_CONFIGURE = 0x04,
+    FRAME_START = 0x05,
+    FRAME_STOP = 0x06,
+    FRAME_SINGLE = 0x07,
+    FRAME_HOME = 0x08,
+    FRAME_SET_WAYPOINT = 0x09,
+    FRAME_ACK = 0x10,
+
+    FRAME_HELLO_ANSWER = 0x81,
+    FRAME_STATUS_ANSWER = 0x82,
+    FRAME_CLOCK_ANSWER = 0x83,
+    FRAME_RESULT = 0x84,
+    FRAME_REJECTED = 0x85,
+    FRAME_SWEEP = 0x90,
+};
+
+#define REQUEST_NONE 0 // what the unit sends of its own accord
+
+enum result { RESULT_DONE, RESULT_BUSY, RESULT_OUT_OF_RANGE, RESULT_NOT_HOMED };
+
+enum reason { REASON_NONE, REASON_UNREADABLE, REASON_UNKNOWN_TYPE, REASON_WRONG_LENGTH, REASON_TOO_LONG };
+
+enum state { STATE_IDLE, STATE_SWEEPING, STATE_HOMING, STATE_WAITING, STATE_FAULT, STATE_PAUSING };
+
+enum fault { FAULT_NONE, FAULT_NO_HOME_SWITCH };
+
+#define STATUS_HOMED 0x01
+#define STATUS_STARTED 0x02
+
+#define SWEEP_DECREASING 0x01
+#define TEMPERATURE_NOT_MEASURED 0x7FFF
+#define WAYPOINT_NONE 0xFFFF
+#define SERIAL_NONE 0xFFFFFFFFUL
+
+// What a reading's echo says when there is no time of flight.
+#define ECHO_NONE 0xFFFFFFUL
+#define ECHO_TOO_EARLY 0xFFFFFEUL
+#define ECHO_STUCK_HIGH 0xFFFFFDUL
+#define ECHO_NO_SENSOR 0xFFFFFCUL
+
+#endif

@@ -1,0 +1,98 @@
+// Sweeps in the ring, laid out as SWEEP frames.
+#include "record.h"
+
+#include "../hal/timebase.h"
+#include "counters.h"
+#include "memory.h"
+#include "protocol.h"
+#include "ring.h"
+
+#define OFFSET_BOOT 1
+#define OFFSET_SEQUENCE 3
+#define OFFSET_COUNT 18
+#define HEADER_BYTES 19
+#define READING_BYTES 8
+#define TICKS_PER_OFFSET_UNIT_LOG2 4
+#define LONGEST_OFFSET 0xFFFFFFUL
+
+static __xdata uint16_t this_boot;
+static __xdata uint32_t sweep_start;
+static __xdata uint8_t readings;
+
+static void put16(uint16_t value)
+{
+    ring_put((uint8_t)value);
+    ring_put(value >> 8);
+}
+
+static void put24(uint32_t value)
+{
+    put16((uint16_t)value);
+    ring_put((uint8_t)(value >> 16));
+}
+
+static void put32(uint32_t value)
+{
+    put16((uint16_t)value);
+    put16(value >> 16);
+}
+
+void record_start(uint16_t boot, bool memory_was_lost)
+{
+    this_boot = boot;
+    if (memory_was_lost)
+        ring_clear();
+    else
+        ring_recover();
+}
+
+bool record_has_room(uint8_t count)
+{
+    return ring_has_room(HEADER_BYTES + (uint16_t)count * READING_BYTES);
+}
+
+void record_begin(uint32_t start, uint16_t waypoint, bool decreasing)
+{
+    sweep_start = start;
+    readings = 0;
+    ring_begin();
+    ring_put(FRAME_SWEEP);
+    put16(this_boot);
+    put32(counters.sweeps_made);
+    put32(start);
+    put16(timebase_high(start));
+    put16(waypoint);
+    put16(TEMPERATURE_NOT_MEASURED);
+    ring_put(decreasing ? SWEEP_DECREASING : 0);
+    ring_put(0);
+}
+
+void record_reading(int16_t bearing, uint32_t triggered, uint32_t echo)
+{
+    uint32_t offset = (triggered - sweep_start) >> TICKS_PER_OFFSET_UNIT_LOG2;
+    put16(bearing);
+    put24(offset < LONGEST_OFFSET ? offset : LONGEST_OFFSET);
+    put24(echo);
+    readings++;
+}
+
+void record_finish(void)
+{
+    ring_amend(OFFSET_COUNT, readings);
+    ring_commit();
+    counters.sweeps_made++;
+}
+
+static uint16_t oldest16(uint16_t offset)
+{
+    return ring_oldest_byte(offset) | (uint16_t)ring_oldest_byte(offset + 1) << 8;
+}
+
+bool record_acknowledge(uint16_t boot, uint32_t sequence)
+{
+    if (ring_frames() == 0 || oldest16(OFFSET_BOOT) != boot || oldest16(OFFSET_SEQUENCE) != (uint16_t)sequence ||
+        oldest16(OFFSET_SEQUENCE + 2) != (uint16_t)(sequence >> 16))
+        return false;
+    ring_drop_oldest();
+    return true;
+}

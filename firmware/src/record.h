@@ -1,0 +1,26 @@
+// Sweeps in the ring: written reading by reading as the SWEEP frame that will go out, dropped when acknowledged.
+#ifndef RECORD_H
+#define RECORD_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+// Sets the boot number that new sweeps carry, and takes up those of earlier boots, if memory has kept them.
+void record_start(uint16_t boot, bool memory_was_lost);
+
+// Whether the ring has room for a sweep of so many readings.
+bool record_has_room(uint8_t readings);
+
+// Begins a sweep; `start` is the tick of its first trigger. There must be room.
+void record_begin(uint32_t start, uint16_t waypoint, bool decreasing);
+
+// Adds a reading; `triggered` is the tick of its trigger, `echo` as on the wire.
+void record_reading(int16_t bearing, uint32_t triggered, uint32_t echo);
+
+// Hands the sweep over to the ring.
+void record_finish(void);
+
+// Drops the oldest sweep if it is this one; false if it is not.
+bool record_acknowledge(uint16_t boot, uint32_t sequence);
+
+#endif

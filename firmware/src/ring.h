@@ -1,0 +1,48 @@
+// The ring of frames that wait in XRAM until they are acknowledged. It outlives every reset but a power-up: its memory
+// lies outside what the C start-up clears, and it changes only by single bytes, so that no reset finds it half changed.
+//
+// A slot is `mark:u8 length:u16 content crc:u16`, rounded up to whole blocks; the content and its CRC are a frame as it
+// goes out, so the one CRC guards it here and on the wire.
+#ifndef RING_H
+#define RING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "memory.h"
+
+#define RING_BLOCK_BYTES 16
+#define RING_BLOCKS 193 // one stays free, so that a full ring does not look empty
+#define RING_CAPACITY ((RING_BLOCKS - 1) * RING_BLOCK_BYTES)
+
+void ring_clear(void);
+
+// Takes up the ring as the last boot left it: drops the slots that fail their CRC, or everything if nothing is there.
+void ring_recover(void);
+
+// Whether a frame of `length` bytes of content finds room now.
+bool ring_has_room(uint16_t length);
+
+// Begins a new slot, in place of one that was not committed; the content follows by ring_put() and is the newest frame
+// once ring_commit() is called. The caller asks ring_has_room() first.
+void ring_begin(void);
+void ring_put(uint8_t byte);
+void ring_amend(uint16_t offset, uint8_t byte); // writes a byte of the content anew
+void ring_commit(void);
+
+// The number of frames, and the bytes their slots take up.
+uint8_t ring_frames(void);
+uint16_t ring_used(void);
+
+// The oldest frame, if there is one: where it lies, its length with the CRC, a byte of it. It may go on from
+// ring_memory_end() at ring_memory().
+const __xdata uint8_t *ring_oldest(void);
+uint16_t ring_oldest_length(void);
+uint8_t ring_oldest_byte(uint16_t offset);
+
+void ring_drop_oldest(void);
+
+const __xdata uint8_t *ring_memory(void);
+const __xdata uint8_t *ring_memory_end(void);
+
+#endif

@@ -1,0 +1,31 @@
+// The settings page: `magic:u16 version:u8 length:u8 serial:u32 crc:u16`, the CRC over what is before it.
+#include "settings.h"
+
+#include "../hal/flash.h"
+#include "crc.h"
+#include "protocol.h"
+
+#define PAGE 0xF600
+#define MAGIC 0x4E43
+#define VERSION 1
+#define HEADER_BYTES 4
+#define SERIAL_BYTES 4
+
+static uint16_t read16(uint16_t address)
+{
+    return flash_read(address) | (uint16_t)flash_read(address + 1) << 8;
+}
+
+uint32_t settings_serial(void)
+{
+    uint8_t length = flash_read(PAGE + 3);
+    uint16_t end = PAGE + HEADER_BYTES + length;
+    uint16_t crc = 0;
+    if (read16(PAGE) != MAGIC || flash_read(PAGE + 2) != VERSION || length < SERIAL_BYTES)
+        return SERIAL_NONE;
+    for (uint16_t address = PAGE; address != end; address++)
+        crc = crc_add(crc, flash_read(address));
+    if (crc != read16(end))
+        return SERIAL_NONE;
+    return read16(PAGE + 4) | (uint32_t)read16(PAGE + 6) << 16;
+}

@@ -1,0 +1,88 @@
+// One sweep. Sweeps alternate in direction by themselves: each begins where the last one has ended.
+#include "sweep.h"
+
+#include "../hal/round.h"
+#include "../hal/stepper.h"
+#include "bearing.h"
+#include "echo.h"
+#include "motor.h"
+#include "ramp.h"
+#include "record.h"
+
+static enum { TURNING, SETTLING, PINGING } phase;
+static const __xdata struct plan *__xdata plan;
+static __xdata uint16_t waypoint;
+static __xdata uint16_t settle_rounds;
+static __xdata uint16_t settled; // rounds since the motor came to rest
+static __xdata bool decreasing;
+static __xdata bool cut_short;
+static __xdata uint8_t readings; // made by now
+
+static void turn_to_reading(void)
+{
+    uint8_t reading = decreasing ? plan->count - 1 - readings : readings;
+    motor_go(bearing_to_half_step(plan_bearing(plan, reading)));
+    phase = TURNING;
+}
+
+static void keep_reading(void)
+{
+    if (readings == 0)
+        record_begin(echo_triggered(), waypoint, decreasing);
+    record_reading(bearing_of_half_step(stepper_position()), echo_triggered(), echo_value());
+    readings++;
+}
+
+static bool finish(void)
+{
+    if (readings != 0)
+        record_finish();
+    return true;
+}
+
+void sweep_begin(const __xdata struct plan *wanted, uint16_t number)
+{
+    int16_t first = bearing_to_half_step(plan_bearing(wanted, 0));
+    int16_t last = bearing_to_half_step(plan_bearing(wanted, wanted->count - 1));
+    plan = wanted;
+    waypoint = number;
+    ramp_set(wanted->top_speed, wanted->ramp_ms);
+    settle_rounds = ROUNDS(wanted->settle_ms);
+    decreasing = 2 * stepper_position() > first + last;
+    cut_short = false;
+    readings = 0;
+    turn_to_reading();
+}
+
+void sweep_cut_short(void)
+{
+    cut_short = true;
+    if (phase == TURNING)
+        motor_end_after(0);
+}
+
+bool sweep_step(void)
+{
+    switch (phase) {
+    case TURNING:
+        if (motor_is_moving())
+            return false;
+        settled = 0;
+        phase = SETTLING;
+        return cut_short && finish();
+    case SETTLING:
+        if (++settled >= settle_rounds) {
+            echo_ping(plan->ping_interval_ms);
+            phase = PINGING;
+        }
+        return false;
+    default: // PINGING
+        if (!echo_is_over())
+            return false;
+        keep_reading();
+        if (cut_short || readings == plan->count)
+            return finish();
+        turn_to_reading();
+        return false;
+    }
+}

@@ -1,0 +1,216 @@
+// The unit: homes and sweeps for as long as is asked and the ring has room.
+#include "unit.h"
+
+#include <stdbool.h>
+
+#include "../hal/round.h"
+#include "../hal/stepper.h"
+#include "homing.h"
+#include "motor.h"
+#include "protocol.h"
+#include "record.h"
+#include "sweep.h"
+
+static enum activity { RESTING, HOMING, ABANDONING, SWEEPING, AWAITING_ROOM, PAUSING } activity;
+static bool has_news; // the state or the waypoint has changed
+static __xdata struct plan plan;
+static __xdata uint16_t pause_rounds;
+static __xdata uint16_t paused; // rounds since the pause began
+static __xdata uint16_t waypoint;
+static __xdata uint8_t fault;
+static __xdata bool homed;
+static __xdata bool started; // goes on until STOP
+static __xdata bool single; // one sweep is asked for
+
+static bool is_at_rest(void)
+{
+    return activity == RESTING || activity == AWAITING_ROOM || activity == PAUSING;
+}
+
+static void become(enum activity next)
+{
+    if (next != activity)
+        has_news = true;
+    activity = next;
+}
+
+static void begin_homing(void)
+{
+    homed = false;
+    fault = FAULT_NONE;
+    homing_begin();
+    become(HOMING);
+}
+
+// What comes next when the motor rests and no sweep is under way.
+static void go_on(void)
+{
+    if (!started && !single) {
+        stepper_release();
+        become(RESTING);
+    } else if (!homed) {
+        begin_homing();
+    } else if (record_has_room(plan.count)) {
+        sweep_begin(&plan, waypoint);
+        become(SWEEPING);
+    } else {
+        stepper_release();
+        become(AWAITING_ROOM);
+    }
+}
+
+static void end_homing(enum homing_outcome outcome)
+{
+    homed = outcome == HOMING_FOUND;
+    if (!homed) {
+        fault = FAULT_NO_HOME_SWITCH;
+        started = false;
+        single = false;
+    }
+    go_on();
+}
+
+static void end_sweep(void)
+{
+    single = false;
+    if (!started || pause_rounds == 0) {
+        go_on();
+        return;
+    }
+    stepper_release();
+    paused = 0;
+    become(PAUSING);
+}
+
+void unit_task(void)
+{
+    enum homing_outcome outcome;
+    if (activity == RESTING)
+        return;
+    switch (activity) {
+    case HOMING:
+        outcome = homing_step();
+        if (outcome != HOMING_GOES_ON)
+            end_homing(outcome);
+        break;
+    case ABANDONING:
+        if (!motor_is_moving())
+            go_on();
+        break;
+    case SWEEPING:
+        if (sweep_step())
+            end_sweep();
+        break;
+    case AWAITING_ROOM:
+        go_on();
+        break;
+    case PAUSING:
+        if (++paused >= pause_rounds)
+            go_on();
+        break;
+    }
+}
+
+void unit_start_up(void)
+{
+    plan = plan_default;
+    waypoint = WAYPOINT_NONE;
+}
+
+uint8_t unit_configure(const __xdata struct plan *wanted)
+{
+    if (!plan_is_possible(wanted))
+        return RESULT_OUT_OF_RANGE;
+    if (!is_at_rest())
+        return RESULT_BUSY;
+    plan = *wanted;
+    return RESULT_DONE;
+}
+
+uint8_t unit_start(uint16_t pause_ms)
+{
+    started = true;
+    pause_rounds = ROUNDS(pause_ms);
+    if (activity == RESTING)
+        go_on();
+    return RESULT_DONE;
+}
+
+uint8_t unit_stop(void)
+{
+    started = false;
+    single = false;
+    if (activity == SWEEPING) {
+        sweep_cut_short();
+    } else if (activity == HOMING) {
+        motor_end_after(0);
+        activity = ABANDONING; // no news: for the host that is homing too
+    } else if (is_at_rest()) {
+        go_on();
+    }
+    return RESULT_DONE;
+}
+
+uint8_t unit_single(void)
+{
+    if (activity != RESTING)
+        return RESULT_BUSY;
+    single = true;
+    go_on();
+    return RESULT_DONE;
+}
+
+uint8_t unit_home(void)
+{
+    if (!is_at_rest())
+        return RESULT_BUSY;
+    begin_homing();
+    return RESULT_DONE;
+}
+
+uint8_t unit_set_waypoint(uint16_t number)
+{
+    if (number != waypoint)
+        has_news = true;
+    waypoint = number;
+    return RESULT_DONE;
+}
+
+uint8_t unit_state(void)
+{
+    switch (activity) {
+    case RESTING:
+        return fault == FAULT_NONE ? STATE_IDLE : STATE_FAULT;
+    case HOMING:
+    case ABANDONING:
+        return STATE_HOMING;
+    case SWEEPING:
+        return STATE_SWEEPING;
+    case AWAITING_ROOM:
+        return STATE_WAITING;
+    default:
+        return STATE_PAUSING;
+    }
+}
+
+bool unit_take_news(void)
+{
+    bool news = has_news;
+    has_news = false;
+    return news;
+}
+
+uint8_t unit_flags(void)
+{
+    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0);
+}
+
+uint8_t unit_fault(void)
+{
+    return fault;
+}
+
+uint16_t unit_waypoint(void)
+{
+    return waypoint;
+}

@@ -1,0 +1,130 @@
+// Walks through the firmware's pure modules and prints what they give, the same under gcc and on an 8051 built by SDCC,
+// whose int has 16 bits.
+#include "bearing.h"
+#include "cobs.h"
+#include "crc.h"
+#include "plan.h"
+#include "ramp.h"
+#include "ring.h"
+
+#ifdef __SDCC
+static volatile __xdata __at(0xFFFF) uint8_t simulator; // s51's interface to its host
+
+static void put(char character)
+{
+    simulator = 'p';
+    simulator = character;
+}
+
+static void stop(void)
+{
+    simulator = 's';
+    for (;;)
+        ;
+}
+#else
+#include <stdio.h>
+#include <stdlib.h>
+
+static void put(char character)
+{
+    putchar(character);
+}
+
+static void stop(void)
+{
+    exit(0);
+}
+#endif
+
+static void show(const char *name, uint32_t value)
+{
+    while (*name != '\0')
+        put(*name++);
+    put(' ');
+    for (int8_t shift = 28; shift >= 0; shift -= 4)
+        put("0123456789abcdef"[value >> shift & 0xF]);
+    put('\n');
+}
+
+// A linear congruential generator's upper bytes (Numerical Recipes, 3rd ed., section 7.1).
+static uint8_t random_byte(void)
+{
+    static __xdata uint32_t state;
+    state = state * 1664525UL + 1013904223UL;
+    return (uint8_t)(state >> 24);
+}
+
+static void walk_bearings(void)
+{
+    for (int32_t bearing = -32768; bearing <= 32767; bearing += 499)
+        show("half_step", (uint16_t)bearing_to_half_step((int16_t)bearing));
+    for (int16_t half_step = -2037; half_step <= 2037; half_step += 31)
+        show("bearing", (uint16_t)bearing_of_half_step(half_step));
+}
+
+static void walk_ramps(void)
+{
+    for (uint16_t top_speed = 50; top_speed <= 1000; top_speed += 190)
+        for (uint16_t ramp_ms = 0; ramp_ms <= 1000; ramp_ms += 250) {
+            ramp_set(top_speed, ramp_ms);
+            for (uint16_t level = 1; level <= 512; level += 37)
+                show("interval", ramp_interval_us(level));
+        }
+}
+
+static void walk_plans(void)
+{
+    static __xdata struct plan plan;
+    plan = plan_default;
+    show("default", plan_is_possible(&plan));
+    for (uint8_t reading = 0; reading < plan.count; reading++)
+        show("reading", (uint16_t)plan_bearing(&plan, reading));
+    for (uint8_t count = 0; count < 70; count++) {
+        plan.count = count;
+        plan.bearing_step = random_byte() * 16;
+        show("possible", plan_is_possible(&plan));
+    }
+}
+
+// Frames of all lengths go into the ring and come out of it encoded, decoded again on the way.
+static void walk_ring(void)
+{
+    ring_clear();
+    for (uint8_t round = 0; round < 40; round++) {
+        uint16_t length = 1 + random_byte() + random_byte();
+        bool few_zeros = round % 2;
+        ring_begin();
+        for (uint16_t i = 0; i < length; i++)
+            ring_put(few_zeros ? random_byte() | 1 : random_byte() & 3);
+        ring_commit();
+        ring_recover();
+        cobs_encode_begin(ring_oldest(), ring_oldest_length(), ring_memory(), ring_memory_end());
+        cobs_decode_begin();
+        uint16_t encoded = 0;
+        uint16_t decoded = 0;
+        for (uint8_t byte = cobs_encode(); byte != COBS_DELIMITER; byte = cobs_encode()) {
+            int16_t original = cobs_decode(byte);
+            encoded = crc_add(encoded, byte);
+            if (original != COBS_NOTHING)
+                decoded = crc_add(decoded, (uint8_t)original);
+        }
+        show("encoded", encoded);
+        show("decoded", decoded);
+        show("complete", cobs_decode_is_complete());
+        show("used", ring_used());
+        if (!ring_has_room(531))
+            while (ring_frames() != 0)
+                ring_drop_oldest();
+    }
+}
+
+int main(void)
+{
+    walk_bearings();
+    walk_ramps();
+    walk_plans();
+    walk_ring();
+    stop();
+    return 0;
+}

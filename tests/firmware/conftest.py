@@ -1,0 +1,43 @@
+"""The firmware's pure modules, built by gcc with sanitizers and run as a child process."""
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+PURE = ["bearing", "cobs", "crc", "gesture", "plan", "ramp", "ring"]
+
+
+class PureModules:
+    """Asks pure_modules.c, one line for one answer."""
+
+    def __init__(self, process: subprocess.Popen[str]):
+        self._process = process
+
+    def ask(self, command: str, *arguments: object) -> str:
+        """The answer's line, without its end; fails with the sanitizer's report when the child dies."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        assert self._process.stderr is not None
+        self._process.stdin.write(" ".join([command, *map(str, arguments)]) + "\n")
+        self._process.stdin.flush()
+        answer = self._process.stdout.readline()
+        assert answer, self._process.stderr.read()
+        return answer.strip()
+
+
+@pytest.fixture(scope="session")
+def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModules]:
+    program = tmp_path_factory.mktemp("firmware") / "pure_modules"
+    sources = [Path(__file__).with_name("pure_modules.c"), *(FIRMWARE / "src" / f"{name}.c" for name in PURE)]
+    flags = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-g"]
+    sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    subprocess.run(["gcc", *flags, *sanitizers, f"-I{FIRMWARE / 'src'}", *sources, "-o", program], check=True)
+    with subprocess.Popen(
+        [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        yield PureModules(process)
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait(timeout=10) == 0

@@ -1,0 +1,201 @@
+// Runs the firmware's pure modules for the tests: reads one command a line, writes one line of answer.
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bearing.h"
+#include "cobs.h"
+#include "crc.h"
+#include "gesture.h"
+#include "plan.h"
+#include "ramp.h"
+#include "ring.h"
+
+#define MOST_BYTES 4096
+
+static uint8_t bytes[MOST_BYTES];
+static char line[2 * MOST_BYTES + 64];
+
+static size_t parse_hex(const char *hex)
+{
+    size_t length = 0;
+    unsigned byte;
+    for (; sscanf(hex, "%2x", &byte) == 1; hex += 2)
+        bytes[length++] = (uint8_t)byte;
+    return length;
+}
+
+static void answer_encoded(const uint8_t *frame, size_t length, const uint8_t *memory, const uint8_t *memory_end)
+{
+    uint8_t byte;
+    cobs_encode_begin(frame, (uint16_t)length, memory, memory_end);
+    do {
+        byte = cobs_encode();
+        printf("%02x", byte);
+    } while (byte != COBS_DELIMITER);
+    puts("");
+}
+
+static void encode(const char *hex)
+{
+    size_t length = parse_hex(hex);
+    answer_encoded(bytes, length, bytes, bytes + MOST_BYTES);
+}
+
+// Encodes a frame that lies in a circular memory of its own length, from `start` to its end and on at its beginning.
+static void encode_wrapped(const char *arguments)
+{
+    size_t start = strtoul(arguments, NULL, 10);
+    size_t length = parse_hex(strchr(arguments, ' ') + 1);
+    uint8_t *memory = malloc(length);
+    for (size_t i = 0; i < length; i++)
+        memory[(start + i) % length] = bytes[i];
+    answer_encoded(memory + start, length, memory, memory + length);
+    free(memory);
+}
+
+static void decode(const char *hex)
+{
+    size_t length = parse_hex(hex);
+    cobs_decode_begin();
+    printf("=");
+    for (size_t i = 0; i < length; i++) {
+        int16_t byte = cobs_decode(bytes[i]);
+        if (byte != COBS_NOTHING)
+            printf("%02x", (unsigned)byte);
+    }
+    puts(cobs_decode_is_complete() ? " complete" : " incomplete");
+}
+
+static void crc(const char *hex)
+{
+    size_t length = parse_hex(hex);
+    uint16_t value = 0;
+    for (size_t i = 0; i < length; i++)
+        value = crc_add(value, bytes[i]);
+    printf("%u\n", value);
+}
+
+static void ramp(const char *arguments)
+{
+    unsigned top_speed, ramp_ms, levels;
+    sscanf(arguments, "%u %u %u", &top_speed, &ramp_ms, &levels);
+    ramp_set((uint16_t)top_speed, (uint16_t)ramp_ms);
+    for (unsigned level = 1; level <= levels; level++)
+        printf("%u ", ramp_interval_us((uint16_t)level));
+    printf("%u\n", ramp_cruise_us());
+}
+
+static void is_possible(const char *arguments)
+{
+    int first;
+    unsigned step, count, interval, speed, ramp_ms, settle;
+    sscanf(arguments, "%d %u %u %u %u %u %u", &first, &step, &count, &interval, &speed, &ramp_ms, &settle);
+    struct plan plan = {(int16_t)first,  (uint16_t)step,    (uint8_t)count,  (uint16_t)interval,
+                        (uint16_t)speed, (uint16_t)ramp_ms, (uint16_t)settle};
+    printf("%d\n", plan_is_possible(&plan));
+}
+
+// The millisecond of the first sample, and the contact's level at every millisecond, 1 closed; answers the milliseconds
+// at which gestures are over.
+static void gestures(const char *arguments)
+{
+    size_t first_ms = strtoul(arguments, NULL, 10);
+    const char *levels = strchr(arguments, ' ') + 1;
+    size_t end_ms = strlen(levels);
+    for (size_t ms = first_ms; ms < end_ms; ms += GESTURE_SAMPLE_MS) {
+        enum gesture gesture = gesture_sample(levels[ms] == '1');
+        if (gesture != GESTURE_NONE)
+            printf("%s@%zu ", gesture == GESTURE_PRESS ? "press" : "double", ms);
+    }
+    puts(".");
+}
+
+static void ring_add(const char *hex)
+{
+    size_t length = parse_hex(hex);
+    if (!ring_has_room((uint16_t)length)) {
+        puts("full");
+        return;
+    }
+    ring_begin();
+    for (size_t i = 0; i < length; i++)
+        ring_put(bytes[i]);
+    ring_commit();
+    puts("added");
+}
+
+static void ring_show(void)
+{
+    printf("%u %u ", ring_frames(), ring_used());
+    for (uint16_t i = 0; ring_frames() != 0 && i < ring_oldest_length(); i++)
+        printf("%02x", ring_oldest_byte(i));
+    puts("");
+}
+
+// What radiation or a fading supply would do; the offset is from the oldest frame's first byte.
+static void ring_flip(const char *arguments)
+{
+    size_t offset, bits;
+    sscanf(arguments, "%zu %zu", &offset, &bits);
+    size_t size = (size_t)(ring_memory_end() - ring_memory());
+    size_t at = ((size_t)(ring_oldest() - ring_memory()) + offset) % size;
+    ((uint8_t *)ring_memory())[at] ^= (uint8_t)bits;
+    puts("flipped");
+}
+
+static void ring_send_oldest(void)
+{
+    answer_encoded(ring_oldest(), ring_oldest_length(), ring_memory(), ring_memory_end());
+}
+
+static void answer(const char *command, const char *arguments)
+{
+    if (strcmp(command, "crc") == 0)
+        crc(arguments);
+    else if (strcmp(command, "encode") == 0)
+        encode(arguments);
+    else if (strcmp(command, "encode_wrapped") == 0)
+        encode_wrapped(arguments);
+    else if (strcmp(command, "decode") == 0)
+        decode(arguments);
+    else if (strcmp(command, "half_step") == 0)
+        printf("%d\n", bearing_to_half_step((int16_t)atoi(arguments)));
+    else if (strcmp(command, "bearing") == 0)
+        printf("%d\n", bearing_of_half_step((int16_t)atoi(arguments)));
+    else if (strcmp(command, "ramp") == 0)
+        ramp(arguments);
+    else if (strcmp(command, "plan") == 0)
+        is_possible(arguments);
+    else if (strcmp(command, "gestures") == 0)
+        gestures(arguments);
+    else if (strcmp(command, "ring_clear") == 0)
+        ring_clear(), puts("cleared");
+    else if (strcmp(command, "ring_recover") == 0)
+        ring_recover(), puts("recovered");
+    else if (strcmp(command, "ring_add") == 0)
+        ring_add(arguments);
+    else if (strcmp(command, "ring_drop") == 0)
+        ring_drop_oldest(), puts("dropped");
+    else if (strcmp(command, "ring_flip") == 0)
+        ring_flip(arguments);
+    else if (strcmp(command, "ring_show") == 0)
+        ring_show();
+    else if (strcmp(command, "ring_send_oldest") == 0)
+        ring_send_oldest();
+    else
+        exit(2);
+}
+
+int main(void)
+{
+    while (fgets(line, sizeof line, stdin) != NULL) {
+        line[strcspn(line, "\n")] = '\0';
+        char *space = strchr(line, ' ');
+        if (space != NULL)
+            *space = '\0';
+        answer(line, space != NULL ? space + 1 : "");
+        fflush(stdout);
+    }
+    return 0;
+}

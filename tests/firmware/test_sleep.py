@@ -1,0 +1,28 @@
+"""How much of the time the CPU works: noctule-sim counts the instructions of the real firmware."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+SIMULATED_S = 60
+
+
+@pytest.mark.parametrize(
+    ("arguments", "most"),
+    [
+        # firmware/README.md, Layout: millions of instructions/s, and a tenth more for homing and rounding
+        pytest.param(["--acknowledge"], 0.22, id="sweeping"),
+        pytest.param(["--laps", "0", "--tcp", "127.0.0.1:0"], 0.066, id="idle"),
+    ],
+)
+def test_the_cpu_sleeps_when_it_has_nothing_to_do(arguments, most):
+    subprocess.run(["make", "-C", FIRMWARE], check=True, capture_output=True)
+    image = FIRMWARE / "build" / "noctule.ihx"
+    command = ["noctule-sim", "--firmware", image, "--speed", "max", "--duration", str(SIMULATED_S), *arguments]
+    report = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    rate = re.search(r"([\d.]+) million instructions/s, 0 resets", report)
+    assert rate
+    assert 0 < float(rate[1]) < most
