@@ -9,6 +9,8 @@ import socket
 import sys
 from pathlib import Path
 
+from noctule_viewer.relay import Relay
+
 HERE = Path(__file__).parent
 SETTINGS = {
     "DEMO_SPEED": "12",  # simulated seconds per second: the walk around the room takes some 8 minutes
@@ -27,7 +29,8 @@ def main() -> None:
         if name.endswith("_PORT"):
             require_free(name, int(value))
     write_site(Path(settings["DEMO_DATA"]), settings["DEMO_UNIT_PORT"])
-    print("The room is mapped in half a minute. Ctrl-C ends the demo.", flush=True)
+    relay = Relay("127.0.0.1", int(settings["DEMO_RERUN_PORT"]), int(settings["DEMO_WEB_PORT"]), memory_limit="512MB")
+    print(f"Open {relay.page} and watch the room being mapped; Ctrl-C ends the demo.", flush=True)
     commands = Path(sys.executable).parent
     path = f"{commands}{os.pathsep}{os.environ['PATH']}"
     honcho = [str(commands / "honcho"), "start", "--procfile", str(HERE / "Procfile"), "--app-root", str(Path.cwd())]
