@@ -53,3 +53,11 @@ def test_utc_that_is_set_right_moves_the_times_told_and_not_the_clock() -> None:
     before, after = (clocks.at(5, unit.tick(1040.0), offset_s) for offset_s in (OFFSET_S, OFFSET_S + 30))
     assert after.time_s - before.time_s == pytest.approx(30.0)
     assert after.error_s == before.error_s
+
+
+def test_sweeps_of_many_earlier_boots_do_not_push_out_the_clock_of_the_present_one() -> None:
+    clocks = begun(boot=50)
+    for boot in range(30, 50):
+        clocks.at(boot, 4_000_000, OFFSET_S)
+    assert all(clocks.add(exchange) for exchange in exchanges(Oscillator(0.0), QUICK, seed=10))
+    assert clocks.at(50, 4_000_000, OFFSET_S).error_s < UNKNOWN_BOOT_ERROR_S

@@ -49,6 +49,12 @@ def test_a_tracked_unit_is_at_its_last_pose_and_nowhere_before_its_first() -> No
 
 
 def test_a_pose_that_is_late_or_not_finite_is_refused_and_counted() -> None:
-    track = tracked((10.0, Pose(x_m=1.0)), (9.0, Pose(x_m=2.0)), (11.0, Pose(x_m=nan)))
+    track = tracked((10.0, Pose(x_m=1.0)), (9.5, Pose(x_m=2.0)), (11.0, Pose(x_m=nan)))
     assert track.refused == 2
     assert track.at(11.0) == Pose(x_m=1.0)
+
+
+def test_a_tracker_whose_clock_was_set_back_is_believed_again_at_once() -> None:
+    track = tracked((3600.0, Pose(x_m=1.0)), (10.0, Pose(x_m=2.0)), (11.0, Pose(x_m=3.0)))
+    assert track.refused == 0
+    assert track.at(10.5) == Pose(x_m=2.5)

@@ -66,6 +66,8 @@ class BootClocks:
             else:
                 tick, utc = found
                 self._clocks[boot] = self._make(HostTime(utc.time_s - utc_offset_s, utc.error_s), tick)
+        if self._boot in self._clocks:  # the present boot's is never the one to go
+            self._clocks.move_to_end(self._boot)
         self._clocks.move_to_end(boot)
         if len(self._clocks) > _KEPT_BOOTS:
             self._clocks.popitem(last=False)

@@ -187,7 +187,9 @@ class Link:
         self._hello_due_s = now_s + HELLO_EVERY_S
         self.identified = True
         self._boot = hello.boot
-        self._setup_waits = self._setup_waits or rebooted
+        if rebooted:
+            self.setup.drop()
+            self._setup_waits = True
         return [*lost, Identified(hello, rebooted)]
 
     def _status(self, status: Status, now_s: float) -> list[Event]:

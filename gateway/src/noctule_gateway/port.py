@@ -9,6 +9,7 @@ import contextlib
 import os
 import selectors
 import socket
+import termios
 import time
 from typing import Protocol
 
@@ -52,11 +53,15 @@ def open_port(address: str) -> Port:
         line = serial.serial_for_url(
             address, baudrate=BAUD, timeout=_LOOK_EVERY_S, write_timeout=write_timeout_s, exclusive=True
         )
-    except (serial.SerialException, OSError, ValueError) as error:
+    except (serial.SerialException, termios.error, OSError, ValueError) as error:  # termios: pulled out meanwhile
         raise LineError(f"can't open {address}: {error}") from error
     if isinstance(line, rfc2217.Serial):
         return _PolledPort(address, line)
-    return _DescriptorPort(address, line, line.fileno())
+    try:
+        return _DescriptorPort(address, line, line.fileno())
+    except OSError as error:
+        line.close()
+        raise LineError(f"can't wait for {address}: {error}") from error
 
 
 class _DescriptorPort:

@@ -9,6 +9,7 @@ from noctule.messages_pb2 import Pose
 from noctule.site import FixedPose, PoseKey, WaypointPath
 
 _KEPT = 4096  # more than a minute of poses at 50 Hz
+_SET_BACK_S = 1.0  # a pose that is older than the last by more than this has a clock behind it that was set back
 
 
 class PoseTrack:
@@ -19,7 +20,12 @@ class PoseTrack:
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
 
     def add(self, time_s: float, pose: Pose) -> None:
-        """Take in where the unit was at ``time_s`` (UTC), unless that is not after the last, or not finite."""
+        """Take in where the unit was at ``time_s`` (UTC), unless that is not after the last, or not finite.
+
+        Where the tracker's clock was set back, what it told before is forgotten.
+        """
+        if self._poses and time_s < self._poses[-1][0] - _SET_BACK_S:
+            self._poses.clear()
         values = (pose.x_m, pose.y_m, pose.heading_rad, pose.sigma_position_m, pose.sigma_heading_rad)
         if all(map(isfinite, values)) and (not self._poses or time_s > self._poses[-1][0]):
             self._poses.append((time_s, pose))

@@ -16,6 +16,9 @@ from noctule_gateway.log import SweepLog
 from noctule_gateway.outbox import Outbox
 from noctule_gateway.pose import PoseTrack
 
+_MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
+_MOST_DIGITS = 18  # a count that SQLite holds
+
 MAX_RECORDS = 500
 MAX_REPLY_BYTES = 2**20
 
@@ -60,6 +63,9 @@ class Presence:
             self._track.refused += 1
         else:
             time_s = _time_of(pose, sample)
+            if time_s > time.time() + _MOST_AHEAD_S:
+                self._track.refused += 1
+                return
             pose.ClearField("time")  # a sweep has its own
             self._track.add(time_s, pose)
 
@@ -102,7 +108,7 @@ def read_records(log: SweepLog, parameter: Callable[[str], str | None]) -> LogRe
 def _number(name: str, text: str | None, default: int) -> int:
     if text is None:
         return default
-    if not text.isdecimal():
+    if not text.isdecimal() or len(text) > _MOST_DIGITS:
         raise ValueError(f"{name}={text} is not a count: ask with from=N;max=M")
     return int(text)
 

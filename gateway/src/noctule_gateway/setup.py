@@ -40,6 +40,10 @@ class Setup:
         if self._wanted.running or status.started:
             self._orders.append(self._wanted.start)
 
+    def drop(self) -> None:
+        """Forget what was still to be ordered, until begin()."""
+        self._orders.clear()
+
     @property
     def due_s(self) -> float:
         """When the next order is due; infinity when there is none."""
