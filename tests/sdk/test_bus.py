@@ -9,7 +9,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 
 from noctule import bus, keys
-from noctule.errors import BusError
+from noctule.errors import BusConfigError, BusError
 from noctule.messages_pb2 import Contour, Sweep
 
 
@@ -31,6 +31,12 @@ def test_a_client_waits_for_its_router(endpoint, caplog):
         assert [str(zid) for zid in opened[0].info.routers_zid()] == [str(router.info.zid())]
         opened[0].close()
     assert all(endpoint in record.getMessage() for record in caplog.records)
+
+
+@pytest.mark.parametrize("asked", [{"connect": ["router-1:7447"]}, {"listen": ["127.0.0.1:0"]}])
+def test_an_endpoint_that_is_none_is_refused_at_once_with_how_to_write_it(asked):
+    with pytest.raises(BusConfigError, match="tcp/HOST:PORT"):
+        bus.open_session(**asked)
 
 
 def test_a_second_router_on_an_endpoint_is_told_why_it_can_not_be_one(router):

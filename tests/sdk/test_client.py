@@ -1,5 +1,6 @@
 """A client sees its site: what comes, what is, and what units answer."""
 
+import queue
 import threading
 
 import pytest
@@ -100,6 +101,23 @@ def test_a_state_comes_at_once_to_a_late_joiner_and_then_anew(client, far, known
     collected.wait_for(len)
     state.put(Contour(version=2))
     collected.wait_for(lambda came: came[-1].version == 2)
+
+
+def test_a_present_that_is_late_does_not_come_after_what_is_newer(client, far, collected):
+    key = keys.contour("room")
+    asked: queue.Queue = queue.Queue()
+    far.answer(key, asked.put, client.session)
+    joining = threading.Thread(target=client.on_contour, args=(collected.add,))
+    joining.start()
+    query = asked.get(timeout=10)
+    far.publish(key, Contour(version=2))
+    collected.wait_for(len)
+    query.reply(key, Contour(version=1).SerializeToString())
+    query.drop()
+    joining.join()
+    far.publish(key, Contour(version=3))
+    collected.wait_for(lambda came: came[-1].version == 3)
+    assert [contour.version for contour in collected] == [2, 3]
 
 
 def test_a_poses_unit_is_told_with_it(client, open_session, collected):

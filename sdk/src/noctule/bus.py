@@ -12,7 +12,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
 from noctule import keys, messages_pb2
-from noctule.errors import BusError
+from noctule.errors import BusConfigError, BusError
 
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 CONFIG_VARIABLE = "ZENOH_CONFIG"
@@ -40,7 +40,7 @@ def open_session(
     A client waits for its first router, for ever or for ``patience_s``; after that the session reconnects by itself.
     What else there is to set (certificates) is read from the Zenoh configuration file that ZENOH_CONFIG names.
     The caller must close the session, or the process does not end.
-    Raises BusError: no router in time, or an endpoint that can't be listened on.
+    Raises BusError: no router in time, or an endpoint that can't be listened on; BusConfigError: one that is none.
     """
     config = _config(connect, listen)
     return _open_router(config, listen) if listen else _open_client(config, connect, patience_s)
@@ -74,14 +74,17 @@ def _config(connect: Sequence[str], listen: Sequence[str]) -> zenoh.Config:
     try:
         config = zenoh.Config.from_env() if os.environ.get(CONFIG_VARIABLE) else zenoh.Config()
     except zenoh.ZError as error:
-        raise BusError(f"the Zenoh configuration that {CONFIG_VARIABLE} names can't be read: {error}") from error
+        raise BusConfigError(f"the Zenoh configuration that {CONFIG_VARIABLE} names can't be read: {error}") from error
     settings = _SETTINGS | {
         "mode": "router" if listen else "client",
         "connect/endpoints": list(connect),
         "listen/endpoints": list(listen),
     }
     for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            raise BusConfigError(f"{key} can't be {value}: write an endpoint as tcp/HOST:PORT") from error
     return config
 
 

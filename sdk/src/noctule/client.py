@@ -151,7 +151,7 @@ class Client:
         Raises BusError: the gateway gave an error or was silent for QUERY_TIMEOUT_S.
         """
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
-        return next(self._ask(selector, LogRecords), None)
+        return next((_decode(LogRecords, reply) for reply in self._ask(selector)), None)
 
     def command(self, unit: str, name: str, request: CommandRequest, timeout_s: float) -> CommandReply:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
@@ -162,10 +162,10 @@ class Client:
         if not request.request_id:
             request.request_id = uuid.uuid4().hex
         key = keys.rpc(self.site, unit, name)
-        reply = next(self._ask(key, CommandReply, request.SerializeToString(), timeout_s), None)
+        reply = next(self._ask(key, request.SerializeToString(), timeout_s), None)
         if reply is None:
             raise BusError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
-        return reply
+        return _decode(CommandReply, reply)
 
     def publish_pose(self, unit: str, pose: Pose) -> None:
         """Publish where a tracked unit is."""
@@ -179,10 +179,20 @@ class Client:
         return self._subscribe(key, lambda sample: callback(_decode(message_type, sample)))
 
     def _on_state(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
-        subscriber = self._on(key, message_type, callback)
+        fresh: set[str] = set()  # keys that something newer than the present was published on; of the delivery's thread
+
+        def deliver(sample: zenoh.Sample) -> None:
+            fresh.add(str(sample.key_expr))
+            callback(_decode(message_type, sample))
+
+        def deliver_present(sample: zenoh.Sample) -> None:
+            if str(sample.key_expr) not in fresh:
+                callback(_decode(message_type, sample))
+
+        subscriber = self._subscribe(key, deliver)
         try:
-            for message in self._ask_all(key, message_type):
-                self._delivery.put(partial(callback, message))
+            for sample in self._ask(key):
+                self._delivery.put(partial(deliver_present, sample))
         except BusError as error:
             _log.warning("the present of %s is not known until it is next published: %s", key, error)
         return subscriber
@@ -193,11 +203,11 @@ class Client:
         return subscriber
 
     def _ask_all(self, key: str, message_type: type[M]) -> list[M]:
-        return list(self._ask(key, message_type))
+        return [_decode(message_type, reply) for reply in self._ask(key)]
 
     def _ask(
-        self, selector: str, message_type: type[M], payload: bytes | None = None, timeout_s: float = QUERY_TIMEOUT_S
-    ) -> Iterator[M]:
+        self, selector: str, payload: bytes | None = None, timeout_s: float = QUERY_TIMEOUT_S
+    ) -> Iterator[zenoh.Sample]:
         """The good replies as they come; an error is raised only where there is none, for another service may know."""
         answered, error = False, None
         # Any other consolidation keeps one reply per key.
@@ -207,7 +217,7 @@ class Client:
         for reply in replies:
             if reply.ok is not None:
                 answered = True
-                yield _decode(message_type, reply.ok)
+                yield reply.ok
             elif reply.err is not None:
                 error = reply.err.payload.to_bytes().decode(errors="replace")
         if error is not None and not answered:

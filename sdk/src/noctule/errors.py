@@ -19,3 +19,7 @@ class SurveyError(NoctuleError):
 
 class BusError(NoctuleError):
     """The bus gave no answer, or one that can't be used."""
+
+
+class BusConfigError(BusError):
+    """An endpoint or a configuration that makes no sense, however long one waits."""
