@@ -105,6 +105,22 @@ def test_a_sweep_that_comes_too_late_for_the_window_changes_nothing(path: Path) 
     store.close()
 
 
+def test_a_sweep_from_the_future_does_not_empty_the_window(path: Path) -> None:
+    store = SweepStore(path, Window(max_age_s=10), now_ns=lambda: 20 * 10**9)
+    store.commit([sweep(15), sweep(16, start_s=1e6), sweep(17)], [cursor(17)])
+    assert sequences(store) == [15, 17, 16]
+    store.close()
+
+
+def test_sweeps_after_a_clock_was_set_back_supersede_those_before(path: Path) -> None:
+    store = SweepStore(path, Window(sweeps_per_place=2, max_sweeps=3))
+    store.commit([sweep(1, 5000.0, x_m=0.0), sweep(2, 5001.0, x_m=0.0), sweep(3, 5002.0)], [cursor(3)])
+    change = store.commit([sweep(4, 1400.0, x_m=0.0), sweep(5, 1401.0)], [cursor(5)])
+    assert [entered.log_sequence for entered in change.entered] == [4, 5]
+    assert sorted(change.left) == [(LOG, 1), (LOG, 2)]
+    store.close()
+
+
 def test_a_failed_commit_leaves_the_store_as_it_was(path: Path) -> None:
     store = SweepStore(path, Window())
     store.commit([sweep(1)], [cursor(1)])

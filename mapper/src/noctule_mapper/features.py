@@ -2,7 +2,7 @@
 (Section III.D).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,37 +39,73 @@ def feature_points(tiles: Sequence[GridTile], echoes: Echoes, found: Contacts, c
     A cluster longer than a block is cut along the blocks: on a wall walked along closely the clusters grow together,
     and one point for all of it would say nothing of its direction.
     """
-    if not tiles or not len(echoes):
-        return FeaturePoints(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0))
+    touching = found.kind != Kind.NONE
+    heard = found.direction_rad[touching]
+    x = echoes.x_m[touching] + echoes.range_m[touching] * np.cos(heard)
+    y = echoes.y_m[touching] + echoes.range_m[touching] * np.sin(heard)
+    touches = _Touches(x, y, heard, found.kind[touching])
+    return _joined([_points_of(group, touches, config) for group in _adjacent(tiles)])
+
+
+@dataclass(frozen=True)
+class _Touches:
+    """Contacts as places, arrays (n,)."""
+
+    x_m: np.ndarray
+    y_m: np.ndarray
+    direction_rad: np.ndarray
+    kind: np.ndarray
+
+
+def _points_of(tiles: Sequence[GridTile], touches: _Touches, config: FeatureConfig) -> FeaturePoints:
+    """The feature points of tiles that lie together, laid out as one array."""
     occupied, first_column, first_row = _mosaic(tiles)
     cell_m = tiles[0].cell_m
     label = np.zeros(occupied.shape, np.int32)
     ndimage.label(occupied > config.least_occupied, structure=_EIGHT_NEIGHBOURS, output=label)
-    touching = found.kind != Kind.NONE
-    x = echoes.x_m[touching] + echoes.range_m[touching] * np.cos(found.direction_rad[touching])
-    y = echoes.y_m[touching] + echoes.range_m[touching] * np.sin(found.direction_rad[touching])
-    column, row = np.floor(x / cell_m).astype(int) - first_column, np.floor(y / cell_m).astype(int) - first_row
-    clustered = label[row, column]
+    column = np.floor(touches.x_m / cell_m).astype(int) - first_column
+    row = np.floor(touches.y_m / cell_m).astype(int) - first_row
+    inside = np.nonzero((column >= 0) & (column < occupied.shape[1]) & (row >= 0) & (row < occupied.shape[0]))[0]
+    inside = inside[label[row[inside], column[inside]] > 0]
+    column, row, heard = column[inside], row[inside], touches.direction_rad[inside]
     block = max(1, round(config.block_m / cell_m))
-    members = np.stack([clustered, row // block, column // block, found.kind[touching]], axis=1)
-    inside = clustered > 0
-    groups, which = np.unique(members[inside], axis=0, return_inverse=True)
-    count = np.bincount(which)
+    members = np.stack([label[row, column], row // block, column // block, touches.kind[inside]], axis=1)
+    groups, which = np.unique(members, axis=0, return_inverse=True)
+    groups, which = groups.reshape(-1, 4), which.reshape(-1)
+    weight = occupied[row, column]
     reliability = np.zeros(len(groups))
-    np.maximum.at(reliability, which, occupied[row[inside], column[inside]])
-    weight = occupied[row[inside], column[inside]]
+    np.maximum.at(reliability, which, weight)
     total = np.bincount(which, weight)
-    heard = found.direction_rad[touching][inside]
-    direction = np.arctan2(np.bincount(which, np.sin(heard)), np.bincount(which, np.cos(heard)))
-    groups = groups.reshape(-1, 4)
-    kept = _majority(groups[:, :3], count)
-    return FeaturePoints(
-        (np.bincount(which, weight * x[inside]) / total)[kept],
-        (np.bincount(which, weight * y[inside]) / total)[kept],
-        reliability[kept],
-        groups[kept, 3],
-        direction[kept],
+    points = FeaturePoints(
+        np.bincount(which, weight * touches.x_m[inside]) / total,
+        np.bincount(which, weight * touches.y_m[inside]) / total,
+        reliability,
+        groups[:, 3],
+        np.arctan2(np.bincount(which, np.sin(heard)), np.bincount(which, np.cos(heard))),
     )
+    return points.take(_majority(groups[:, :3], np.bincount(which)))
+
+
+def _joined(parts: Sequence[FeaturePoints]) -> FeaturePoints:
+    """Several sets of points as one, in their order."""
+    none = FeaturePoints(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0))
+    names = FeaturePoints.__dataclass_fields__
+    return FeaturePoints(**{name: np.concatenate([getattr(part, name) for part in (none, *parts)]) for name in names})
+
+
+def _adjacent(tiles: Sequence[GridTile]) -> Iterator[list[GridTile]]:
+    """The tiles in groups that touch, also by a corner: between two groups may lie any distance, and no cluster."""
+    left = {(tile.tile_x, tile.tile_y): tile for tile in tiles}
+    while left:
+        reached = [next(iter(left))]
+        group = [left.pop(reached[0])]
+        while reached:
+            x, y = reached.pop()
+            for beside in ((x + across, y + up) for across in (-1, 0, 1) for up in (-1, 0, 1)):
+                if beside in left:
+                    group.append(left.pop(beside))
+                    reached.append(beside)
+        yield group
 
 
 def _majority(places: np.ndarray, count: np.ndarray) -> np.ndarray:

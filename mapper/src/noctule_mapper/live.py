@@ -13,7 +13,7 @@ import zenoh
 
 from noctule import bus, keys
 from noctule.client import Client
-from noctule.errors import BusError
+from noctule.errors import BusConfigError, BusError
 from noctule.follow import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
 from noctule_mapper.live_config import LiveConfig
@@ -26,6 +26,7 @@ from noctule_mapper.sweep import SweepError, SweepReadings, from_message, identi
 _log = logging.getLogger(__name__)
 
 _STATUS_INTERVAL_S = 1.0
+_REBUILT_AT_ONCE = 50
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,9 @@ class LiveMapper:
         held = [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
         for readings in held:
             self._log.recall_sweep(readings)
-        if held:
-            self._worker.take((), held)
+        # All before the worker's first fit, so that no poorer contour is seen; in parts, so that it can be stopped.
+        for first in range(0, len(held), _REBUILT_AT_ONCE):
+            self._worker.take((), held[first : first + _REBUILT_AT_ONCE])
         self._worker.start()
         self._client.on_unit_status(self._log.show_unit_status)
         self._client.on_alive(self._tell_alive)
@@ -166,6 +168,8 @@ def _join(connect: Sequence[str], stop: threading.Event) -> zenoh.Session | None
     while not stop.is_set():
         try:
             return bus.open_session(connect, patience_s=0)
+        except BusConfigError:
+            raise
         except BusError as error:
             if not told:
                 _log.warning("%s; waiting for it", error)

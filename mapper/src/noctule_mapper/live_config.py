@@ -18,17 +18,17 @@ class ConfigFileError(NoctuleError):
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Window(_Model):
     """Which sweeps the map rests on: what is too old, superseded or too many is taken out again."""
 
-    max_age_s: float = Field(default=86_400.0, gt=0)  # against the newest sweep
-    max_sweeps: int = Field(default=1_000, ge=1)
+    max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
+    max_sweeps: int = Field(default=1_000, ge=1, le=20_000)
     sweeps_per_place: int = Field(default=2, ge=1)  # one in each direction of the stepper
     place_size_m: float = Field(default=0.05, gt=0)
-    place_heading_rad: float = Field(default=math.radians(15.0), gt=0)
+    place_heading_rad: float = Field(default=math.radians(15.0), gt=0, le=math.tau)
 
 
 class Pace(_Model):

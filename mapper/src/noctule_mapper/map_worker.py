@@ -101,6 +101,8 @@ class MapWorker:
         try:
             while not self._closing:
                 for change in self._next_changes():
+                    if self._closing:
+                        return  # a long rebuild is begun anew next time
                     self._apply(change)
                 if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s:
                     self._fit_and_show(self._oldest_unfitted_s)

@@ -2,11 +2,12 @@
 
 import sqlite3
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import tau
 from pathlib import Path
+from time import time_ns
 
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, Sweep
@@ -22,25 +23,29 @@ CREATE TABLE IF NOT EXISTS sweep (
     start_ns INTEGER NOT NULL, place TEXT NOT NULL, record BLOB NOT NULL,
     PRIMARY KEY (unit, log_id, log_sequence));
 CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
-CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (place, start_ns);
+CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (place);
 CREATE TABLE IF NOT EXISTS cursor (unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL);
 CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL);
 INSERT INTO contour SELECT 0 WHERE NOT EXISTS (SELECT * FROM contour);
 """
 _VERSION = 1
+_CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the mapper's host
 
+# Age goes by the newest sweep's time, but for times that the host's clock has not come to: one wrong clock must not
+# empty the window. The newest of a place, and of all, is the one that came last, for a clock may be set back.
 _TOO_OLD = """
-DELETE FROM sweep WHERE start_ns < (SELECT max(start_ns) FROM sweep) - :max_age_ns RETURNING log_id, log_sequence
+DELETE FROM sweep WHERE start_ns < (SELECT max(start_ns) FROM sweep WHERE start_ns <= :now_ns) - :max_age_ns
+RETURNING log_id, log_sequence
 """
 _SUPERSEDED = """
 DELETE FROM sweep WHERE rowid IN (
     SELECT rowid FROM sweep WHERE place = :place
-    ORDER BY start_ns DESC, log_id, log_sequence DESC LIMIT -1 OFFSET :sweeps_per_place)
+    ORDER BY rowid DESC LIMIT -1 OFFSET :sweeps_per_place)
 RETURNING log_id, log_sequence
 """
 _TOO_MANY = """
 DELETE FROM sweep WHERE rowid IN (
-    SELECT rowid FROM sweep ORDER BY start_ns DESC, log_id, log_sequence DESC LIMIT -1 OFFSET :max_sweeps)
+    SELECT rowid FROM sweep ORDER BY rowid DESC LIMIT -1 OFFSET :max_sweeps)
 RETURNING log_id, log_sequence
 """
 
@@ -60,9 +65,10 @@ class Change:
 class SweepStore:
     """Sweeps of the window by identity, and a cursor per unit. Safe to use from several threads."""
 
-    def __init__(self, path: Path, window: Window) -> None:
+    def __init__(self, path: Path, window: Window, now_ns: Callable[[], int] = time_ns) -> None:
         """Open ``path`` or make it; raises StoreError if it is not a store of this version."""
         self._window = window
+        self._now_ns = now_ns
         self._lock = threading.Lock()
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -140,7 +146,11 @@ class SweepStore:
 
     def _shrink(self, database: sqlite3.Connection, places: set[str]) -> set[Identity]:
         window = self._window
-        left = set(database.execute(_TOO_OLD, {"max_age_ns": int(window.max_age_s * 1e9)}).fetchall())
+        left = set(
+            database.execute(
+                _TOO_OLD, {"max_age_ns": int(window.max_age_s * 1e9), "now_ns": self._now_ns() + _CLOCKS_DIFFER_NS}
+            ).fetchall()
+        )
         for place in places:
             values = {"place": place, "sweeps_per_place": window.sweeps_per_place}
             left.update(database.execute(_SUPERSEDED, values).fetchall())
