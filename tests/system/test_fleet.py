@@ -18,8 +18,8 @@ SPEED = 2  # that the simulator keeps up with while the gateway and the mapper r
 @pytest.mark.soak
 @pytest.mark.timeout(1200)
 def test_a_fleet_whose_gateway_and_mapper_are_killed_again_and_again_loses_no_sweep(tmp_path: Path) -> None:
-    unit_port, zenoh_port = free_port_range(UNITS + 1), free_port_range(1)
-    endpoint = f"tcp/127.0.0.1:{zenoh_port}"
+    unit_port = free_port_range(UNITS + 1)
+    endpoint = f"tcp/127.0.0.1:{unit_port + UNITS}"
     write_site(tmp_path / "site.toml", unit_port)
     simulator = f"noctule-sim --room paper --units {UNITS} --speed {SPEED} --tcp 127.0.0.1:{unit_port} --seed 3"
     gateway = f"noctule-gateway run {tmp_path}/site.toml --data {tmp_path}/gateway --listen {endpoint}"
