@@ -18,7 +18,7 @@ soak: packages-test setup firmware
 	pytest -m soak --timeout 900
 
 bench: packages-test setup firmware
-	python tests/bench/run.py
+	PYTHONPATH=tests python tests/bench/run.py
 
 lint: packages-test setup firmware
 	ruff check

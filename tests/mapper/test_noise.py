@@ -1,15 +1,19 @@
 """The spread of the ranges, estimated from the survey where nobody has calibrated it."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from mapper.room import paper_path, paper_room, survey
 
-from noctule_mapper.config import NoiseConfig
-from noctule_mapper.echoes import echoes_of, join
+from noctule_mapper.config import MapperConfig, NoiseConfig
+from noctule_mapper.contacts import Contacts, Kind
+from noctule_mapper.echoes import Echoes, echoes_of, join
 from noctule_mapper.noise import estimate_sigma_m, scaled_deviations_m
+from noctule_mapper.refinement import refine
 
 
-def echoes(sigma_m: float, seed: int, sweeps: int = 44):
+def echoes(sigma_m: float, seed: int, sweeps: int = 44) -> Echoes:
     made = survey(paper_room(), paper_path()[:sweeps], np.random.default_rng(seed), sigma_m)
     return join([echoes_of(sweep, number, 0.0032) for number, sweep in enumerate(made)])
 
@@ -28,3 +32,27 @@ def test_too_few_triples_leave_the_assumed_spread():
 def test_exact_ranges_of_walls_deviate_by_nothing():
     deviations_m = scaled_deviations_m(echoes(1e-9, 1), 0.08, 0.45)
     assert np.median(np.abs(deviations_m)) < 1e-6
+
+
+def test_the_estimate_looks_at_no_more_echoes_than_it_needs():
+    # 600 middles and 2000 neighbours make matrices of 9.6 MB, some at a time; all the echoes would make them 190 MB.
+    many = join([echoes(0.0032, 1)] * 200)
+    assert len(many) > 30_000
+    assert _peak_bytes(lambda: estimate_sigma_m(many, NoiseConfig())) < 120e6
+
+
+def test_a_unit_that_has_stood_still_for_three_thousand_sweeps_counts_as_its_newest():
+    # Of its 15,000 echoes there are some arrays of 0.1 MB; a matrix of 600 of them by 2000 neighbours would be 9.6 MB.
+    still = join([echoes(0.0032, 1, sweeps=1)] * 3000)
+    none = np.zeros(len(still))
+    untouched = Contacts(none, none, np.full(len(still), Kind.NONE), none)
+    assert _peak_bytes(lambda: refine(still, untouched, MapperConfig())) < 9e6
+
+
+def _peak_bytes(work) -> int:
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

@@ -47,13 +47,44 @@ def test_an_uncertain_pose_widens_the_covariances_and_keeps_them_honest():
         ]
         contour = mapped(sweeps).contour()
         assert invented(contour, paper_room()) == []
-        for corner in contour.corners:
-            true = paper_room().vertices[np.hypot(*(paper_room().vertices - (corner.x_m, corner.y_m)).T).argmin()]
-            error = np.array([corner.x_m, corner.y_m]) - true
-            squares.append(error @ np.linalg.solve(corner.covariance, error) / 2)
-            widths.append(np.sqrt(np.trace(corner.covariance)))
-    assert 0.4 < np.mean(squares) < 2.5  # 30 coordinates
+        squares += _squared_corner_errors(contour)
+        widths += [np.sqrt(np.trace(corner.covariance)) for corner in contour.corners]
+    assert 0.4 < np.mean(squares) / 2 < 2.5  # 30 coordinates
     assert np.mean(widths) > 0.004  # three times what exact poses leave
+
+
+def test_sweeps_from_one_place_share_its_error_and_the_covariances_stay_honest():
+    # Were the twenty independent, the covariances would be up to twenty times too small. The sum of squared normalised
+    # errors of 2 x 5 corners is chi-square with 20 degrees of freedom: 5.92 to 45.3 holds all but 0.1 % on each side.
+    sigma_m, poses = 0.01, paper_path()
+    rng = np.random.default_rng(12)
+    squares = []
+    for _ in range(2):
+        moved = poses + np.column_stack([rng.normal(0, sigma_m, (len(poses), 2)), np.zeros(len(poses))])
+        sweeps = [
+            replace(
+                sweep,
+                identity=(f"visit {visit}", sweep.identity[1]),
+                x_m=float(pose[0]),
+                y_m=float(pose[1]),
+                sigma_position_m=sigma_m,
+            )
+            for visit in range(20)
+            for sweep, pose in zip(survey(paper_room(), moved, rng), poses, strict=True)
+        ]
+        squares += _squared_corner_errors(mapped(sweeps).contour())
+    assert len(squares) == 10
+    assert 5.92 < sum(squares) < 45.3
+
+
+def _squared_corner_errors(contour) -> list[float]:
+    """Squared error over covariance of each corner: chi-square with two degrees of freedom."""
+    squares = []
+    for corner in contour.corners:
+        true = paper_room().vertices[np.hypot(*(paper_room().vertices - (corner.x_m, corner.y_m)).T).argmin()]
+        error = np.array([corner.x_m, corner.y_m]) - true
+        squares.append(float(error @ np.linalg.solve(corner.covariance, error)))
+    return squares
 
 
 def test_walking_the_same_path_again_and_again_invents_nothing():

@@ -78,7 +78,18 @@ def test_a_reading_that_was_no_echo_has_no_range_whatever_its_time_of_flight():
         ({"readings": [{"bearing_rad": "Infinity"}]}, "bearing_rad is not finite"),
         ({"readings": [{"bearing_rad": 0, "time_of_flight_s": "NaN"}]}, "time_of_flight_s"),
         ({"pose": {"sigma_position_m": -1}}, "negative"),
+        ({"pose": {"x_m": 10_001}}, "from the site's origin"),
         ({"sensor": {"range_sigma_m": 0}}, "range_sigma_m"),
+        ({"sensor": {"range_sigma_m": "NaN"}}, "range_sigma_m nan"),
+        ({"sensor": {"range_sigma_m": "Infinity"}}, "range_sigma_m inf"),
+        ({"sensor": {"range_bias_m": "NaN"}}, "range_bias_m nan"),
+        ({"sensor": {"range_bias_m": "-Infinity"}}, "range_bias_m -inf"),
+        ({"sensor": {"beam_width_rad": 3.15}}, "beam_width_rad 3.15"),
+        ({"sensor": {"beam_width_rad": 0}}, "beam_width_rad 0"),
+        ({"sensor": {"beam_width_rad": "NaN"}}, "beam_width_rad nan"),
+        ({"air_temperature_c": "NaN"}, "air_temperature_c nan"),
+        ({"air_temperature_c": "Infinity"}, "air_temperature_c inf"),
+        ({"air_temperature_c": -100}, "air_temperature_c -100"),
     ],
 )
 def test_a_sweep_that_can_not_be_mapped_is_refused_by_name(changes, complaint):

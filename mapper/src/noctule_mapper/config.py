@@ -18,7 +18,7 @@ class SensorConfig(_Model):
     beam_width_rad: float = Field(default=math.radians(22.5), gt=0, le=math.pi)  # full width
     range_bias_m: float = 0.0023
     range_sigma_m: float | None = Field(default=None, gt=0)  # None: estimated from the survey
-    shortest_range_m: float = Field(default=0.02, ge=0)
+    shortest_range_m: float = Field(default=0.02, gt=0)
     longest_range_m: float = Field(default=4.0, gt=0)
     air_temperature_c: float = 20.0
 

@@ -7,8 +7,9 @@ default: exact for any number of readings in any order, and one pass over them. 
     m(occupied) = integral of prod_j G_j(t) * sum_i o_i^2 exp(-t o_i) / G_i(t)
     G_j(t) = o_j exp(-t o_j) + f_j exp(-t f_j) + u_j
 
-so all that must be kept of the readings are two sums per node of the integral: they add up, and a reading can be taken
-out again.
+and m(free) likewise with f_i, so all that must be kept of the readings are three sums per node of the integral: they
+add up, and a reading can be taken out again. What is known, 1 - prod_j u_j, is divided in the ratio of the two
+integrals: what the nodes miss where S is large, they miss of both.
 """
 
 from collections.abc import Callable
@@ -23,47 +24,64 @@ from noctule_mapper.quadrature import nodes
 Rule = Literal["pcr6+", "pcr6", "pcr5", "pcr2", "dempster"]
 NODES = 32  # errs by less than 1e-6
 _MOST_SUMMED_SOURCES = 10  # PCR5 and PCR6 are summed term by term: 3^s terms
-_LEAST_MASS = 1e-300  # stands for zero under a logarithm
+_LEAST_MASS = 1e-300  # stands for zero under a logarithm and below a fraction bar
+_LEAST_SINGLE_MASS = 1e-30  # the same in single precision
 
 
 @dataclass(frozen=True)
 class Evidence:
     """What PCR6+ keeps of any number of readings; evidence is added and subtracted, and nothing depends on the order.
 
-    ``log_product`` and ``share`` are (nodes, ...): sum of log G and of o^2 exp(-t o) / G. ``log_unknown`` is (...).
+    (nodes, ...): ``log_product``, the sum of log G; ``occupied_share``, that of o^2 exp(-t o) / G; ``free_share``, that
+    of f^2 exp(-t f) / G. (...): ``log_unknown``, the sum of log u.
     """
 
     log_product: np.ndarray
-    share: np.ndarray
+    occupied_share: np.ndarray
+    free_share: np.ndarray
     log_unknown: np.ndarray
 
     def __add__(self, other: Self) -> "Evidence":
         return Evidence(
-            self.log_product + other.log_product, self.share + other.share, self.log_unknown + other.log_unknown
+            self.log_product + other.log_product,
+            self.occupied_share + other.occupied_share,
+            self.free_share + other.free_share,
+            self.log_unknown + other.log_unknown,
         )
 
     def __sub__(self, other: Self) -> "Evidence":
         return Evidence(
-            self.log_product - other.log_product, self.share - other.share, self.log_unknown - other.log_unknown
+            self.log_product - other.log_product,
+            self.occupied_share - other.occupied_share,
+            self.free_share - other.free_share,
+            self.log_unknown - other.log_unknown,
         )
 
     def belief(self) -> np.ndarray:
         """The fused belief, (..., 3)."""
-        _, weights = nodes(len(self.log_product))
-        occupied = np.tensordot(weights.astype(self.share.dtype), np.exp(self.log_product) * self.share, axes=1)
-        unknown = np.exp(self.log_unknown)
-        occupied = np.clip(occupied, 0, 1 - unknown)
+        weights = nodes(len(self.log_product))[1].astype(self.log_product.dtype)
+        product = np.exp(self.log_product - self.log_product.max(axis=0))
+        # Evidence taken out again leaves rounding errors of either sign: no integral is below 0, no mass above 1.
+        occupied, free = (
+            np.maximum(np.tensordot(weights, product * share, axes=1), 0)
+            for share in (self.occupied_share, self.free_share)
+        )
+        unknown = np.minimum(np.exp(self.log_unknown), 1)
+        occupied = (1 - unknown) * occupied / np.maximum(occupied + free, _least_mass(weights.dtype))
         return np.stack([occupied, 1 - occupied - unknown, unknown], axis=-1)
 
 
 def evidence(masses: np.ndarray, count: int = NODES) -> Evidence:
     """Evidence of single readings, masses (..., 3), at ``count`` nodes, in the masses' own precision."""
     t = nodes(count)[0].astype(masses.dtype).reshape(-1, *[1] * (masses.ndim - 1))
-    tiny = np.asarray(_LEAST_MASS if masses.dtype == np.float64 else 1e-30, dtype=masses.dtype)
-    log_o, log_f, log_u = (np.log(np.maximum(masses[..., k], tiny)) for k in range(3))
-    occupied_term = log_o - t * masses[..., 0]
-    log_g = np.logaddexp(np.logaddexp(occupied_term, log_f - t * masses[..., 1]), log_u)
-    return Evidence(log_g, np.exp(log_o + occupied_term - log_g), log_u)
+    log_o, log_f, log_u = (np.log(np.maximum(masses[..., k], _least_mass(masses.dtype))) for k in range(3))
+    occupied_term, free_term = log_o - t * masses[..., 0], log_f - t * masses[..., 1]
+    log_g = np.logaddexp(np.logaddexp(occupied_term, free_term), log_u)
+    return Evidence(log_g, np.exp(log_o + occupied_term - log_g), np.exp(log_f + free_term - log_g), log_u)
+
+
+def _least_mass(dtype: np.dtype) -> np.ndarray:
+    return np.asarray(_LEAST_MASS if dtype == np.float64 else _LEAST_SINGLE_MASS, dtype)
 
 
 def fuse(masses: np.ndarray, rule: Rule = "pcr6+") -> np.ndarray:
@@ -111,7 +129,12 @@ def _pcr2(masses: np.ndarray) -> np.ndarray:
 
 def _pcr6_plus(masses: np.ndarray) -> np.ndarray:
     single = evidence(masses)
-    return Evidence(single.log_product.sum(axis=1), single.share.sum(axis=1), single.log_unknown.sum(axis=0)).belief()
+    return Evidence(
+        single.log_product.sum(axis=1),
+        single.occupied_share.sum(axis=1),
+        single.free_share.sum(axis=1),
+        single.log_unknown.sum(axis=0),
+    ).belief()
 
 
 def _pcr5(masses: np.ndarray) -> np.ndarray:

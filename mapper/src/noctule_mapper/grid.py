@@ -39,7 +39,8 @@ class _Tile:
 
     def __init__(self, cells: int, nodes: int) -> None:
         self.log_product = np.zeros((cells, nodes), np.float32)
-        self.share = np.zeros((cells, nodes), np.float32)
+        self.occupied_share = np.zeros((cells, nodes), np.float32)
+        self.free_share = np.zeros((cells, nodes), np.float32)
         self.log_unknown = np.zeros(cells, np.float32)
         self.held = 0  # pieces of evidence put in and not taken out
 
@@ -57,14 +58,15 @@ class Grid:
         levels = np.linspace(0, config.most_free, _FREE_LEVELS, dtype=np.float32)
         self._most_free = config.most_free
         free = evidence(np.stack([np.zeros_like(levels), levels, 1 - levels], axis=-1), config.nodes)
-        self._free = np.ascontiguousarray(free.log_product.T), free.log_unknown
+        self._free = np.ascontiguousarray(free.log_product.T), np.ascontiguousarray(free.free_share.T), free.log_unknown
 
     def add_free(self, cells: np.ndarray, free: np.ndarray, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) beliefs in free space, (n,), of distinct ``cells``, int (n, 2)."""
         level = np.rint(free / self._most_free * (_FREE_LEVELS - 1)).astype(int)
-        log_product, log_unknown = self._free
+        log_product, free_share, log_unknown = self._free
         for tile, chosen, inside in self._by_tile(cells, sign * np.ones(len(cells), int)):
             tile.log_product[inside] += sign * log_product[level[chosen]]
+            tile.free_share[inside] += sign * free_share[level[chosen]]
             tile.log_unknown[inside] += sign * log_unknown[level[chosen]]
 
     def add(self, beliefs: CellMasses, sign: int = 1) -> None:
@@ -73,14 +75,16 @@ class Grid:
             return
         single = evidence(beliefs.masses.astype(np.float32), self._nodes)
         cells, which = np.unique(beliefs.cells, axis=0, return_inverse=True)
-        log_product, share = (np.zeros((len(cells), self._nodes), np.float32) for _ in range(2))
+        log_product, occupied_share, free_share = (np.zeros((len(cells), self._nodes), np.float32) for _ in range(3))
         log_unknown = np.zeros(len(cells), np.float32)
         np.add.at(log_product, which, single.log_product.T)
-        np.add.at(share, which, single.share.T)
+        np.add.at(occupied_share, which, single.occupied_share.T)
+        np.add.at(free_share, which, single.free_share.T)
         np.add.at(log_unknown, which, single.log_unknown)
         for tile, chosen, inside in self._by_tile(cells, sign * np.bincount(which)):
             tile.log_product[inside] += sign * log_product[chosen]
-            tile.share[inside] += sign * share[chosen]
+            tile.occupied_share[inside] += sign * occupied_share[chosen]
+            tile.free_share[inside] += sign * free_share[chosen]
             tile.log_unknown[inside] += sign * log_unknown[chosen]
 
     def changed(self) -> list[GridTile]:
@@ -121,7 +125,7 @@ class Grid:
             if tile is None:
                 belief = np.zeros((*shape, 3), np.float32)
             else:
-                state = Evidence(tile.log_product.T, tile.share.T, tile.log_unknown)
+                state = Evidence(tile.log_product.T, tile.occupied_share.T, tile.free_share.T, tile.log_unknown)
                 belief = state.belief().reshape(*shape, 3)
             side_m = self.tile_size * self.cell_m
             x_m, y_m = key[0] * side_m, key[1] * side_m

@@ -1,8 +1,8 @@
-"""The joint fit: all objects at once to the raw ranges, robust least squares with each sweep's pose error as a
-covariance.
+"""The joint fit: all objects at once to the raw ranges, robust least squares with each place's error as a covariance.
 
-An error of a sweep's place moves all its ranges together: their covariance is sigma^2 I + s^2 N N^T, N the directions
-(Section "refinement" of this package's README). Echoes far off, by Tukey's weight, count less and then not at all.
+An error of a place moves all ranges from there together, be they of one sweep or of many by a unit that stands still:
+their covariance is sigma^2 I + s^2 N N^T, N the directions (Section "Refinement" of this package's README). Echoes far
+off, by Tukey's weight, count less and then not at all.
 """
 
 from collections.abc import Sequence
@@ -57,7 +57,6 @@ def joint_fit(
     offsets = np.concatenate([[0], np.cumsum([len(one.parameters) for one in objects])]).astype(int)
     information = _WEAK_PRIOR * np.eye(offsets[-1])
     explained = np.nonzero(made_by >= 0)[0]
-    explained = explained[np.argsort(data.echoes.sweep[explained], kind="stable")]
     used, makers = data.take(explained), made_by[explained]
     for _ in range(iterations):
         slopes, residual, direction = _linearise(objects, links, makers, used, offsets)
@@ -93,15 +92,28 @@ def _linearise(
 def _whiten(
     slopes: np.ndarray, residual: np.ndarray, direction: np.ndarray, used: Evidence
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes and residuals in standard deviations, and independent of one another."""
+    """Slopes and residuals in standard deviations, and independent of one another.
+
+    With I + A A^T the covariance of the ranges from a place, each over its own sigma, and A = U diag(s) V^T, the root
+    of its inverse is I + U diag(1 / sqrt(1 + s^2) - 1) U^T: linear in the number of echoes.
+    """
     pose_sigma = used.echoes.sigma_position_m
     range_sigma = np.sqrt(np.maximum(used.sigma_m**2 - pose_sigma**2, 1e-12))
     white_slopes, white_residual = slopes / range_sigma[:, None], residual / range_sigma
-    starts = np.nonzero(np.diff(used.echoes.sweep, prepend=-1))[0]
-    for rows in np.split(np.arange(len(residual)), starts[1:]):
-        if len(rows) and pose_sigma[rows[0]] > 0:
-            away = np.stack([np.cos(direction[rows]), np.sin(direction[rows])], axis=1) * pose_sigma[rows, None]
-            lower = np.linalg.cholesky(np.diag(range_sigma[rows] ** 2) + away @ away.T)
-            white_slopes[rows] = np.linalg.solve(lower, slopes[rows])
-            white_residual[rows] = np.linalg.solve(lower, residual[rows])
+    uncertain = np.nonzero(pose_sigma > 0)[0]
+    for rows in _by_place(used.echoes.x_m, used.echoes.y_m, uncertain):
+        away = np.stack([np.cos(direction[rows]), np.sin(direction[rows])], axis=1)
+        u, s, _ = np.linalg.svd(away * (pose_sigma[rows] / range_sigma[rows])[:, None], full_matrices=False)
+        shrink = 1 / np.sqrt(1 + s**2) - 1
+        white_slopes[rows] += u @ (shrink[:, None] * (u.T @ white_slopes[rows]))
+        white_residual[rows] += u @ (shrink * (u.T @ white_residual[rows]))
     return white_slopes, white_residual
+
+
+def _by_place(x_m: np.ndarray, y_m: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
+    """The rows, split into those of the very same place."""
+    if not len(rows):
+        return []
+    order = rows[np.lexsort((y_m[rows], x_m[rows]))]
+    moved = (np.diff(x_m[order]) != 0) | (np.diff(y_m[order]) != 0)
+    return np.split(order, np.nonzero(moved)[0] + 1)

@@ -15,6 +15,7 @@ from noctule_mapper.contacts import wrapped
 from noctule_mapper.echoes import Echoes
 
 _MOST_TRIPLES = 600
+_MOST_NEIGHBOURS = 2000  # echoes among which a triple's other two are sought
 _EM_STEPS = 50
 
 
@@ -36,8 +37,10 @@ def scaled_deviations_m(echoes: Echoes, shortest_m: float, longest_m: float) -> 
     """R2d - R2 (Eq. 1) of echoes between the nearest ones before and behind, divided so that its sigma is a range's;
     (triples,).
 
-    The neighbours are ``shortest_m`` to ``longest_m`` away; of many echoes the last few hundred stand for all.
+    The neighbours are ``shortest_m`` to ``longest_m`` away. Of many echoes the last few hundred stand for all, their
+    neighbours are sought among the last few thousand: time and memory are bounded.
     """
+    echoes = echoes.take(np.arange(len(echoes))[-_MOST_NEIGHBOURS:])
     middle = np.arange(len(echoes))[-_MOST_TRIPLES:]
     dx, dy = (a[None, :] - a[middle, None] for a in (echoes.x_m, echoes.y_m))
     baseline = np.hypot(dx, dy)

@@ -1,4 +1,4 @@
-"""Nodes and weights of the fusion integral: 1/S as a short sum of exponentials, for every S that fusion can meet.
+"""Nodes and weights of the fusion integral: 1/S as a short sum of exponentials, for every S from 1e-7 to 300.
 
 ``design`` finds them; ``python -m noctule_mapper.quadrature`` writes its result into the table that ships beside this
 module, so that nobody pays for the search at start-up.
@@ -14,7 +14,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 LEAST_SUM = 1e-7  # of the masses in one product; what is below it weighs less than the error
-MOST_SUM = 300.0  # as many certain sources against one another
+MOST_SUM = (
+    300.0  # as many certain sources; of more, the sum falls short alike for occupied and free: fusion divides it out
+)
 _TABLE = "quadrature.csv"
 
 

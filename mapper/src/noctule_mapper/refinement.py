@@ -20,11 +20,12 @@ from noctule_mapper.selection import add_objects, assign, own_worth, total_worth
 
 def refine(echoes: Echoes, found: Contacts, config: MapperConfig) -> Contour:
     """The contour that explains the echoes best; ``found`` are their contacts."""
+    data = evidence(echoes, echoes.sigma_m, config.sensor.longest_range_m, config.refinement)
+    kept = newest_of_each_beam(data)
     sigma_m = echoes.sigma_m
     if not echoes.calibrated.all():
-        sigma_m = np.where(echoes.calibrated, sigma_m, estimate_sigma_m(echoes, config.noise))
-    data = evidence(echoes, sigma_m, config.sensor.longest_range_m, config.refinement)
-    kept = newest_of_each_beam(data)
+        sigma_m = np.where(echoes.calibrated, sigma_m, estimate_sigma_m(echoes.take(kept), config.noise))
+        data = evidence(echoes, sigma_m, config.sensor.longest_range_m, config.refinement)
     objects, links = _explain(data.take(kept), found.take(kept), config)
     made_by, _ = assign(objects, links, data, config)
     readings = [int((made_by == number).sum()) for number in range(len(objects))]

@@ -31,7 +31,7 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Cell
     if not len(r):
         return CellMasses(np.zeros((0, 2), int), np.zeros((0, 3)))
     eps = epsilon_m(echoes.sigma_m[touching, None], config)
-    reach = int(np.ceil(3 * eps.max() / config.cell_m)) + 1
+    reach = int(np.ceil(_tip_m(r, eps).max() / config.cell_m)) + 1
     steps = np.arange(-reach, reach + 1)
     step_x, step_y = (a.ravel() for a in np.meshgrid(steps, steps))
     column = np.floor((x + r * np.cos(direction)) / config.cell_m).astype(int) + step_x
@@ -43,6 +43,13 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Cell
     masses[..., 2] = 1 - masses[..., 0] - masses[..., 1]
     spoken = masses[..., 2] < 1
     return CellMasses(np.stack([column[spoken], row[spoken]], axis=1), masses[spoken])
+
+
+def _tip_m(range_m: np.ndarray, eps_m: np.ndarray) -> np.ndarray:
+    """No point of a contact region is farther from its contact: by the law of cosines 3 eps / R round at R + eps, and
+    never beyond the far side.
+    """
+    return np.minimum(eps_m * np.sqrt(10 + 9 * eps_m / range_m), 2 * range_m + eps_m)
 
 
 def free_space(sweep: SweepReadings, config: GridConfig) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,10 @@ from noctule import messages_pb2
 from noctule.errors import NoctuleError
 from noctule_mapper.config import SensorConfig
 
+_END_OF_TIME_S = 9e9  # in the year 2255; a count of nanoseconds ends soon after
+_EDGE_OF_SITE_M = 1e4  # the fit was seen right up to 10 km from the origin: a pose beyond is of another frame
+_COLDEST_AIR_C = -100.0  # no air on Earth is; the linear speed of sound is far from its range
+
 
 class SweepError(NoctuleError):
     """A sweep that can't be mapped; the message names the sweep, what is wrong and what to do."""
@@ -64,9 +68,15 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
     bias_m = own.range_bias_m if own.HasField("range_bias_m") else default.range_bias_m
     sigma_m = own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m
     width_rad = own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad
-    if sigma_m is not None and not sigma_m > 0:
-        raise SweepError(f"{_name(sweep)} has range_sigma_m {sigma_m}: leave it out where it is not known")
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
+    if sigma_m is not None and not 0 < sigma_m < math.inf:
+        raise SweepError(f"{_name(sweep)} has range_sigma_m {sigma_m}: leave it out where it is not known")
+    if not math.isfinite(bias_m):
+        raise SweepError(f"{_name(sweep)} has range_bias_m {bias_m}: leave it out where it is not known")
+    if not _COLDEST_AIR_C < celsius < math.inf:
+        raise SweepError(f"{_name(sweep)} has air_temperature_c {celsius}: leave it out where it is not measured")
+    if not 0 < width_rad <= math.pi:
+        raise SweepError(f"{_name(sweep)} has beam_width_rad {width_rad}: give the full width, above 0 and up to pi")
     range_m = _flights_s(sweep) * speed_of_sound_m_s(celsius) / 2 - bias_m
     range_m[(range_m < default.shortest_range_m) | (range_m > default.longest_range_m)] = np.nan
     readings = SweepReadings(
@@ -108,6 +118,10 @@ def _heard_nothing(reading: messages_pb2.Reading) -> bool:
 
 
 def _check_finite(sweep: messages_pb2.Sweep, readings: SweepReadings) -> None:
+    if not 0 <= readings.time_s < _END_OF_TIME_S:
+        raise SweepError(f"{_name(sweep)} starts at {readings.time_s:g} s of Unix time, out of reach; mend its clock")
+    if max(abs(readings.x_m), abs(readings.y_m)) > _EDGE_OF_SITE_M:
+        raise SweepError(f"{_name(sweep)} lies {_EDGE_OF_SITE_M:g} m or more from the site's origin; mend its pose")
     for field in (
         "time_s",
         "x_m",
@@ -116,14 +130,11 @@ def _check_finite(sweep: messages_pb2.Sweep, readings: SweepReadings) -> None:
         "sigma_position_m",
         "sigma_heading_rad",
         "bearing_rad",
-        "beam_width_rad",
     ):
         if not np.all(np.isfinite(getattr(readings, field))):
             raise SweepError(f"{_name(sweep)}: {field} is not finite; mend or drop the sweep")
-    if readings.sigma_position_m < 0 or readings.sigma_heading_rad < 0 or readings.beam_width_rad <= 0:
-        raise SweepError(
-            f"{_name(sweep)}: a standard deviation is negative or the beam has no width; mend its pose or sensor"
-        )
+    if readings.sigma_position_m < 0 or readings.sigma_heading_rad < 0:
+        raise SweepError(f"{_name(sweep)}: a standard deviation is negative; mend its pose")
 
 
 def _name(sweep: messages_pb2.Sweep) -> str:
