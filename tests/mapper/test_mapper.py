@@ -1,6 +1,5 @@
 """The mapper as its callers see it: sweeps come once, in any order, and they go again."""
 
-
 import numpy as np
 import pytest
 from mapper.room import paper_path, paper_room, survey

@@ -143,6 +143,15 @@ def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site,
     assert finish(process)[0] == 0
 
 
+def test_watch_ends_quietly_when_nobody_reads_it_any_more(site, noctule):
+    process = noctule("watch", "room")
+    line_with(process, "contour  1")
+    process.stdout.close()
+    site.run(sweeps(1), None)
+    assert process.wait(20) == 0
+    assert process.stderr.read() == ""
+
+
 @pytest.mark.usefixtures("site")
 def test_watch_prints_json_lines_on_demand(noctule):
     process = noctule("watch", "room", "--json")

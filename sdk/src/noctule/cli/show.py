@@ -1,5 +1,7 @@
 """The commands that show a site: its units now, and what comes by."""
 
+import os
+import sys
 import threading
 from contextlib import suppress
 from typing import Annotated
@@ -30,13 +32,22 @@ def watch(
     connect: Connect = DEFAULT_CONNECT,
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {key, message, value}.")] = False,
 ) -> None:
-    """Show sweeps, statuses and contours as they come, until Ctrl-C."""
-    show = _show_json if json else _show_line
+    """Show sweeps, statuses and contours as they come, until Ctrl-C or until nobody reads them."""
+    over = threading.Event()
+
+    def show(key: str, message: Message) -> None:
+        try:
+            (_show_json if json else _show_line)(key, message)
+        except BrokenPipeError:
+            over.set()
+
     with suppress(KeyboardInterrupt), joined(site, connect, patience_s=None) as client:
         client.on_sweep(lambda sweep: show(keys.sweep(site, sweep.unit), sweep))
         client.on_unit_status(lambda status: show(keys.unit_status(site, status.unit), status))
         client.on_contour(lambda contour: show(keys.contour(site), contour))
-        threading.Event().wait()
+        over.wait()
+    if over.is_set():
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python complains of the pipe as it ends
 
 
 def _status_cells(status: UnitStatus | None) -> list[str]:
