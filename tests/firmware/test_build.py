@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-needs_sdcc = pytest.mark.skipif(shutil.which("sdcc") is None, reason="sdcc is missing: apt-get install sdcc")
 
 
 def make(folder: Path, *arguments: str, **options) -> subprocess.CompletedProcess[str]:
@@ -37,19 +36,16 @@ def built(tmp_path_factory) -> Path:
     return copy
 
 
-@needs_sdcc
 def test_the_application_lies_below_the_staging_area(built):
     # firmware/README.md, Flash: application 0x0000-0x7FFF
     memory = memory_of(built / "build" / "noctule.ihx")
     assert min(memory) == 0 and max(memory) < 0x8000
 
 
-@needs_sdcc
 def test_a_finished_build_has_nothing_left_to_do(built):
     assert make(built, "--question").returncode == 0
 
 
-@needs_sdcc
 @pytest.mark.parametrize("changed", ["src/crc.c", "src/protocol.h", "hal/chip.h", "Makefile"])
 def test_a_change_of_any_source_builds_anew(built, changed):
     (built / changed).touch()
@@ -57,7 +53,6 @@ def test_a_change_of_any_source_builds_anew(built, changed):
     make(built, check=True)
 
 
-@needs_sdcc
 def test_a_unit_image_is_the_application_and_its_settings_page(built):
     make(built, "unit", "SERIAL=66051", check=True)
     memory = memory_of(built / "build" / "unit-66051.hex")
@@ -68,7 +63,6 @@ def test_a_unit_image_is_the_application_and_its_settings_page(built):
     assert memory == memory_of(built / "build" / "noctule.ihx")
 
 
-@needs_sdcc
 @pytest.mark.parametrize("serial", ["-1", "0xFFFFFFFF", "seven"])
 def test_a_serial_number_that_a_unit_cannot_have_is_refused(built, serial):
     build = make(built, "unit", f"SERIAL={serial}")

@@ -3,7 +3,6 @@
 import random
 import re
 import select
-import shutil
 import signal
 import socket
 import subprocess
@@ -13,10 +12,6 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
-
-needs_sdcc = pytest.mark.skipif(shutil.which("sdcc") is None, reason="sdcc is missing: apt-get install sdcc")
-needs_s51 = pytest.mark.skipif(shutil.which("s51") is None, reason="s51 is missing: apt-get install sdcc-ucsim")
-pytestmark = needs_sdcc
 
 # 48 MHz, UART0 at 115385 baud on its pins, the watchdog off: what any program needs before it can say something.
 PREAMBLE = """
@@ -388,7 +383,6 @@ void compute(void) {
 """
 
 
-@needs_s51
 def test_the_cpu_computes_what_ucsim_computes(compiled: Compile, running: Run):
     program = ARITHMETIC.replace("SEED", f"0x{random.Random(1).getrandbits(32) | 1:08X}UL")
     alone = "#include <stdint.h>\n#include <8052.h>\n" + program

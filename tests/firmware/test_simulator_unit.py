@@ -3,7 +3,6 @@
 import re
 import resource
 import select
-import shutil
 import signal
 import socket
 import struct
@@ -18,7 +17,6 @@ import serial
 from cobs import cobs
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-pytestmark = pytest.mark.skipif(shutil.which("sdcc") is None, reason="sdcc is missing: apt-get install sdcc")
 
 # firmware/README.md, "Frames"
 HELLO, STATUS, SINGLE, ACK = 0x01, 0x02, 0x07, 0x10

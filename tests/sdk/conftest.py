@@ -40,7 +40,7 @@ class Collected(list[Any]):
 
 
 class Router:
-    """A router that can die and come back."""
+    """A router in this process."""
 
     def __init__(self, endpoint: str) -> None:
         self.endpoint = endpoint
@@ -49,11 +49,6 @@ class Router:
     def stop(self) -> None:
         """Cut all its links."""
         self.session.close()
-
-    def restart(self) -> None:
-        """Die and come back."""
-        self.stop()
-        self.session = bus.open_session(listen=[self.endpoint])
 
 
 class FarEnd:

@@ -1,6 +1,8 @@
 """A follower has every sweep once, through dead routers, lost publications, failing stores and restarts."""
 
 import random
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -77,6 +79,43 @@ class Store:
             assert self._changed.wait_for(lambda: condition(self), PATIENCE_S), (
                 f"{len(self.sweeps)} stored, {self.cursors}"
             )
+
+
+ROUTER = """
+import sys, threading
+from noctule import bus
+session = bus.open_session(listen=[sys.argv[1]])
+print("up", flush=True)
+threading.Event().wait()
+"""
+
+
+class RouterProcess:
+    """A router that dies as a process does, at once, and comes back."""
+
+    def __init__(self, endpoint):
+        self.endpoint = endpoint
+        self.start()
+
+    def start(self):
+        self._process = subprocess.Popen([sys.executable, "-c", ROUTER, self.endpoint], stdout=subprocess.PIPE)
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == b"up\n"
+
+    def stop(self):
+        self._process.kill()
+        self._process.communicate()
+
+    def restart(self):
+        self.stop()
+        self.start()
+
+
+@pytest.fixture
+def router(endpoint):
+    router = RouterProcess(endpoint)
+    yield router
+    router.stop()
 
 
 @pytest.fixture
@@ -233,5 +272,5 @@ def test_sweeps_made_while_the_router_was_dead_come_when_it_is_back(router, open
     store.wait_for(lambda stored: len(stored.sweeps) == 3)
     router.stop()
     unit.sweep(4)
-    router.session = bus.open_session(listen=[router.endpoint])
+    router.start()
     store.wait_for(lambda stored: stored.of("u1") == list(range(1, 8)))
