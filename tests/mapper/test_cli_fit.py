@@ -4,12 +4,11 @@ from pathlib import Path
 
 import pytest
 from google.protobuf import json_format
+from mapper.command import Result, noctule_mapper
 from mapper.live_site import paper_survey
-from typer.testing import CliRunner, Result
 
 from noctule import survey
 from noctule.messages_pb2 import Contour
-from noctule_mapper.cli import app
 
 
 @pytest.fixture
@@ -21,7 +20,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def fit(file: Path, *options: str) -> Result:
-    return CliRunner().invoke(app, ["fit", str(file), "--contour", str(file.with_name("contour.json")), *options])
+    return noctule_mapper("fit", file, "--contour", file.with_name("contour.json"), *options)
 
 
 def contour_beside(file: Path) -> Contour:
@@ -30,7 +29,7 @@ def contour_beside(file: Path) -> Contour:
 
 def test_a_survey_becomes_a_file_and_a_table(file: Path) -> None:
     result = fit(file)
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == 0, result.complaint
     contour = contour_beside(file)
     # Liu et al. 2019, Tables I and III: five walls, and one cylinder of radius 44.8 cm.
     assert (len(contour.walls), len(contour.cylinders)) == (5, 1)
@@ -69,13 +68,13 @@ def test_a_survey_that_can_not_be_fitted_is_told_in_one_line(file: Path, line: s
     file.write_text(line + "\n")
     result = fit(file)
     assert result.exit_code == 1
-    assert complaint in result.stderr
-    assert result.stderr.startswith("noctule-mapper: ")
-    assert result.stderr.count("\n") == 1
+    assert complaint in result.complaint
+    assert result.complaint.startswith("noctule-mapper: ")
+    assert result.complaint.count("\n") == 1
 
 
 def test_a_survey_that_is_not_there_is_told_in_one_line(tmp_path: Path) -> None:
     result = fit(tmp_path / "nowhere.jsonl")
     assert result.exit_code == 1
-    assert "nowhere.jsonl can't be read" in result.stderr
-    assert result.stderr.count("\n") == 1
+    assert "nowhere.jsonl can't be read" in result.complaint
+    assert result.complaint.count("\n") == 1

@@ -1,0 +1,24 @@
+"""The command noctule-mapper; a module here for each command. One that fails says why in one line."""
+
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from noctule.errors import NoctuleError
+from noctule_mapper.cli.fit import fit
+from noctule_mapper.cli.run import run
+
+app = typer.Typer(
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help="Sweeps to contours."
+)
+for _command in (run, fit):
+    app.command()(_command)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line, or ``arguments``; tell in one line what went wrong. Raises SystemExit with the status."""
+    try:
+        app(arguments)
+    except (NoctuleError, OSError) as error:
+        sys.exit(f"noctule-mapper: {error}")
