@@ -18,6 +18,7 @@ soak: packages-test setup firmware
 	pytest -m soak --timeout 900
 
 bench: packages-test setup firmware
+	-@sh deploy/packages.sh bench
 	PYTHONPATH=tests python tests/bench/run.py
 
 lint: packages-test setup firmware

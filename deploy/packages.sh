@@ -1,14 +1,16 @@
 #!/bin/sh
-# Install the Debian packages that the demo (run) or the tests (test) need; without root, print the one line to type. Checks the compiler of
+# Install the Debian packages that the demo (run), the tests (test) or the bench need; without root, print the one line to type. Checks the compiler of
 # the simulator too: Rust is fetched by the Python build where there is no cargo at all, but an old one would be taken as it is.
 set -eu
 
 run="gcc libc6-dev sdcc sdcc-libraries"
 test="$run sdcc-ucsim mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git"
+bench="$test g++ libmrpt-maps-dev"
 case $1 in
 run) wanted=$run ;;
 test) wanted=$test ;;
-*) echo "usage: packages.sh run|test" >&2; exit 2 ;;
+bench) wanted=$bench ;;
+*) echo "usage: packages.sh run|test|bench" >&2; exit 2 ;;
 esac
 
 missing=

@@ -6,7 +6,7 @@ from mapper.room import BEARINGS_RAD, HALF_BEAM_RAD, paper_path, paper_room, sur
 
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.contact_book import ContactBook
-from noctule_mapper.contacts import Kind, is_wall, reference_range_m
+from noctule_mapper.contacts import Kind
 from noctule_mapper.echoes import Echoes, echoes_of
 
 CONFIG = ContactConfig()
@@ -41,20 +41,6 @@ def contacts_of(parts: list[Echoes]):
 
 
 PATH = np.stack([np.arange(-0.4, 0.41, 0.2), np.zeros(5)], axis=1)
-
-
-def test_a_wall_gives_collinear_positions_a_linear_range():
-    # Eq. 1 with its bracket put right, on the line y = 2 - x / 2 seen from x = 0, 0.2, 0.6.
-    to_wall = [(2 - x / 2) / np.hypot(1, 0.5) for x in (0, 0.2, 0.6)]
-    assert reference_range_m(to_wall[0], to_wall[2], 0.2, 0.6) == pytest.approx(to_wall[1], abs=1e-12)
-
-
-@pytest.mark.parametrize("radius_m", [0.0677, 0.1137, 0.1537, 0.1990])
-def test_the_papers_four_cylinders_at_30_cm_are_told_from_a_wall(radius_m):
-    # Section V.B: Th = sigma = 0.32 cm, l_step = 20 cm, L = 30 cm.
-    side = np.hypot(0.2, 0.3 + radius_m) - radius_m
-    assert not is_wall(side, 0.3, side, 0.2, 0.4, threshold_m=0.0032)
-    assert is_wall(0.3, 0.3, 0.3, 0.2, 0.4, threshold_m=0.0032)
 
 
 def test_readings_of_a_wall_touch_it_at_the_foot_of_the_perpendicular():

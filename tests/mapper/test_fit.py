@@ -1,14 +1,18 @@
 """A survey in, a contour out: the message and its JSON."""
 
+import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from google.protobuf.json_format import MessageToDict
+from mapper.command import noctule_mapper
 from mapper.room import paper_path, paper_room, survey
 
 from noctule.errors import SurveyError
 from noctule.messages_pb2 import Contour, Sweep
+from noctule.survey import write
 from noctule_mapper.fit import fit
 from noctule_mapper.sweep import speed_of_sound_m_s
 
@@ -73,3 +77,43 @@ def test_sweeps_of_two_sites_are_refused():
 
 def test_an_empty_survey_is_an_empty_contour():
     assert len(fit([]).walls) == 0
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "survey.jsonl"
+    with path.open("w") as stream:
+        write(messages(22), stream)
+    return path
+
+
+@pytest.mark.parametrize("method", ["hough", "eht-lsm"])
+def test_the_papers_methods_are_there_for_the_asking(method: str, file: Path):
+    result = noctule_mapper("fit", file, "--contour", file.with_name("contour.json"), "--method", method)
+    assert result.exit_code == 0, result.complaint
+    written = json.loads(file.with_name("contour.json").read_text())
+    assert written["method"] == method
+    assert len(written["walls"]) == 5
+    assert len(written["cylinders"]) == 1
+
+
+def test_the_rule_of_fusion_is_there_for_the_asking(file: Path):
+    options = ("--contour", file.with_name("contour.json"), "--method", "eht-lsm")
+    assert noctule_mapper("fit", file, *options, "--rule", "dempster").exit_code == 0
+    assert len(json.loads(file.with_name("contour.json").read_text())["walls"]) == 5
+    refused = noctule_mapper("fit", file, *options, "--rule", "bayes")
+    assert refused.exit_code == 2
+    assert "pcr6+" in refused.complaint
+
+
+def test_what_each_reading_touched_is_written_with_both_verdicts(file: Path):
+    table = file.with_name("contacts.csv")
+    noctule_mapper("fit", file, "--contour", file.with_name("contour.json"), "--contacts", table)
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    assert len(rows) == sum(reading.HasField("time_of_flight_s") for one in messages(22) for reading in one.readings)
+    assert {row["kind"] for row in rows} == {"none", "wall", "cylinder", "corner"}
+    tested = [row for row in rows if row["r2d_kind"] != "none"]
+    assert len(tested) > 30
+    for row in tested:
+        below = abs(float(row["r2d_deviation_m"])) < float(row["r2d_threshold_m"])
+        assert row["r2d_kind"] == ("wall" if below else "cylinder")

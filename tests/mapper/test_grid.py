@@ -1,99 +1,145 @@
-"""The reliability grid: streaming fusion in cells, free space before the arcs, contact regions on them."""
+"""The reliability grid: evidence that comes and goes, by every rule."""
+
+from typing import get_args
 
 import numpy as np
 import pytest
+from mapper.grid_probe import arcs, at, centres, cones
 from mapper.room import paper_path, paper_room, survey
 
-from noctule_mapper.config import GridConfig
-from noctule_mapper.contacts import Contacts, Kind
+from noctule_mapper.config import GridConfig, MapperConfig
+from noctule_mapper.contacts import Contacts, Kind, wrapped
 from noctule_mapper.echoes import Echoes
-from noctule_mapper.fusion import fuse
-from noctule_mapper.grid import CellMasses, Grid
+from noctule_mapper.fusion import Rule, fuse
+from noctule_mapper.grid import Grid
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.regions import contact_regions, free_space
+from noctule_mapper.regions import Cones, contact_regions, free_space
+from noctule_mapper.sensor_model import arc_masses
 
 CONFIG = GridConfig()
-MASSES = np.array([(0.6, 0.1, 0.3), (0.1, 0.4, 0.5), (0.3, 0.0, 0.7)])
-EVIDENCE = ("log_product", "occupied_share", "free_share", "log_unknown")
+RULES = get_args(Rule)
+# Three readings of one place from three sides: x_m, y_m, range_m, direction_rad, epsilon_m.
+CROSSING = [(0, 0, 1, 0, 0.03), (1, -1, 1, np.pi / 2, 0.03), (1.0, 1.5, 1.49, -np.pi / 2, 0.03)]
 
 
-def assert_holds_what_is_left(grid: Grid, left: Grid) -> None:
-    """The evidence of both is the same but for single precision, cell by cell, and so is the number of its pieces."""
-    assert left._tiles
-    assert grid._tiles.keys() == left._tiles.keys()
-    for key, tile in grid._tiles.items():
-        assert tile.held == left._tiles[key].held
-        for name in EVIDENCE:
-            np.testing.assert_allclose(getattr(tile, name), getattr(left._tiles[key], name), rtol=0, atol=1e-4)
+def assert_same_beliefs(grid: Grid, other: Grid, tolerance: float = 1e-4) -> None:
+    """The same tiles, and in them the same beliefs but for single precision."""
+    tiles, others = grid.tiles(), other.tiles()
+    assert [(tile.tile_x, tile.tile_y) for tile in tiles] == [(tile.tile_x, tile.tile_y) for tile in others]
+    for tile, one in zip(tiles, others, strict=True):
+        np.testing.assert_allclose(tile.occupied, one.occupied, rtol=0, atol=tolerance)
+        np.testing.assert_allclose(tile.free, one.free, rtol=0, atol=tolerance)
 
 
-def test_a_cell_holds_the_fusion_of_all_that_is_said_of_it():
-    grid = Grid(CONFIG)
-    grid.add(CellMasses(np.array([(3, 5), (3, 5)]), MASSES[:2]))
-    grid.add(CellMasses(np.array([(3, 5)]), MASSES[2:]))
-    (tile,) = grid.tiles()
-    # Twelve nodes share a product to 1.2e-3 at worst (module quadrature); a grid is shown in 1/255.
-    assert (tile.occupied[5, 3], tile.free[5, 3]) == pytest.approx(fuse(MASSES)[:2], abs=1.2e-3)
-    assert tile.occupied.sum() == pytest.approx(tile.occupied[5, 3], abs=1e-5)
+def rounded_arc(line: tuple[float, ...], x_m: float, y_m: float) -> np.ndarray:
+    """What a contact region says of a place by Eq. 5-8, trust and distance rounded to 32 steps (module levels)."""
+    dx, dy = x_m - line[0], y_m - line[1]
+    off = abs(np.hypot(dx, dy) - line[2]) / line[4]
+    trust = 1 - abs(wrapped(np.arctan2(dy, dx) - line[3])) * line[2] / (3 * line[4])
+    off, trust = ((min(int(32 * value), 31) + 0.5) / 32 for value in (off, trust))
+    occupied, free, _ = CONFIG.most_occupied * arc_masses(1 + 0.1 * off, 0.0, 1.0, 0.1, 1.0) * trust
+    return np.array([occupied, free, 1 - occupied - free])
+
+
+@pytest.mark.parametrize("rule", [rule for rule in RULES if rule != "pcr5"])
+def test_a_cell_holds_the_fusion_of_all_that_is_said_of_it(rule):
+    grid = Grid(CONFIG, rule)
+    grid.add(arcs(*CROSSING[:2]))
+    grid.add(arcs(*CROSSING[2:]))
+    x_m, y_m = 1.01, 0.01
+    said = np.array([rounded_arc(line, x_m, y_m) for line in CROSSING])
+    assert said[:, 2].max() < 0.8  # each of the three speaks of the cell
+    # Twelve nodes share a product to 1.4e-3 at worst (module quadrature); a grid is shown in 1/255.
+    assert at(grid, x_m, y_m) == pytest.approx(fuse(said, rule)[:2], abs=1.4e-3)
+
+
+def test_a_cell_holds_pcr5_of_two_readings():
+    grid = Grid(CONFIG, "pcr5")
+    grid.add(arcs(*CROSSING[:2]))
+    said = np.array([rounded_arc(line, 1.01, 0.01) for line in CROSSING[:2]])
+    assert at(grid, 1.01, 0.01) == pytest.approx(fuse(said, "pcr5")[:2], abs=1e-6)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_order_of_readings_does_not_matter_to_a_grid(rule):
+    one, other = Grid(CONFIG, rule), Grid(CONFIG, rule)
+    free = cones((0, 0, 0.0, 60), (50, -40, 1.6, 60))
+    one.add(arcs(*CROSSING))
+    one.add_free(*free)
+    other.add_free(*free)
+    for line in CROSSING[::-1]:
+        other.add(arcs(line))
+    assert_same_beliefs(one, other)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_evidence_taken_out_again_leaves_no_trace_in_what_stays(rule):
+    left, grid = Grid(CONFIG, rule), Grid(CONFIG, rule)
+    stays, goes = cones((0, 0, 0.0, 60)), cones((50, -40, 1.6, 60), (0, 0, 0.1, 80))
+    for one in (left, grid):
+        one.add(arcs(*CROSSING[:1]))
+        one.add_free(*stays)
+    grid.add(arcs(*CROSSING[1:]))
+    grid.add_free(*goes)
+    grid.add(arcs(*CROSSING[1:]), sign=-1)
+    grid.add_free(*goes, sign=-1)
+    assert_same_beliefs(grid, left)
 
 
 def test_a_tile_lies_where_its_cells_do_also_left_of_and_below_the_origin():
     grid = Grid(CONFIG)
-    grid.add(CellMasses(np.array([(-1, -65)]), MASSES[:1]))
-    (tile,) = grid.tiles()
-    row, column = np.argwhere(tile.occupied > 0.1)[0]
+    grid.add(arcs((-0.01, -2.79, 1.5, np.pi / 2, 0.015)))  # the contact is at (-0.01, -1.29): column -1, row -65
+    tile = max(grid.tiles(), key=lambda tile: tile.occupied.max())
     assert (tile.tile_x, tile.tile_y) == (-1, -2)
-    assert tile.x_m + (column + 0.5) * tile.cell_m == pytest.approx(-0.5 * CONFIG.cell_m)
-    assert tile.y_m + (row + 0.5) * tile.cell_m == pytest.approx(-64.5 * CONFIG.cell_m)
+    row, column = np.unravel_index(tile.occupied.argmax(), tile.occupied.shape)
+    x, y = centres(tile)
+    assert (x[0, column], y[row, 0]) == pytest.approx((-0.5 * CONFIG.cell_m, -64.5 * CONFIG.cell_m))
+
+
+def test_readings_that_are_kilometres_apart_take_no_more_tiles_than_they_touch():
+    grid = Grid(CONFIG)
+    free = cones((-2_000_010, -1_999_968, 0.0, 30), (1_999_990, 2_000_032, 0.0, 30))
+    touched = arcs((-40_000.0, -40_000.0, 1.0, 0.1, 0.02), (40_000.0, 40_000.0, 1.0, 0.1, 0.02))
+    grid.add_free(*free)
+    grid.add(touched)
+    tiles = [(tile.tile_x, tile.tile_y) for tile in grid.tiles()]
+    assert tiles == [(-31251, -31250), (-31250, -31250), (31249, 31250), (31250, 31250)]
+    grid.add_free(*free, sign=-1)
+    grid.add(touched, sign=-1)
+    assert grid.tiles() == []
 
 
 def test_only_tiles_touched_since_the_last_question_are_told_as_changed():
     grid = Grid(CONFIG)
-    grid.add(CellMasses(np.array([(0, 0), (200, 0)]), MASSES[:2]))
-    assert len(grid.changed()) == 2
+    grid.add_free(*cones((10, 30, 0.0, 20), (200, 30, 0.0, 20)))
+    assert [tile.tile_x for tile in grid.changed()] == [0, 3]
     assert grid.changed() == []
-    grid.add(CellMasses(np.array([(201, 0)]), MASSES[:1]))
-    assert [tile.tile_x for tile in grid.changed()] == [200 // CONFIG.tile_cells]
+    grid.add_free(*cones((201, 30, 0.0, 20)))
+    assert [tile.tile_x for tile in grid.changed()] == [3]
 
 
 def test_evidence_taken_out_again_leaves_an_empty_grid_and_tells_the_tile_as_changed():
     grid = Grid(CONFIG)
-    beliefs = CellMasses(np.array([(3, 5), (3, 5), (4, 5)]), MASSES)
-    grid.add(beliefs)
+    readings = arcs((0.5, 0.5, 0.3, 0.2, 0.02), (0.5, 0.5, 0.31, 0.2, 0.02))
+    grid.add(readings)
     grid.changed()
-    grid.add(beliefs, sign=-1)
+    grid.add(readings, sign=-1)
     assert grid.tiles() == []
     (tile,) = grid.changed()
     assert tile.occupied.max() == tile.free.max() == 0
-
-
-def test_evidence_taken_out_again_leaves_no_trace_in_what_stays():
-    left, grid = Grid(CONFIG), Grid(CONFIG)
-    stays = CellMasses(np.array([(3, 5)]), MASSES[:1])
-    goes = CellMasses(np.array([(3, 5), (3, 5), (4, 5)]), MASSES)
-    left.add(stays)
-    grid.add(goes)
-    grid.add(stays)
-    grid.add_free(np.array([(3, 5), (9, 9)]), np.array([0.3, 0.2]))
-    grid.add(goes, sign=-1)
-    grid.add_free(np.array([(3, 5), (9, 9)]), np.array([0.3, 0.2]), sign=-1)
-    assert_holds_what_is_left(grid, left)
 
 
 def test_readings_of_fine_and_coarse_sensors_put_in_together_can_be_taken_out_one_by_one():
     echoes, found = echoes_of_spread(np.array([0.003, 0.04, 0.05]))
     config = GridConfig(cell_m=0.01)
     left, grid = Grid(config), Grid(config)
-    anchor = CellMasses(np.mgrid[-2:2, -2:2].reshape(2, -1).T * config.tile_cells, np.tile(MASSES[0], (16, 1)))
     for one in (left, grid):
-        one.add(anchor)
+        one.add_free(*cones((-5, -5, 0.7, 200), (-5, 5, 3.9, 200)))
     grid.add(contact_regions(echoes, found, config))
     for number in range(len(echoes)):
         alone = np.array([number])
         grid.add(contact_regions(echoes.take(alone), found.take(alone), config), sign=-1)
-    assert_holds_what_is_left(grid, left)
-    grid.add(anchor, sign=-1)
-    assert grid.tiles() == []
+    assert_same_beliefs(grid, left)
 
 
 def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
@@ -115,23 +161,37 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
     return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one)
 
 
-def test_the_space_before_an_arc_is_free_and_each_cell_is_spoken_of_once():
-    sweep = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))[0]
-    cells, free = free_space(sweep, CONFIG)
-    assert len(np.unique(cells, axis=0)) == len(cells)
-    assert free.min() > 0 and free.max() <= CONFIG.most_free
-    away_m = np.hypot(*((cells + 0.5) * CONFIG.cell_m - (sweep.x_m, sweep.y_m)).T)
-    assert away_m.max() < np.nanmax(sweep.range_m)
+def test_counts_do_not_run_over_however_often_a_place_is_called_free():
+    # 70000 is more than 16 bits hold. Belief is certain long before; only taking readings out again tells.
+    grid, left = Grid(CONFIG), Grid(CONFIG)
+    cone = cones((30, 30, 0.3, 6))
+    many = Cones(np.repeat(cone.apex, 70_000, axis=0), np.repeat(cone.beam, 70_000, axis=0))
+    left.add_free(*cone)
+    grid.add_free(*many)
+    grid.add_free(*cone)
+    grid.add_free(*many, sign=-1)
+    assert_same_beliefs(grid, left)
 
 
-def test_walking_through_the_papers_room_and_taking_every_sweep_back_leaves_nothing():
+def test_all_evidence_of_a_long_walk_can_be_in_one_call_or_in_many():
+    sweeps = survey(paper_room(), paper_path(), np.random.default_rng(5))
+    parts = [free_space(sweep, CONFIG) for sweep in sweeps]
+    one, many = Grid(CONFIG), Grid(CONFIG)
+    one.add_free(*Cones(*map(np.concatenate, zip(*parts, strict=True))))
+    for part in parts:
+        many.add_free(*part)
+    assert_same_beliefs(one, many, tolerance=0)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_walking_through_the_papers_room_and_taking_every_sweep_back_leaves_nothing(rule):
     sweeps = survey(paper_room(), paper_path()[:15], np.random.default_rng(3))
-    lived, left = Mapper(), Mapper()
+    lived, left = (Mapper(MapperConfig(rule=rule)) for _ in range(2))
     left.register_sweep(sweeps[0])
     for sweep in sweeps:
         lived.register_sweep(sweep)
     for sweep in sweeps[:0:-1]:
         lived.remove_sweep(sweep.identity)
-    assert_holds_what_is_left(lived.grid, left.grid)
+    assert_same_beliefs(lived.grid, left.grid)
     lived.remove_sweep(sweeps[0].identity)
     assert lived.grid.tiles() == []

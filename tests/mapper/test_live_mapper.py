@@ -1,17 +1,22 @@
 """The live mapper as a process on a real bus: what it publishes, and what it does when it is killed or fed rubbish."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from mapper.live_site import SITE, LiveSite, live_site, paper_survey
+from mapper.live_site import SITE, LiveSite, live_site, message, paper_survey
 from mapper.rerun_relay import relay
 from system.processes import wait_until
 
+from mapper import room
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus
 from noctule_mapper.fit import fit
 from noctule_mapper.live_config import Window
+from noctule_mapper.mapper import Mapper
 from noctule_mapper.store import SweepStore
+from noctule_mapper.sweep import from_message
 
 SAME_M = 1e-6  # the order in which sums are made; a sweep more or less moves walls by far more
 
@@ -107,6 +112,49 @@ def test_sweeps_that_leave_the_window_leave_the_map(site: LiveSite, tmp_path: Pa
     site.play(survey[20:30])
     wait_until(lambda: site.contour_of(10).time == survey[29].start, "no contour of the last sweeps", within_s=30)
     assert_same_map(site.contour_of(10), fit(survey[20:30]))
+
+
+def test_who_joins_late_is_told_of_no_tile_that_has_lost_all_its_evidence(site: LiveSite, tmp_path: Path) -> None:
+    config = tmp_path / "mapper.toml"
+    config.write_text("[window]\nmax_sweeps = 8\n")
+    survey = paper_survey()[:16]
+    for sweep in survey[8:]:
+        sweep.pose.x_m += 20.0
+    site.start_mapper("--config", str(config))
+    site.play(survey[:8])
+    site.contour_of(8)
+    site.play(survey[8:])
+    wait_until(lambda: site.contour_of(8).time == survey[-1].start, "no contour of the last sweeps", within_s=30)
+    alone = Mapper()
+    for sweep in survey[8:]:
+        alone.register_sweep(from_message(sweep))
+    expected = {(tile.tile_x, tile.tile_y) for tile in alone.grid.tiles()}
+    told: set[tuple[int, int]] = set()
+    site.client.on_grid(lambda tile: told.add((tile.tile_x, tile.tile_y)))
+    wait_until(lambda: told >= expected, "not all tiles for a late joiner", within_s=20)
+    assert told == expected
+
+
+def test_a_cylinder_carried_elsewhere_while_the_mapper_is_down_moves_on_its_map(site: LiveSite) -> None:
+    rng = np.random.default_rng(311)
+    before = room.paper_room()
+    after = replace(before, cylinders=((0.30, 0.35, 0.448),))
+    first, second = ([message(one) for one in room.survey(each, room.paper_path(), rng)] for each in (before, after))
+    for sweep in second:
+        sweep.start.seconds += 1000
+    site.start_mapper()
+    site.play(first)
+    old = site.contour_of(len(first))
+    site.running.kill("mapper")
+    site.play(second[:30])
+    site.start_mapper()
+    site.play(second[30:])
+    wait_until(lambda: site.contour_of(44).time == second[-1].start, "no contour of the second round", within_s=60)
+    new = site.contour_of(44)
+    assert new.version > old.version
+    ((x_m, _, _), (new_x_m, _, _)) = *before.cylinders, *after.cylinders
+    assert [one.x_m for one in old.cylinders] == pytest.approx([x_m], abs=0.01)
+    assert [one.x_m for one in new.cylinders] == pytest.approx([new_x_m], abs=0.01)
 
 
 def test_mapping_goes_on_when_the_relay_dies_and_ends_without_waiting_for_it(site: LiveSite) -> None:

@@ -4,18 +4,25 @@ import queue
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count
+from pathlib import Path
 from time import monotonic
 
 import numpy as np
 import pytest
+from mapper.live_site import message
 from system.processes import wait_until
 
 from mapper import room
-from noctule_mapper.live_config import LiveConfig, Pace
+from noctule.messages_pb2 import Contour, Sweep
+from noctule_mapper.live_config import LiveConfig, Pace, Window
 from noctule_mapper.map_worker import MapState, MapWorker
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.mapper import Mapper
+from noctule_mapper.store import SweepStore
+from noctule_mapper.sweep import SweepReadings, from_message
 
 PATIENCE_S = 30.0
+NEAR_M = 0.02  # a cylinder is where it was put: ten of a fit's errors in the paper's room
+CARRIED_TO = (0.30, 0.35, 0.448)  # from (1.384, 0.480), on the other side of the room
 
 
 class Watched:
@@ -29,9 +36,36 @@ class Watched:
 
     def state_of(self, sweeps: int) -> MapState:
         """The first state that rests on that many sweeps."""
-        while (state := self.states.get(timeout=PATIENCE_S)).contour.sweeps != sweeps:
+        return self.state_when(lambda contour: contour.sweeps == sweeps)
+
+    def state_when(self, is_it: Callable[[Contour], bool]) -> MapState:
+        """The first state whose contour is the one."""
+        while not is_it((state := self.states.get(timeout=PATIENCE_S)).contour):
             pass
         return state
+
+
+class LiveMap:
+    """A store and a worker that take sweeps as the live mapper does."""
+
+    def __init__(self, folder: Path, window: Window, watched: Watched) -> None:
+        self._store = SweepStore(folder / "site.sqlite3", window)
+        self._watched = watched
+
+    def take(self, *sweeps: Sweep) -> Contour:
+        """Deliver sweeps; the contour once it rests on all of the window."""
+        change = self._store.commit(sweeps, [])
+        self._watched.worker.take(change.left, [from_message(sweep) for sweep in change.entered])
+        held = self._store.sweeps()
+        newest = max(sweep.start.ToNanoseconds() for sweep in held)
+
+        def is_it(contour: Contour) -> bool:
+            return contour.sweeps == len(held) and contour.time.ToNanoseconds() == newest
+
+        return self._watched.state_when(is_it).contour
+
+    def close(self) -> None:
+        self._store.close()
 
 
 @pytest.fixture
@@ -49,9 +83,119 @@ def watch() -> Iterator[Callable[..., Watched]]:
         each.worker.close()
 
 
+@pytest.fixture
+def live_map(watch: Callable[..., Watched], tmp_path: Path) -> Iterator[Callable[..., LiveMap]]:
+    """Makes maps with a store, and closes it."""
+    made: list[LiveMap] = []
+
+    def make(window: Window | None = None) -> LiveMap:
+        made.append(LiveMap(tmp_path, window or Window(), watch()))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
 @pytest.fixture(scope="module")
 def survey() -> list[SweepReadings]:
     return room.survey(room.paper_room(), room.paper_path(), np.random.default_rng(7))
+
+
+def walk(
+    place: room.Room, poses: np.ndarray, first: int, rng: np.random.Generator, noise_m: float = 0.0, unit: str = "u1"
+) -> list[Sweep]:
+    """A unit's sweeps from the poses, numbered from ``first``, as a gateway would log them that knows its poses with
+    noise.
+    """
+    sweeps = []
+    for number, pose in enumerate(poses, start=first):
+        sweep = message(replace(room.sweep_at(place, pose, number, rng), unit=unit))
+        sweep.log_id, sweep.log_sequence = f"log of {unit}", number
+        sweep.pose.x_m += rng.normal(0, noise_m)
+        sweep.pose.y_m += rng.normal(0, noise_m)
+        sweep.pose.sigma_position_m = noise_m
+        sweeps.append(sweep)
+    return sweeps
+
+
+def cylinders_at(contour: Contour, *places: tuple[float, float, float]) -> list[bool]:
+    """For each place whether a cylinder stands there; fails if one stands anywhere else."""
+    found = np.array([(one.x_m, one.y_m, one.radius_m) for one in contour.cylinders]).reshape(-1, 1, 3)
+    there = np.abs(found - np.array(places)).max(axis=2) < NEAR_M
+    assert there.any(axis=1).all(), contour.cylinders
+    return list(there.any(axis=0))
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.004])
+def test_a_cylinder_carried_elsewhere_moves_on_the_map_within_one_round_of_the_path(
+    live_map: Callable[..., LiveMap], noise_m: float
+) -> None:
+    rng = np.random.default_rng(301)
+    before, poses = room.paper_room(), room.paper_path()
+    after = replace(before, cylinders=(CARRIED_TO,))
+    old, new = before.cylinders[0], CARRIED_TO
+    site, half = live_map(), len(poses) // 2
+    assert cylinders_at(site.take(*walk(before, poses, 1, rng, noise_m)), old, new) == [True, False]
+    second = walk(after, poses, 1 + len(poses), rng, noise_m)
+    halfway = site.take(*second[:half])
+    assert len(halfway.walls) >= 5
+    assert cylinders_at(halfway, old, new)[1]
+    contour = site.take(*second[half:])
+    assert contour.sweeps == len(poses)
+    assert len(contour.walls) >= 5
+    assert cylinders_at(contour, old, new) == [False, True]
+
+
+def test_two_units_that_walk_half_the_room_each_make_one_map_of_it(live_map: Callable[..., LiveMap]) -> None:
+    rng = np.random.default_rng(302)
+    place, (first_half, second_half) = room.paper_room(), np.array_split(room.paper_path(), 2)
+    site = live_map()
+    late = walk(place, second_half, 1, rng, unit="u2")  # its link was down
+    early = site.take(*walk(place, first_half, 1, rng, unit="u1"))
+    assert len(early.corners) < 5
+    contour = site.take(*late)
+    assert (len(contour.walls), len(contour.corners), len(contour.cylinders)) == (5, 5, 1)
+    assert contour.time.ToNanoseconds() == early.time.ToNanoseconds()
+    again = site.take(*walk(place, second_half, 101, rng, unit="u2"))
+    assert (again.sweeps, len(again.corners), len(again.cylinders)) == (contour.sweeps, 5, 1)
+    assert again.version > contour.version > early.version
+
+
+def test_units_that_stand_still_keep_the_sweeps_of_both_stepper_directions(live_map: Callable[..., LiveMap]) -> None:
+    rng = np.random.default_rng(303)
+    stands = room.paper_path()[[3, 17, 30]]
+    site = live_map(Window(sweeps_per_place=2))
+    for number in range(1, 8):
+        sweeps = [
+            sweep
+            for unit, pose in enumerate(stands)
+            for sweep in walk(room.paper_room(), pose[None, :], number, rng, 0.004, unit=f"u{unit}")
+        ]
+        assert site.take(*sweeps).sweeps == min(number, 2) * len(stands)
+
+
+def test_rounds_through_two_rooms_leave_no_more_behind_than_the_window_holds(tmp_path: Path) -> None:
+    rng = np.random.default_rng(304)
+    window, poses = Window(max_sweeps=30), room.paper_path()
+    store, mapper = SweepStore(tmp_path / "site.sqlite3", window), Mapper()
+    rounds = []
+    for number in range(8):
+        for sweep in walk(room.paper_room(), poses, 1 + number * len(poses), rng, 0.004):
+            sweep.pose.x_m += 10.0 * (number % 2)
+            change = store.commit([sweep], [])
+            for identity in change.left:
+                mapper.remove_sweep(identity)
+            for entered in change.entered:
+                mapper.register_sweep(from_message(entered))
+        tiles, pages = mapper.grid.tiles(), mapper._contacts._pages.values()
+        cells = sum(int(np.count_nonzero(tile.occupied + tile.free)) for tile in tiles)
+        voters = max(len(page.voters) + len(page.hearers) for page in pages)
+        rounds.append((len(store.sweeps()), len(pages), len(tiles), cells, voters))
+    store.close()
+    assert {(sweeps, pages) for sweeps, pages, *_ in rounds} == {(30, 30)}
+    later, first = np.array(rounds[2:]), np.array(rounds[:2]).max(axis=0)
+    assert np.all(later.max(axis=0) <= 1.05 * first + 1), rounds
 
 
 def test_a_state_holds_the_time_of_its_newest_sweep_and_the_tiles_that_changed(
@@ -77,6 +221,28 @@ def test_sweeps_that_are_taken_off_are_no_longer_part_of_the_map(
     assert watched.state_of(17).contour.sweeps == 17
 
 
+def test_sweeps_that_leave_before_their_turn_came_are_never_put_on_the_map(survey: list[SweepReadings]) -> None:
+    states: queue.Queue[MapState] = queue.Queue()
+    worker = MapWorker(LiveConfig(), "paper-room", "mapper", lambda: 1, states.put)
+    worker.take((), survey[:20])
+    worker.take([sweep.identity for sweep in survey[:15]], survey[20:25])
+    assert worker.counters()["sweeps_waiting"] == 10
+    worker.start()
+    assert states.get(timeout=PATIENCE_S).contour.sweeps == 10
+    worker.close()
+
+
+def test_a_backlog_of_many_windows_waits_as_one_window(tmp_path: Path) -> None:
+    store = SweepStore(tmp_path / "site.sqlite3", Window(max_sweeps=25))
+    worker = MapWorker(LiveConfig(), "paper-room", "mapper", lambda: 1, lambda _: None)
+    rng = np.random.default_rng(305)
+    for first in range(1, 500, len(room.paper_path())):
+        change = store.commit(walk(room.paper_room(), room.paper_path(), first, rng), [])
+        worker.take(change.left, [from_message(sweep) for sweep in change.entered])
+        assert worker.counters()["sweeps_waiting"] == 25
+    store.close()
+
+
 def test_contours_come_no_faster_than_the_pace_allows(
     watch: Callable[..., Watched], survey: list[SweepReadings]
 ) -> None:
@@ -85,7 +251,7 @@ def test_contours_come_no_faster_than_the_pace_allows(
     began_s = monotonic()
     for sweep in survey[:30]:
         watched.worker.take((), [sweep])
-        wait_until(lambda: watched.worker.counters()["changes_waiting"] == 0, "the worker does not take", PATIENCE_S)
+        wait_until(lambda: watched.worker.counters()["sweeps_waiting"] == 0, "the worker does not take", PATIENCE_S)
     watched.state_of(30)
     took_s = monotonic() - began_s
     assert watched.worker.counters()["contours"] <= 1 + took_s / interval_s

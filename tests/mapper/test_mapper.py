@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 from mapper.room import paper_path, paper_room, survey
 
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.fusion import Rule
 from noctule_mapper.mapper import Mapper
 
 SWEEPS = survey(paper_room(), paper_path(), np.random.default_rng(11))
 
 
-def mapped(sweeps) -> Mapper:
-    mapper = Mapper()
+def mapped(sweeps, config: MapperConfig | None = None) -> Mapper:
+    mapper = Mapper(config)
     for sweep in sweeps:
         mapper.register_sweep(sweep)
     return mapper
@@ -65,3 +67,21 @@ def test_feature_points_lie_on_the_reflectors_they_are_named_after():
     on_cylinder = np.abs(np.hypot(points.x_m - x, points.y_m - y) - radius) < 0.02
     assert on_cylinder[points.kind == 2].mean() > 0.6
     assert not on_cylinder[points.kind == 1].any()
+
+
+def test_a_contact_report_is_of_the_sweeps_that_are_on_the_map():
+    mapper = mapped(SWEEPS[:10])
+    heard = len(mapper.contact_report().echoes)
+    mapper.remove_sweep(SWEEPS[4].identity)
+    echoes = sum(int(np.isfinite(sweep.range_m).sum()) for sweep in SWEEPS[:10])
+    gone = int(np.isfinite(SWEEPS[4].range_m).sum())
+    assert (heard, len(mapper.contact_report().echoes)) == (echoes, echoes - gone)
+
+
+@pytest.mark.parametrize("rule", ["pcr6", "pcr5", "pcr2", "dempster"])
+def test_the_rule_by_which_cells_are_fused_can_be_chosen(rule: Rule):
+    streamed, other = mapped(SWEEPS), mapped(SWEEPS, MapperConfig(rule=rule, method="eht-lsm"))
+    assert beliefs(streamed).keys() == beliefs(other).keys()
+    # Wherever readings differ the rules do, by more than rounding.
+    assert max(np.abs(beliefs(streamed)[key] - beliefs(other)[key]).max() for key in beliefs(other)) > 0.02
+    assert len(other.contour().walls) == 5

@@ -1,11 +1,15 @@
 """The mapper's store: nothing twice, nothing lost, nothing beyond the window."""
 
+import math
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mapper.room import paper_path
 
 from noctule.messages_pb2 import Cursor, Pose, Sweep
 from noctule_mapper.live_config import Window
@@ -19,6 +23,20 @@ def sweep(number: int, start_s: float | None = None, x_m: float | None = None) -
     message = Sweep(unit="u1", log_id=LOG, log_sequence=number, pose=Pose(x_m=number if x_m is None else x_m))
     message.start.FromNanoseconds(int((number if start_s is None else start_s) * 1e9))
     return message
+
+
+def stop(number: int, x_m: float, heading_deg: float = 0.0, unit: str = "u1", log: str = LOG) -> Sweep:
+    """A sweep of a unit that may turn, or stand beside another."""
+    pose = Pose(x_m=x_m, heading_rad=math.radians(heading_deg))
+    return Sweep(unit=unit, log_id=log, log_sequence=number, pose=pose, start=sweep(number).start)
+
+
+def walk(poses: np.ndarray, first: int) -> list[Sweep]:
+    """A sweep at each pose (x, y, heading), numbered from ``first``."""
+    made = [sweep(first + step) for step in range(len(poses))]
+    for message, (x_m, y_m, heading_rad) in zip(made, poses, strict=True):
+        message.pose.CopyFrom(Pose(x_m=x_m, y_m=y_m, heading_rad=heading_rad))
+    return made
 
 
 def cursor(number: int) -> Cursor:
@@ -88,12 +106,84 @@ def test_the_window_holds_no_more_than_its_count_and_lets_the_oldest_go(path: Pa
     store.close()
 
 
-def test_newer_sweeps_from_a_place_supersede_its_older_ones(path: Path) -> None:
+def test_of_one_visit_to_a_place_the_newest_sweeps_stay(path: Path) -> None:
     store = SweepStore(path, Window(sweeps_per_place=2))
-    store.commit([sweep(1, x_m=0.0), sweep(2, x_m=1.0), sweep(3, x_m=0.0)], [cursor(3)])
-    change = store.commit([sweep(4, x_m=0.004)], [cursor(4)])
-    assert change.left == ((LOG, 1),)
+    assert store.commit([sweep(1, x_m=0.0), sweep(2, x_m=0.004)], []).left == ()
+    assert store.commit([sweep(3, x_m=-0.004)], []).left == ((LOG, 1),)
+    store.commit([sweep(4, x_m=1.0)], [])
     assert sequences(store) == [2, 3, 4]
+    store.close()
+
+
+def test_a_new_visit_to_a_place_supersedes_all_that_the_last_one_left(path: Path) -> None:
+    store = SweepStore(path, Window(sweeps_per_place=2))
+    store.commit([sweep(1, x_m=0.0), sweep(2, x_m=0.0), sweep(3, x_m=1.0)], [])
+    change = store.commit([sweep(4, x_m=0.004)], [])
+    assert sorted(change.left) == [(LOG, 1), (LOG, 2)]
+    store.commit([sweep(5, x_m=0.004)], [])
+    assert sequences(store) == [3, 4, 5]
+    store.close()
+
+
+@pytest.mark.parametrize("shift_m", [0.0, 0.025, 0.05])  # a path on the borders of any raster that one may think of
+def test_a_round_of_a_path_leaves_nothing_of_the_round_before_however_the_poses_waver(
+    path: Path, shift_m: float
+) -> None:
+    store = SweepStore(path, Window())
+    rng = np.random.default_rng(5)
+    poses = paper_path() + np.array([shift_m, shift_m, 0.0])
+    for first in range(1, 5 * len(poses), len(poses)):
+        noise = rng.normal(0, [0.004, 0.004, math.radians(1.0)], poses.shape)
+        store.commit(walk(poses + noise, first), [])
+        assert sequences(store) == list(range(first, first + len(poses)))
+    store.close()
+
+
+def test_a_unit_that_creeps_leaves_a_trail_and_the_next_round_takes_its_place(path: Path) -> None:
+    store = SweepStore(path, Window())
+    steps = np.arange(100)
+    trail = np.column_stack([0.01 * steps, 0 * steps, 0 * steps])
+    store.commit(walk(trail, 1), [])
+    held_m = [one.pose.x_m for one in store.sweeps()]
+    assert max(np.diff(held_m)) < 2 * Window().place_radius_m
+    store.commit(walk(trail + np.array([0.003, 0.0, 0.0]), 101), [])
+    assert min(sequences(store)) > 100
+    store.close()
+
+
+def test_a_place_is_of_one_unit_and_one_heading(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([stop(1, 0.0), stop(2, 1.0)], [])
+    assert store.commit([stop(3, 0.0, heading_deg=90.0)], []).left == ()
+    assert store.commit([stop(4, 0.0, unit="u2", log="77aa")], []).left == ()
+    assert store.commit([stop(5, 0.0, heading_deg=355.0)], []).left == ((LOG, 1),)
+    store.close()
+
+
+def test_a_restart_in_the_midst_of_a_visit_changes_nothing(path: Path) -> None:
+    store = SweepStore(path, Window(sweeps_per_place=2))
+    store.commit([sweep(1, x_m=0.0), sweep(2, x_m=1.0), sweep(3, x_m=0.0)], [])
+    store.close()
+    reopened = SweepStore(path, Window(sweeps_per_place=2))
+    assert reopened.commit([sweep(4, x_m=0.0)], []).left == ()
+    assert sequences(reopened) == [2, 3, 4]
+    reopened.close()
+
+
+def test_a_sweep_that_comes_after_newer_ones_from_its_place_displaces_none(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1, x_m=1.0), sweep(3, x_m=0.0), sweep(4, x_m=1.0), sweep(5, x_m=0.0)], [])
+    late = store.commit([sweep(2, x_m=0.0)], [])
+    assert late.entered == late.left == ()
+    assert sequences(store) == [4, 5]
+    store.close()
+
+
+def test_what_a_unit_logs_anew_supersedes_what_it_had_in_the_log_before(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([stop(8, 0.0), stop(9, 0.0)], [])
+    change = store.commit([stop(1, 0.0, log="d2e0")], [])
+    assert sorted(change.left) == [(LOG, 8), (LOG, 9)]
     store.close()
 
 
@@ -158,8 +248,19 @@ def test_a_store_of_another_format_is_refused(path: Path) -> None:
         SweepStore(path, Window())
 
 
+def test_the_file_grows_no_further_once_the_window_is_full(path: Path) -> None:
+    store, pages = SweepStore(path, Window(max_sweeps=100)), []
+    for first in range(1, 3001, 50):
+        store.commit([sweep(number) for number in range(first, first + 50)], [cursor(first + 49)])
+        with closing(sqlite3.connect(path)) as reader:
+            pages += reader.execute("PRAGMA page_count").fetchone()
+    assert max(pages[10:]) <= max(pages[:10]) + 1
+    store.close()
+
+
 WRITER = """
 import sys
+from contextlib import closing
 from pathlib import Path
 from noctule.messages_pb2 import Cursor, Pose, Sweep
 from noctule_mapper.live_config import Window

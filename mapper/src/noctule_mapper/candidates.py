@@ -145,30 +145,60 @@ def _tangent_circles(
 ) -> np.ndarray:
     """Circles (x, y, radius) that three arcs touch from outside, (m, 3), those of a cylinder's size and inside the
     beams.
-
-    |c - p| = R + r for three p: differences are linear in c and r, c = a + b r; the first equation then is a quadratic
-    in r.
     """
     x, y, r = echoes.x_m, echoes.y_m, echoes.range_m
-    matrix = 2 * np.stack([np.stack([x[i] - x[m], y[i] - y[m]], axis=1) for m in (j, k)], axis=1)
-    square = x**2 + y**2 - r**2
-    constant = np.stack([square[i] - square[m] for m in (j, k)], axis=1)
-    linear = np.stack([2 * (r[m] - r[i]) for m in (j, k)], axis=1)
-    bent = np.abs(np.linalg.det(matrix)) > 1e-6
-    i, j, k, matrix, constant, linear = (value[bent] for value in (i, j, k, matrix, constant, linear))
-    a = np.linalg.solve(matrix, constant[..., None])[..., 0] - np.stack([x[i], y[i]], axis=1)
-    b = np.linalg.solve(matrix, linear[..., None])[..., 0]
-    qa, qb, qc = (b**2).sum(axis=1) - 1, (a * b).sum(axis=1) - r[i], (a**2).sum(axis=1) - r[i] ** 2
-    root = np.sqrt(np.where(qb**2 >= qa * qc, qb**2 - qa * qc, np.nan))
+    to_j, to_k = (np.stack([x[m] - x[i], y[m] - y[i]], axis=1) for m in (j, k))
+    across = to_j[:, 0] * to_k[:, 1] - to_j[:, 1] * to_k[:, 0]
+    straight = np.abs(across) < _STRAIGHT_RAD * np.hypot(*to_j.T) * np.hypot(*to_k.T)
     found = []
-    for sign in (1, -1):
-        radius = (-qb + sign * root) / np.where(np.abs(qa) < 1e-12, np.nan, qa)
-        centre = a + b * radius[:, None] + np.stack([x[i], y[i]], axis=1)
-        good = (radius >= cylinder.smallest_radius_m) & (radius <= cylinder.largest_radius_m)
-        for m in (i, j, k):
-            good &= _in_beam(echoes, m, np.arctan2(centre[:, 1] - y[m], centre[:, 0] - x[m]))
-        found.append(np.column_stack([centre, radius])[good])
+    for some, solved in ((~straight, _circles_off_a_line), (straight, _circles_beside_a_line)):
+        rows = np.nonzero(some)[0]
+        for offset, radius in solved(to_j[rows], to_k[rows], r[i[rows]], r[j[rows]], r[k[rows]]):
+            centre = np.stack([x[i[rows]], y[i[rows]]], axis=1) + offset
+            good = (radius >= cylinder.smallest_radius_m) & (radius <= cylinder.largest_radius_m)
+            for m in (i[rows], j[rows], k[rows]):
+                good &= _in_beam(echoes, m, np.arctan2(centre[:, 1] - y[m], centre[:, 0] - x[m]))
+            found.append(np.column_stack([centre, radius])[good])
     return np.concatenate(found)
+
+
+_STRAIGHT_RAD = 0.01  # three places count as on a line when the ways to two of them differ by less
+_Circles = list[tuple[np.ndarray, np.ndarray]]  # centres from the first place (m, 2) and radii (m,), NaN for none
+
+
+def _circles_off_a_line(
+    to_j: np.ndarray, to_k: np.ndarray, r_i: np.ndarray, r_j: np.ndarray, r_k: np.ndarray
+) -> _Circles:
+    """|c - p| = R + r for three p: differences are linear in c and r, c = a + b r; the first equation then is a
+    quadratic in r.
+    """
+    matrix = 2 * np.stack([to_j, to_k], axis=1)
+    constant = np.stack([(to**2).sum(axis=1) - r_m**2 + r_i**2 for to, r_m in ((to_j, r_j), (to_k, r_k))], axis=1)
+    linear = 2 * np.stack([r_i - r_j, r_i - r_k], axis=1)
+    a = np.linalg.solve(matrix, constant[..., None])[..., 0]
+    b = np.linalg.solve(matrix, linear[..., None])[..., 0]
+    qa, qb, qc = (b**2).sum(axis=1) - 1, (a * b).sum(axis=1) - r_i, (a**2).sum(axis=1) - r_i**2
+    root = np.sqrt(np.where(qb**2 >= qa * qc, qb**2 - qa * qc, np.nan))
+    radii = [(-qb + sign * root) / np.where(np.abs(qa) < 1e-12, np.nan, qa) for sign in (1, -1)]
+    return [(a + b * radius[:, None], radius) for radius in radii]
+
+
+def _circles_beside_a_line(
+    to_j: np.ndarray, to_k: np.ndarray, r_i: np.ndarray, r_j: np.ndarray, r_k: np.ndarray
+) -> _Circles:
+    """Three places on a line: the differences 2 s a + 2 (R - R_i) r = s^2 - R^2 + R_i^2, s and a along it, give a, r;
+    the first equation how far off the line the centre is; on which side, the beams must tell.
+    """
+    along = to_j / np.hypot(*to_j.T)[:, None]
+    s_j, s_k = np.hypot(*to_j.T), (to_k * along).sum(axis=1)
+    c_j, c_k = (s**2 - r_m**2 + r_i**2 for s, r_m in ((s_j, r_j), (s_k, r_k)))
+    determinant = 2 * (s_j * (r_k - r_i) - s_k * (r_j - r_i))
+    determinant = np.where(np.abs(determinant) < 1e-12, np.nan, determinant)
+    a = (c_j * (r_k - r_i) - c_k * (r_j - r_i)) / determinant
+    radius = (s_j * c_k - s_k * c_j) / determinant
+    off = np.sqrt(np.where((r_i + radius) ** 2 >= a**2, (r_i + radius) ** 2 - a**2, np.nan))
+    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return [(a[:, None] * along + side * off[:, None] * left, radius) for side in (1, -1)]
 
 
 def _contact_lines(echoes: Echoes, found: Contacts) -> np.ndarray:

@@ -5,7 +5,10 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Method = Literal["eht-lsm", "refined"]
+from noctule_mapper.fusion import Rule
+
+Method = Literal["hough", "eht-lsm", "refined"]
+Classifier = Literal["tangent-circle", "r2d"]
 
 
 class _Model(BaseModel):
@@ -53,26 +56,37 @@ class ContactConfig(_Model):
     curvature_bins: int = Field(default=9, ge=3)  # from a wall to a point
     least_votes: float = Field(default=1.6, gt=0)  # two other sweeps that agree, less their interpolation loss
     simpler_kind_share: float = Field(default=0.85, gt=0, le=1)  # of the best tangent circle's votes
+    support_sigmas: float = Field(default=4.0, gt=0)  # a reading that touches the tangent circle misses it by less
+    kind_sigmas: float = Field(default=3.0, gt=0)  # of the tangent circle's own error: the simplest kind within them
+    classifier: Classifier = (
+        "tangent-circle"  # or the paper's R2d test, which leaves what it can't judge without a kind
+    )
+    r2d_sigmas: float = Field(default=1.0, gt=0)  # Th in sigmas of d = R2d - R2 (Section V.B)
+    r2d_threshold_m: float | None = Field(default=None, gt=0)  # Th itself, as the paper sets it: 0.32 cm
+    collinear_m: float = Field(default=0.002, gt=0)  # off the line of its two neighbours, at most: Eq. 1 holds on it
 
 
 class GridConfig(_Model):
     """The reliability grid."""
 
-    cell_m: float = Field(default=0.02, gt=0)
-    tile_cells: int = Field(default=64, ge=8)
-    nodes: int = Field(default=12, ge=8, le=32)  # of the fusion integral, per cell
+    cell_m: float = Field(default=0.02, ge=0.002)
+    tile_cells: Literal[16, 32, 64, 128, 256] = 64
+    nodes: Literal[12, 16, 32] = 12  # of the fusion integral, per cell
     epsilon_sigmas: float = Field(default=2.0, gt=0)  # the paper's eps, in sigmas of a range
     most_occupied: float = Field(default=0.9, gt=0, lt=1)  # one contact's belief at its very point
     most_free: float = Field(default=0.3, ge=0, lt=1)  # one reading's belief in the space before its arc
+    occupied_from: float = Field(default=0.25, gt=0, le=1)  # a cell with such a belief is called occupied
+    free_from: float = Field(default=0.6, gt=0, le=1)  # one with such a belief in free space, free
 
 
 class FeatureConfig(_Model):
     """When a cluster of cells is a feature point."""
 
-    least_occupied: float = Field(default=0.25, gt=0, lt=1)
+    least_occupied: float = Field(default=0.05, gt=0, lt=1)
     block_m: float = Field(
         default=0.2, gt=0
     )  # a longer cluster is cut into blocks of this size, each with its own point
+    curved_block_m: float = Field(default=0.06, gt=0)  # the same round a cylinder
 
 
 class WallConfig(_Model):
@@ -81,7 +95,8 @@ class WallConfig(_Model):
     theta_bin_rad: float = Field(default=math.radians(1.0), gt=0)
     rho_bin_m: float = Field(default=0.01, gt=0)
     deviation_sigmas: float = Field(default=5.0, gt=0)  # Eq. 15, with the calibrated sigma
-    least_points: int = Field(default=3, ge=2)
+    deviation_rad: float = Field(default=math.radians(6.0), gt=0)  # of a contact's direction from the wall's normal
+    least_points: int = Field(default=3, ge=2)  # the paper goes on to two; any two points make a line
 
 
 class CylinderConfig(_Model):
@@ -91,10 +106,33 @@ class CylinderConfig(_Model):
     seed: int = 1
     sectors: int = Field(default=16, ge=4)
     ring_sigmas: float = Field(default=5.0, gt=0)
+    deviation_rad: float = Field(default=math.radians(6.0), gt=0)  # of a contact's direction from the circle's centre
     smallest_radius_m: float = Field(default=0.02, gt=0)
     largest_radius_m: float = Field(default=1.0, gt=0)
-    least_points: int = Field(default=5, ge=3)
+    reach_m: float = Field(default=2.0, gt=0)  # from which a cylinder answers: so many sectors should contain points
+    least_points: int = Field(default=6, ge=3)
+    least_filled: float = Field(default=0.3, ge=0, le=1)  # of the sectors that should contain points
     finalists: int = Field(default=10, ge=1)
+    most_sigma_m: float = Field(default=0.05, gt=0)  # of centre and radius, lest a corner's few points be a circle
+
+
+class HoughConfig(_Model):
+    """The plain Hough transforms of the baseline (Section IV.A); bins as in the extended one."""
+
+    lines: Literal["standard", "randomised"] = "standard"
+    theta_bin_rad: float = Field(default=math.radians(1.0), gt=0)
+    rho_bin_m: float = Field(default=0.01, gt=0)
+    window_rad: float = Field(default=math.radians(8.0), gt=0)  # a peak suppresses lower ones as near as this
+    window_m: float = Field(default=0.15, gt=0)
+    least_points: int = Field(default=3, ge=2)
+    circle_bin_m: float = Field(default=0.01, gt=0)  # tolerance of the circles' accumulator
+    smallest_radius_m: float = Field(default=0.02, gt=0)
+    largest_radius_m: float = Field(default=1.0, gt=0)
+    least_circle_points: int = Field(default=5, ge=3)
+    ring_m: float = Field(default=0.015, gt=0)  # a point as near belongs to a peak's line or circle
+    pairs: int = Field(default=4000, ge=1)
+    triples: int = Field(default=4000, ge=1)
+    seed: int = 1
 
 
 class RefinementConfig(_Model):
@@ -102,7 +140,7 @@ class RefinementConfig(_Model):
 
     wall_price_nats: float = 16.0
     point_price_nats: float = 16.0
-    cylinder_price_nats: float = 24.0
+    cylinder_price_nats: float = 20.0
     contradiction_price_nats: float = 3.0  # an echo from behind the object, well inside beam and extent
     gate_sigmas: float = Field(
         default=4.0, gt=0
@@ -113,31 +151,46 @@ class RefinementConfig(_Model):
         default=0.08, gt=0
     )  # echoes in one direction from one place count as one when objects are weighed
     cylinder_reach_m: float = Field(default=1.5, gt=0)  # beyond it a cylinder's silence proves nothing
+    false_share: float = Field(default=0.04, gt=0, lt=1)  # of echoes that come from anywhere, whatever stands before it
+    wall_chance: float = Field(default=0.95, gt=0, lt=1)  # that a wall or near cylinder in the beam answers
+    corner_chance: float = Field(default=0.9, gt=0, lt=1)  # that a corner up to a right angle answers
+    obtuse_rad: float = Field(default=math.radians(40), gt=0)  # beyond a right angle a corner no longer answers
+    edge_reach_m: float = Field(default=0.6, gt=0)  # a reflex edge answers so close by
+    faint_chance: float = Field(default=0.1, gt=0, lt=1)  # of a cylinder or edge out of reach, of an obtuse corner
+    growth_chance: float = Field(default=0.5, gt=0, lt=1)  # that a wall goes on beyond what has been seen of it
+    near_lobe_rad: float = Field(default=math.radians(20), gt=0)  # half width of the lobe
+    near_lobe_m: float = Field(default=0.3, gt=0)  # up to this range
+    near_lobe_ends_m: float = Field(default=0.5, gt=0)  # beyond this one it is the stated beam's
     longest_hole_m: float = Field(default=1.2, gt=0)  # in a wall, between two of its feet
+    lone_end_m: float = Field(default=0.5, gt=0)  # a wall's last foot, farther than this from the next, is not its
     short_wall_m: float = Field(default=0.35, gt=0)  # a wall seen along less than this
-    short_wall_places: int = Field(default=6, ge=3)  # must be heard from so many places, lest it be a corner's echoes
+    short_wall_places: int = Field(default=5, ge=3)  # must be heard from so many places, lest it be a corner's echoes
     least_places: int = Field(default=3, ge=3)  # from which an object must be heard
     growth_m: float = Field(default=0.4, ge=0)  # a wall may win echoes this far beyond what has been seen of it
     overshoot_m: float = Field(default=0.4, ge=0)  # feet of a corner's echoes look like the wall's beyond its end
-    longest_gap_m: float = Field(default=2.0, gt=0)  # between a wall's last foot and its corner
-    heard_through_price_m: float = Field(
-        default=0.7, ge=0
-    )  # an echo from behind a stretch makes the gap that much longer
+    longest_gap_m: float = Field(default=4.0, gt=0)  # between a wall's last foot and its corner
+    gap_price_nats_per_m: float = Field(default=20.0, ge=0)  # of a link
+    most_gap_price_nats: float = Field(default=35.0, ge=0)  # a corner that is heard may be far from its walls' feet
+    open_end_price_nats: float = Field(default=15.0, ge=0)  # what a link may cost before both ends stay open
     least_crossing_sine: float = Field(default=0.04, gt=0)
     most_theta_sigma_rad: float = Field(default=math.radians(1.5), gt=0)
-    least_radius_sigmas: float = Field(default=5.0, gt=0)  # a cylinder's radius against its error, lest it be a corner
+    least_radius_sigmas: float = Field(default=2.5, gt=0)  # a cylinder's radius against its error, lest it be a corner
     most_cylinder_sigma_m: float = Field(default=0.05, gt=0)
     most_corner_sigma_m: float = Field(default=0.04, gt=0)
     most_pair_echoes: int = Field(default=400, ge=1)
     most_pairs: int = Field(default=1500, ge=1)
     most_triples: int = Field(default=4000, ge=1)
     rounds: int = Field(default=6, ge=1)
+    late_share: float = Field(default=0.02, gt=0, lt=1)  # of echoes whose first cycle was missed
+    late_m: float = 0.0043  # by which they are longer: 25 us there and back
+    last_steps: int = Field(default=8, ge=1)  # of the joint fit that has the last word
 
 
 class MapperConfig(_Model):
     """All of it."""
 
     method: Method = "refined"
+    rule: Rule = "pcr6+"  # by which a cell's beliefs are fused (Section III.A)
     sensor: SensorConfig = SensorConfig()
     noise: NoiseConfig = NoiseConfig()
     contacts: ContactConfig = ContactConfig()
@@ -145,4 +198,5 @@ class MapperConfig(_Model):
     features: FeatureConfig = FeatureConfig()
     walls: WallConfig = WallConfig()
     cylinders: CylinderConfig = CylinderConfig()
+    hough: HoughConfig = HoughConfig()
     refinement: RefinementConfig = RefinementConfig()

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.echoes import Echoes
@@ -53,18 +54,6 @@ def join_contacts(parts: Sequence[Contacts]) -> Contacts:
     return Contacts(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Contacts.__dataclass_fields__}
     )
-
-
-def reference_range_m(first_m: float, third_m: float, d12_m: float, d13_m: float) -> float:
-    """Eq. 1 with its bracket put right: the range R2d that a wall would give at position 2, between collinear positions
-    1 and 3.
-    """
-    return first_m + (third_m - first_m) * d12_m / d13_m
-
-
-def is_wall(first_m: float, second_m: float, third_m: float, d12_m: float, d13_m: float, threshold_m: float) -> bool:
-    """Eq. 2: whether three ranges from collinear positions touch a common line, to within the threshold Th."""
-    return abs(reference_range_m(first_m, third_m, d12_m, d13_m) - second_m) < threshold_m
 
 
 def votes(echoes: Echoes, others: Echoes, config: ContactConfig) -> np.ndarray:
@@ -112,7 +101,8 @@ def contacts(echoes: Echoes, accumulators: np.ndarray, config: ContactConfig) ->
     best circle.
 
     A wall is simpler than a corner, a corner simpler than a cylinder: it has one radius to choose. What the votes can't
-    tell apart, because their baselines are short against the noise, is so left with the simpler kind.
+    tell apart, because their baselines are short against the noise, is so left with the simpler kind. As fine as the
+    bins are; the module tangent_circle fits the circle about it.
     """
     by_curvature = accumulators.max(axis=1)
     best = by_curvature.max(axis=1)
@@ -132,6 +122,18 @@ def contacts(echoes: Echoes, accumulators: np.ndarray, config: ContactConfig) ->
         kind=np.where(count >= config.least_votes, kind, Kind.NONE),
         votes=count,
     )
+
+
+def neighbours(echoes: Echoes, others: Echoes, config: ContactConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs that may touch one circle by where they were heard and how far: numbers of the echo and of the other, and
+    their baseline, (p,) each, baselines from ``shortest_baseline_m`` to ``longest_baseline_m``.
+    """
+    places, other_places = (KDTree(np.stack([one.x_m, one.y_m], axis=1)) for one in (echoes, others))
+    near = places.sparse_distance_matrix(other_places, config.longest_baseline_m, output_type="coo_matrix")
+    i, j, baseline_m = near.row, near.col, near.data
+    kept = baseline_m >= config.shortest_baseline_m
+    kept &= np.abs(echoes.range_m[i] - others.range_m[j]) <= baseline_m
+    return i[kept], j[kept], baseline_m[kept]
 
 
 def wrapped(angle_rad: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ starts are linked one to one at the least total gap, by assignment: true gaps ar
 corner, and no limit on gaps alone gets an L right.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -19,38 +19,55 @@ from noctule_mapper.reflectors import Circle, Crossing, Line
 _FORBIDDEN = 1e6
 
 
-def link_ends(walls: dict[int, Line], data: Evidence, config: RefinementConfig) -> list[Link]:
-    """Links between ``walls`` (by the numbers they bear), dearer for each echo that was heard through the stretch they
-    would add.
+def link_ends(
+    walls: dict[int, Line],
+    data: Evidence,
+    config: RefinementConfig,
+    support: Callable[[Crossing], float] | None = None,
+    heard: Callable[[Crossing], float] | None = None,
+) -> list[Link]:
+    """Links between ``walls`` (by the numbers they bear), at the least total price in nats.
+
+    A link costs by the gap that it closes and by what was heard through the stretches it would add (``heard_price``,
+    unless the caller knows ``heard``); what its corner explains, ``support``, it is given back.
     """
-    numbers = list(walls)
-    if len(numbers) < 2:
+    if len(walls) < 2:
         return []
-    size = len(numbers)
-    cost = np.full((size, 2 * size), config.longest_gap_m)  # the right half: an end that stays open
-    for i, first in enumerate(numbers):
-        for j, second in enumerate(numbers):
-            gap = _gap_m(walls[first], walls[second], data, config) if i != j else None
-            cost[i, j] = _FORBIDDEN if gap is None else gap
+    numbers, lines = list(walls), list(walls.values())
+    cost = np.full((len(lines), 2 * len(lines)), config.open_end_price_nats)  # the right half: an end that stays open
+    cost[:, : len(lines)] = _FORBIDDEN
+    gap_m = _gaps_m(lines, config)
+    for i, j in np.argwhere(np.isfinite(gap_m)):
+        corner = Crossing(lines[i], lines[j])
+        price = min(config.gap_price_nats_per_m * gap_m[i, j], config.most_gap_price_nats)
+        price += heard(corner) if heard else heard_price(corner, data, config)
+        cost[i, j] = price - (support(corner) if support else 0.0)
     ends, starts = linear_sum_assignment(cost)
-    return [
-        Link(numbers[i], numbers[j]) for i, j in zip(ends, starts, strict=True) if j < size and cost[i, j] < _FORBIDDEN
-    ]
+    linked = (starts < len(lines)) & (cost[ends, starts] < _FORBIDDEN)
+    return [Link(numbers[i], numbers[j]) for i, j in zip(ends[linked], starts[linked], strict=True)]
 
 
-def _gap_m(first: Line, second: Line, data: Evidence, config: RefinementConfig) -> float | None:
-    """Length that a corner of ``first``'s end and ``second``'s start would add to both, None where none can be."""
-    crossing = Crossing(first, second)
-    if abs(crossing.sine) < config.least_crossing_sine:
-        return None
-    corner = crossing.point
-    end_gap = float(first.tangent @ corner) - first.high_m
-    start_gap = second.low_m - float(second.tangent @ corner)
-    if min(end_gap, start_gap) < -config.overshoot_m or max(end_gap, start_gap) > config.longest_gap_m:
-        return None
-    stretches = ((first.at(first.high_m), corner), (corner, second.at(second.low_m)))
-    heard = sum(heard_through(a, b, data, config) for a, b in stretches)
-    return abs(end_gap) + abs(start_gap) + config.heard_through_price_m * heard
+def _gaps_m(lines: Sequence[Line], config: RefinementConfig) -> np.ndarray:
+    """Length that a corner of wall i's end and wall j's start would add to both, (i, j), infinite where none can be."""
+    theta, rho, low, high = np.array([(one.theta_rad, one.rho_m, one.low_m, one.high_m) for one in lines]).T
+    turn = theta[None, :] - theta[:, None]
+    sine, cosine = np.sin(turn), np.cos(turn)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        end_gap = (rho[None, :] - rho[:, None] * cosine) / sine - high[:, None]
+        start_gap = low[None, :] - (rho[None, :] * cosine - rho[:, None]) / sine
+        gap = np.abs(end_gap) + np.abs(start_gap)
+        possible = (np.abs(sine) >= config.least_crossing_sine) & (
+            np.minimum(end_gap, start_gap) >= -config.overshoot_m
+        )
+        possible &= np.maximum(end_gap, start_gap) <= config.longest_gap_m
+    return np.where(possible, gap, np.inf)
+
+
+def heard_price(corner: Crossing, data: Evidence, config: RefinementConfig) -> float:
+    """Price of the echoes that were heard through the stretches which a corner adds to its walls."""
+    first, second = corner.first, corner.second
+    stretches = ((first.at(first.high_m), corner.point), (corner.point, second.at(second.low_m)))
+    return config.contradiction_price_nats * sum(heard_through(a, b, data, config) for a, b in stretches)
 
 
 def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: RefinementConfig) -> float:

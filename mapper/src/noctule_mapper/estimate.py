@@ -1,8 +1,10 @@
 """The contour as the mapper knows it: walls, corners and cylinders, each with its covariance."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+
+from noctule_mapper.outline import Outline, outlines
 
 
 @dataclass(frozen=True)
@@ -58,3 +60,31 @@ class Contour:
     time_s: float = 0.0
     method: str = ""
     range_sigma_m: float = field(default=float("nan"))  # the spread of a range that the fit went by
+
+    def outlines(self) -> list[Outline]:
+        """The walls that meet, as rings and open chains of points."""
+        return outlines(
+            [(wall.start, wall.end) for wall in self.walls],
+            [(corner.x_m, corner.y_m, corner.walls) for corner in self.corners],
+        )
+
+    def shifted(self, x_m: float, y_m: float) -> "Contour":
+        """The same contour seen from an origin that lies at (-x_m, -y_m); a wall's rho and its covariance go along."""
+        return replace(
+            self,
+            walls=tuple(_shifted(wall, x_m, y_m) for wall in self.walls),
+            corners=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.corners),
+            cylinders=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.cylinders),
+        )
+
+
+def _shifted(wall: Wall, x_m: float, y_m: float) -> Wall:
+    """rho + x cos(theta) + y sin(theta): its error is that of rho and of theta at an arm along the wall."""
+    by_old = np.array([[1.0, 0.0], [y_m * np.cos(wall.theta_rad) - x_m * np.sin(wall.theta_rad), 1.0]])
+    return replace(
+        wall,
+        rho_m=wall.rho_m + float(wall.normal @ (x_m, y_m)),
+        start=(wall.start[0] + x_m, wall.start[1] + y_m),
+        end=(wall.end[0] + x_m, wall.end[1] + y_m),
+        covariance=by_old @ wall.covariance @ by_old.T,
+    )

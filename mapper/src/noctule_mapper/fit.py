@@ -17,6 +17,14 @@ def fit(
 
     Raises SurveyError where the sweeps are of several sites, SweepError where one can't be mapped.
     """
+    mapper, site = map_survey(sweeps, config, sensor)
+    return contour_message(mapper.contour(), site=site)
+
+
+def map_survey(
+    sweeps: Iterable[messages_pb2.Sweep], config: MapperConfig | None = None, sensor: SensorConfig | None = None
+) -> tuple[Mapper, str]:
+    """The map of one site's survey and the site, "" where there are no sweeps; arguments and errors as of ``fit``."""
     config = config or MapperConfig()
     mapper = Mapper(config)
     sites: set[str] = set()
@@ -27,4 +35,4 @@ def fit(
                 f"the survey holds sweeps of several sites ({', '.join(sorted(sites))}); fit one site at a time"
             )
         mapper.register_sweep(from_message(sweep, sensor or config.sensor))
-    return contour_message(mapper.contour(), site=next(iter(sites), ""))
+    return mapper, next(iter(sites), "")

@@ -1,8 +1,8 @@
-"""The joint fit: all objects at once to the raw ranges, robust least squares with each place's error as a covariance.
+"""The joint fit: a step of all objects at once to the raw ranges, each place's own error fitted along.
 
-An error of a place moves all ranges from there together, be they of one sweep or of many by a unit that stands still:
-their covariance is sigma^2 I + s^2 N N^T, N the directions (Section "Refinement" of this package's README). Echoes far
-off, by Tukey's weight, count less and then not at all.
+An error of a place moves all ranges from there together, be they of one sweep or of many by a unit that stands still.
+It is two more unknowns for each place, known beforehand to within s, and taken out of the normal equations place by
+place (Schur complement): among the echoes from there that is the covariance sigma^2 I + s^2 N N^T, N their directions.
 """
 
 from collections.abc import Sequence
@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.likelihood import Evidence
+from noctule_mapper.echoes import Echoes
 from noctule_mapper.reflectors import Crossing, Line, Reflector
 
-_TUKEY_SIGMAS = 4.685  # 95 % efficient on Gaussian errors
-_WEAK_PRIOR = 1e-9  # keeps what no echo determines where it is
+_WEAK_PRIOR = 1e-2  # per square metre or radian: keeps what no echo determines where it is
 
 
 @dataclass(frozen=True)
@@ -47,73 +46,122 @@ class Fit:
         return self.covariance[np.ix_(rows, rows)]
 
 
-def joint_fit(
-    objects: Sequence[Reflector], links: Sequence[Link], made_by: np.ndarray, data: Evidence, iterations: int = 3
-) -> Fit:
-    """Fit ``objects`` and, through their walls, ``links``; ``made_by`` (n,) numbers objects and then links, -1 for no
-    maker.
+@dataclass(frozen=True)
+class Places:
+    """Where the echoes came from: ``of`` (n,) numbers the places, ``sigma_m`` (places,) is how well each is known, and
+    ``shift_m`` (places, 2) how far from the stated place the fit has it.
     """
-    objects = list(objects)
-    offsets = np.concatenate([[0], np.cumsum([len(one.parameters) for one in objects])]).astype(int)
-    information = _WEAK_PRIOR * np.eye(offsets[-1])
-    explained = np.nonzero(made_by >= 0)[0]
-    used, makers = data.take(explained), made_by[explained]
-    for _ in range(iterations):
-        slopes, residual, direction = _linearise(objects, links, makers, used, offsets)
-        slopes, residual = _whiten(slopes, residual, direction, used)
-        robust = np.maximum(1 - (residual / _TUKEY_SIGMAS) ** 2, 0) ** 2
-        information = slopes.T @ (robust[:, None] * slopes) + _WEAK_PRIOR * np.eye(offsets[-1])
-        step = np.linalg.solve(information, slopes.T @ (robust * residual))
-        objects = [one.moved(step[offsets[i] : offsets[i + 1]]) for i, one in enumerate(objects)]
-    return Fit(objects, np.linalg.inv(information), offsets)
+
+    of: np.ndarray
+    sigma_m: np.ndarray
+    shift_m: np.ndarray
+
+    def along(self, direction_rad: np.ndarray, echo: np.ndarray) -> np.ndarray:
+        """How far the places of echoes number ``echo`` (m,) lie towards ``direction_rad`` of where they are stated."""
+        shift = self.shift_m[self.of[echo]]
+        return shift[:, 0] * np.cos(direction_rad) + shift[:, 1] * np.sin(direction_rad)
 
 
-def _linearise(
-    objects: Sequence[Reflector], links: Sequence[Link], makers: np.ndarray, used: Evidence, offsets: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Slopes (n, parameters), residuals (n,) and directions (n,) of the used echoes."""
-    slopes = np.zeros((len(makers), offsets[-1]))
-    residual, direction = np.zeros(len(makers)), np.zeros(len(makers))
-    for maker in np.unique(makers):
-        rows = np.nonzero(makers == maker)[0]
-        if maker < len(objects):
-            model, owners = objects[maker], (maker,)
+def places_of(echoes: Echoes) -> Places:
+    """The places of ``echoes``, where they are stated to be; echoes of the very same place share it."""
+    _, first, of = np.unique(echoes.x_m + 1j * echoes.y_m, return_index=True, return_inverse=True)
+    return Places(of.ravel(), echoes.sigma_position_m[first], np.zeros((len(first), 2)))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Claims linearised about the objects: rows (claims,) of slopes by the parameters in ``columns``, both (claims, 4)
+    padded with zero slopes, predicted ranges and the directions of the echoes.
+    """
+
+    slopes: np.ndarray
+    columns: np.ndarray
+    predicted_m: np.ndarray
+    direction_rad: np.ndarray
+
+
+def offsets_of(objects: Sequence[Reflector]) -> np.ndarray:
+    """Where each object's parameters start among all, and their number at the end; (objects + 1,)."""
+    return np.concatenate([[0], np.cumsum([len(one.parameters) for one in objects])]).astype(int)
+
+
+def linearise(
+    objects: Sequence[Reflector], links: Sequence[Link], maker: np.ndarray, echo: np.ndarray, echoes: Echoes
+) -> Linear:
+    """Claims of ``maker`` (claims,), objects and then links, on echoes number ``echo`` (claims,)."""
+    offsets = offsets_of(objects)
+    slopes, columns = np.zeros((len(maker), 4)), np.zeros((len(maker), 4), int)
+    predicted, direction = np.zeros(len(maker)), np.zeros(len(maker))
+    order = np.argsort(maker, kind="stable")
+    for rows in np.split(order, np.nonzero(np.diff(maker[order]))[0] + 1) if len(order) else []:
+        number = int(maker[rows[0]])
+        if number < len(objects):
+            model, owners = objects[number], (number,)
         else:
-            link = links[maker - len(objects)]
+            link = links[number - len(objects)]
             model, owners = crossing(objects, link), (link.first, link.second)
-        columns = np.concatenate([np.arange(int(offsets[i]), int(offsets[i + 1])) for i in owners])
-        echoes = used.echoes.take(rows)
-        slopes[np.ix_(rows, columns)] = model.slopes(echoes)
-        residual[rows] = echoes.range_m - model.ranges(echoes)
-        direction[rows] = model.directions(echoes)
-    return slopes, residual, direction
+        own = np.concatenate([np.arange(int(offsets[i]), int(offsets[i + 1])) for i in owners])
+        heard = echoes.take(echo[rows])
+        slopes[rows, : len(own)], columns[rows, : len(own)] = model.slopes(heard), own
+        predicted[rows], direction[rows] = model.ranges(heard), model.directions(heard)
+    return Linear(slopes, columns, predicted, direction)
 
 
-def _whiten(
-    slopes: np.ndarray, residual: np.ndarray, direction: np.ndarray, used: Evidence
-) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes and residuals in standard deviations, and independent of one another.
-
-    With I + A A^T the covariance of the ranges from a place, each over its own sigma, and A = U diag(s) V^T, the root
-    of its inverse is I + U diag(1 / sqrt(1 + s^2) - 1) U^T: linear in the number of echoes.
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of one step: the objects' and the places' steps, the covariance of the objects' parameters, and
+    how many parameters the echoes have determined, the places' shares counted.
     """
-    pose_sigma = used.echoes.sigma_position_m
-    range_sigma = np.sqrt(np.maximum(used.sigma_m**2 - pose_sigma**2, 1e-12))
-    white_slopes, white_residual = slopes / range_sigma[:, None], residual / range_sigma
-    uncertain = np.nonzero(pose_sigma > 0)[0]
-    for rows in _by_place(used.echoes.x_m, used.echoes.y_m, uncertain):
-        away = np.stack([np.cos(direction[rows]), np.sin(direction[rows])], axis=1)
-        u, s, _ = np.linalg.svd(away * (pose_sigma[rows] / range_sigma[rows])[:, None], full_matrices=False)
-        shrink = 1 / np.sqrt(1 + s**2) - 1
-        white_slopes[rows] += u @ (shrink[:, None] * (u.T @ white_slopes[rows]))
-        white_residual[rows] += u @ (shrink * (u.T @ white_residual[rows]))
-    return white_slopes, white_residual
+
+    step: np.ndarray
+    shift_m: np.ndarray
+    covariance: np.ndarray
+    freedom: float
 
 
-def _by_place(x_m: np.ndarray, y_m: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
-    """The rows, split into those of the very same place."""
-    if not len(rows):
-        return []
-    order = rows[np.lexsort((y_m[rows], x_m[rows]))]
-    moved = (np.diff(x_m[order]) != 0) | (np.diff(y_m[order]) != 0)
-    return np.split(order, np.nonzero(moved)[0] + 1)
+def solve(
+    linear: Linear,
+    residual_m: np.ndarray,
+    information: np.ndarray,
+    echo: np.ndarray,
+    places: Places,
+    parameters: int,
+) -> Normal:
+    """Weighted least squares for ``residual_m`` (claims,), each of ``information`` (claims,) per square metre.
+
+    A place's shift along a direction shortens the range as much, hence its slopes are minus the direction's.
+    """
+    weighted = linear.slopes * information[:, None]
+    own = _WEAK_PRIOR * np.eye(parameters)
+    np.add.at(
+        own, (linear.columns[:, :, None], linear.columns[:, None, :]), weighted[:, :, None] * linear.slopes[:, None, :]
+    )
+    pull = np.zeros(parameters)
+    np.add.at(pull, linear.columns, weighted * residual_m[:, None])
+    if not np.any(places.sigma_m > 0):
+        covariance = np.linalg.inv(own)
+        return Normal(covariance @ pull, places.shift_m, covariance, float(parameters))
+    away = -np.stack([np.cos(linear.direction_rad), np.sin(linear.direction_rad)], axis=1)
+    of, known = places.of[echo], 1 / np.maximum(places.sigma_m, _SURE_M) ** 2
+    shared = np.zeros((parameters, len(known), 2))
+    np.add.at(shared, (linear.columns, of[:, None]), weighted[:, :, None] * away[:, None, :])
+    theirs = known[:, None, None] * np.eye(2)
+    np.add.at(theirs, of, information[:, None, None] * away[:, :, None] * away[:, None, :])
+    tug = -known[:, None] * places.shift_m
+    np.add.at(tug, of, (information * residual_m)[:, None] * away)
+    spread = np.linalg.inv(theirs)
+    through = np.einsum("pgi,gij->pgj", shared, spread)
+    covariance = np.linalg.inv(own - np.einsum("pgi,qgi->pq", through, shared))
+    step = covariance @ (pull - np.einsum("pgi,gi->p", through, tug))
+    shift = places.shift_m + np.einsum("gij,gj->gi", spread, tug - np.einsum("pgi,p->gi", shared, step))
+    left = np.einsum("gii->g", spread) + np.einsum("pgi,pq,qgi->g", through, covariance, through)
+    return Normal(step, shift, covariance, float(parameters + (2 - known * left).sum()))
+
+
+_SURE_M = 1e-6  # a place stated as exact
+
+
+def moved(objects: Sequence[Reflector], step: np.ndarray) -> list[Reflector]:
+    """The objects with ``step`` (parameters,) added."""
+    offsets = offsets_of(objects)
+    return [one.moved(step[offsets[i] : offsets[i + 1]]) for i, one in enumerate(objects)]

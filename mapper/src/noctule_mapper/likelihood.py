@@ -5,6 +5,7 @@ contradicts it: one that comes from behind it, though it fills the beam.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class Evidence:
     """The echoes of a refinement; arrays (n,)."""
 
     echoes: Echoes
-    sigma_m: np.ndarray  # of a range, the pose's error in it
+    range_sigma_m: np.ndarray  # of a range from a place that is exactly known
     place: np.ndarray  # a number that the echoes from one place share
     span_m: float  # ranges that an echo of nothing may have
 
@@ -28,24 +29,32 @@ class Evidence:
         return replace(
             self,
             echoes=self.echoes.take(index),
-            sigma_m=self.sigma_m[index],
+            range_sigma_m=self.range_sigma_m[index],
             place=self.place[index],
         )
 
-    def relaxed(self, factor: float) -> "Evidence":
-        """The same with ``factor`` times the spread."""
-        return replace(self, sigma_m=factor * self.sigma_m)
+    @cached_property
+    def sigma_m(self) -> np.ndarray:
+        """Of a range, the place's error in it, (n,)."""
+        return np.hypot(self.range_sigma_m, self.echoes.sigma_position_m)
 
-    def gain(self, residual_m: np.ndarray) -> np.ndarray:
-        """Gain in nats of residuals (..., n); negative where the outlier model explains the echo better."""
-        return np.log(self.span_m / (self.sigma_m * np.sqrt(2 * np.pi))) - 0.5 * (residual_m / self.sigma_m) ** 2
+    def respread(self, factor: np.ndarray | float) -> "Evidence":
+        """The same with ``factor`` times the spread of ranges."""
+        return replace(self, range_sigma_m=factor * self.range_sigma_m)
+
+    def gain(self, residual_m: np.ndarray, at: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Gain in nats of residuals (..., m) of the echoes ``at`` (all of them if not told); negative where the outlier
+        model explains an echo better.
+        """
+        sigma_m = self.sigma_m[at]
+        return np.log(self.span_m / (sigma_m * np.sqrt(2 * np.pi))) - 0.5 * (residual_m / sigma_m) ** 2
 
 
 def evidence(echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: RefinementConfig) -> Evidence:
     """Evidence of ``echoes`` whose ranges have the spread ``sigma_m``, (n,), in a span of ``span_m``."""
     cell = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / config.same_place_m).astype(int)
     _, place = np.unique(cell, axis=0, return_inverse=True)
-    return Evidence(echoes, np.hypot(sigma_m, echoes.sigma_position_m), place.ravel(), span_m)
+    return Evidence(echoes, sigma_m, place.ravel(), span_m)
 
 
 def newest_of_each_beam(data: Evidence) -> np.ndarray:
@@ -76,11 +85,54 @@ def possible(
     slack = config.beam_slack_rad + 2 * data.echoes.sigma_heading_rad
     slack = slack + (reflector.spread_rad if isinstance(reflector, Crossing) else 0.0)
     off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
-    can = (off_axis <= data.echoes.half_beam_rad + slack) & (reflector.ranges(data.echoes) > 0)
+    predicted = reflector.ranges(data.echoes)
+    can = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
+    can &= off_axis <= data.echoes.half_beam_rad + slack
     if isinstance(reflector, Line):
         along = reflector.along(data.echoes)
         can &= (along >= reflector.low_m - margin_m) & (along <= reflector.high_m + margin_m)
     return can
+
+
+def answering(reflector: Reflector | Crossing, data: Evidence, config: RefinementConfig) -> np.ndarray:
+    """Chance that the reflector, a wall of any length, answers each reading, (n,), if nothing is before it.
+
+    Sure on the beam's axis, even at its nominal edge, small up to the slack; close by the lobe is wider than nominal.
+    """
+    predicted = reflector.ranges(data.echoes)
+    off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
+    if isinstance(reflector, Crossing):
+        off_axis = np.maximum(off_axis - reflector.spread_rad, 0)
+    half, slack = data.echoes.half_beam_rad, config.beam_slack_rad + 2 * data.echoes.sigma_heading_rad
+    inside = np.interp(off_axis / half, (0.6, 1.0), (1.0, 0.5))
+    edge = np.where(off_axis <= half + slack, 0.3, np.where(off_axis <= lobe_rad(predicted, half, config), 0.3, 0.0))
+    in_span = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
+    return _reach(reflector, predicted, config) * np.where(off_axis <= half, inside, edge) * in_span
+
+
+def lobe_rad(range_m: np.ndarray, half_beam_rad: np.ndarray, config: RefinementConfig) -> np.ndarray:
+    """Half width in which a reflector at ``range_m`` can answer: close by the lobe is wider than the stated beam."""
+    near_rad = np.maximum(half_beam_rad, config.near_lobe_rad)
+    share = np.clip((config.near_lobe_ends_m - range_m) / (config.near_lobe_ends_m - config.near_lobe_m), 0, 1)
+    return half_beam_rad + share * (near_rad - half_beam_rad)
+
+
+def _reach(reflector: Reflector | Crossing, predicted: np.ndarray, config: RefinementConfig) -> np.ndarray:
+    """Chance that a reflector on the beam's axis answers at a range."""
+    match reflector:
+        case Line():
+            return np.full(len(predicted), config.wall_chance)
+        case Circle():
+            return np.where(predicted < config.cylinder_reach_m, config.wall_chance, config.faint_chance)
+        case Crossing() if reflector.sine < 0:
+            return np.where(predicted < config.edge_reach_m, 0.5, config.faint_chance)
+        case Crossing():
+            obtuse_rad = max(0.0, float(np.pi / 2 - reflector.turn_rad))
+            return np.full(
+                len(predicted), np.clip(1 - obtuse_rad / config.obtuse_rad, config.faint_chance, config.corner_chance)
+            )
+        case _:
+            return np.full(len(predicted), 0.5)
 
 
 def hidden(reflector: Reflector | Crossing, wall: Line, data: Evidence, config: RefinementConfig) -> np.ndarray:

@@ -26,7 +26,6 @@ from noctule_mapper.sweep import SweepError, SweepReadings, from_message, identi
 _log = logging.getLogger(__name__)
 
 _STATUS_INTERVAL_S = 1.0
-_REBUILT_AT_ONCE = 50
 
 
 @dataclass(frozen=True)
@@ -80,9 +79,7 @@ class LiveMapper:
         held = [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
         for readings in held:
             self._log.recall_sweep(readings)
-        # All before the worker's first fit, so that no poorer contour is seen; in parts, so that it can be stopped.
-        for first in range(0, len(held), _REBUILT_AT_ONCE):
-            self._worker.take((), held[first : first + _REBUILT_AT_ONCE])
+        self._worker.take((), held)  # before the worker's first fit, so that no poorer contour is seen
         self._worker.start()
         self._client.on_unit_status(self._log.show_unit_status)
         self._client.on_alive(self._tell_alive)

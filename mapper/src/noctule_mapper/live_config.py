@@ -26,8 +26,8 @@ class Window(_Model):
 
     max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
     max_sweeps: int = Field(default=1_000, ge=1, le=20_000)
-    sweeps_per_place: int = Field(default=2, ge=1)  # one in each direction of the stepper
-    place_size_m: float = Field(default=0.05, gt=0)
+    sweeps_per_place: int = Field(default=2, ge=1)  # of a unit's last visit there: one in each stepper direction
+    place_radius_m: float = Field(default=0.05, gt=0)  # well above the noise of poses, below the steps of a path
     place_heading_rad: float = Field(default=math.radians(15.0), gt=0, le=math.tau)
 
 

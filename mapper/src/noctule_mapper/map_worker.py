@@ -2,9 +2,8 @@
 
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import monotonic
 
 from noctule.messages_pb2 import Contour, Features, GridTile
@@ -16,8 +15,6 @@ from noctule_mapper.sweep import SweepReadings
 
 _log = logging.getLogger(__name__)
 
-_MOST_WAITING = 1_000
-
 
 @dataclass(frozen=True)
 class MapState:
@@ -28,13 +25,20 @@ class MapState:
     tiles: Sequence[GridTile]
 
 
-@dataclass(frozen=True)
-class _Change:
-    """What is to be taken off the map and put on it, and when that came."""
+@dataclass
+class _Waiting:
+    """What is to be taken off the map and then put on it, and since when. What leaves before it was put on never is,
+    so that no more waits than the window holds, however long a fit takes or however much comes from a log at once.
+    """
 
-    left: Sequence[Identity]
-    entered: Sequence[SweepReadings]
-    came_s: float
+    left: list[Identity] = field(default_factory=list)
+    entered: dict[Identity, SweepReadings] = field(default_factory=dict)
+    since_s: float | None = None
+
+    def add(self, left: Sequence[Identity], entered: Sequence[SweepReadings], now_s: float) -> None:
+        self.left += [identity for identity in left if self.entered.pop(identity, None) is None]
+        self.entered.update((readings.identity, readings) for readings in entered)
+        self.since_s = now_s if self.since_s is None else self.since_s
 
 
 class MapWorker:
@@ -58,7 +62,7 @@ class MapWorker:
         self._site, self._service = site, service
         self._next_version, self._show = next_version, show
         self._changed = threading.Condition()
-        self._waiting: deque[_Change] = deque()
+        self._waiting = _Waiting()
         self._closing = False
         self._failure: Exception | None = None
         self._oldest_unfitted_s: float | None = None
@@ -71,10 +75,9 @@ class MapWorker:
         self._thread.start()
 
     def take(self, left: Sequence[Identity], entered: Sequence[SweepReadings]) -> None:
-        """Have sweeps taken off the map and put on it. Waits only where very many changes wait already."""
+        """Have sweeps taken off the map and put on it. Never waits."""
         with self._changed:
-            self._changed.wait_for(lambda: len(self._waiting) < _MOST_WAITING or self._closing)
-            self._waiting.append(_Change(left, entered, monotonic()))
+            self._waiting.add(left, entered, monotonic())
             self._changed.notify_all()
 
     def check(self) -> None:
@@ -83,8 +86,9 @@ class MapWorker:
             raise self._failure
 
     def counters(self) -> dict[str, int]:
-        """Contours so far; how long the last one took to fit, and since its oldest new sweep came."""
-        return self._figures | {"changes_waiting": len(self._waiting)}
+        """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait."""
+        waiting = self._waiting
+        return self._figures | {"sweeps_waiting": len(waiting.left) + len(waiting.entered)}
 
     def close(self) -> None:
         """End the worker, after the fit that it is at."""
@@ -100,33 +104,31 @@ class MapWorker:
     def _run(self) -> None:
         try:
             while not self._closing:
-                for change in self._next_changes():
-                    if self._closing:
-                        return  # a long rebuild is begun anew next time
-                    self._apply(change)
-                if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s:
+                self._apply(self._next())
+                if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
                     self._fit_and_show(self._oldest_unfitted_s)
         except Exception as error:
             self._failure = error
             self._refuse_more()
 
-    def _next_changes(self) -> list[_Change]:
-        """All that waits; none when it is time for a fit."""
+    def _next(self) -> _Waiting:
+        """All that waits; nothing when it is time for a fit."""
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting or self._closing, until_fit_s)
-            changes = list(self._waiting)
-            self._waiting.clear()
-            self._changed.notify_all()
-        return changes
+            self._changed.wait_for(lambda: self._waiting.since_s is not None or self._closing, until_fit_s)
+            waiting, self._waiting = self._waiting, _Waiting()
+        return waiting
 
-    def _apply(self, change: _Change) -> None:
-        for identity in change.left:
-            self._mapper.remove_sweep(identity)
-        for readings in change.entered:
-            self._mapper.register_sweep(readings)
+    def _apply(self, waiting: _Waiting) -> None:
+        """Change the map; a long rebuild breaks off when it is told to close, and is begun anew next time."""
+        for identity in waiting.left:
+            if not self._closing:
+                self._mapper.remove_sweep(identity)
+        for readings in waiting.entered.values():
+            if not self._closing:
+                self._mapper.register_sweep(readings)
         if self._oldest_unfitted_s is None:
-            self._oldest_unfitted_s = change.came_s
+            self._oldest_unfitted_s = waiting.since_s
 
     def _fit_and_show(self, oldest_s: float) -> None:
         began_s = monotonic()

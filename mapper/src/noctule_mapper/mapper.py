@@ -1,4 +1,5 @@
-"""The mapper: the algorithm from sweep to contour, one line per stage.
+"""The mapper: the algorithm from sweep to contour, one line per stage; sections and equations are those of Liu et al.
+2019.
 
 sensor model -> contacts -> belief fusion on a sparse grid -> features -> walls, cylinders -> contour -> refinement
 """
@@ -7,11 +8,13 @@ from dataclasses import replace
 
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contact_book import ContactBook, ContactChange
+from noctule_mapper.contact_report import ContactReport, contact_report
 from noctule_mapper.echoes import echoes_of
 from noctule_mapper.eht_lsm import eht_lsm
 from noctule_mapper.estimate import Contour
 from noctule_mapper.features import FeaturePoints, feature_points
 from noctule_mapper.grid import Grid
+from noctule_mapper.hough import hough
 from noctule_mapper.refinement import refine
 from noctule_mapper.regions import contact_regions, free_space
 from noctule_mapper.sweep import SweepReadings
@@ -24,10 +27,11 @@ class Mapper:
 
     def __init__(self, config: MapperConfig | None = None) -> None:
         self.config = config or MapperConfig()
-        self.grid = Grid(self.config.grid)
+        self.grid = Grid(self.config.grid, self.config.rule)  # III.A, Eq. 3-4
         self._contacts = ContactBook(self.config.contacts)
         self._sweeps: dict[tuple[str, int], SweepReadings] = {}
         self._registered = 0
+        self._report: ContactReport | None = None  # while no contact has changed
 
     def register_sweep(self, sweep: SweepReadings) -> None:
         """Put a sweep on the map; one that is there already changes nothing."""
@@ -36,8 +40,8 @@ class Mapper:
         self._sweeps[sweep.identity] = sweep
         self._registered += 1
         echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
-        self.grid.add_free(*free_space(sweep, self.config.grid))
-        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))
+        self.grid.add_free(*free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
+        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))  # II.B: beside earlier positions
 
     def remove_sweep(self, identity: tuple[str, int]) -> None:
         """Take a sweep off the map; one that is not there changes nothing."""
@@ -46,26 +50,35 @@ class Mapper:
             self.grid.add_free(*free_space(sweep, self.config.grid), sign=-1)
             self._update(self._contacts.remove(identity))
 
+    def contact_report(self) -> ContactReport:
+        """II.B: what each reading touched, by its tangent circle (Fig. 2) and by the R2d test (Eq. 1-2)."""
+        if self._report is None:
+            self._report = contact_report(self._contacts.echoes(), self._contacts.contacts(), self.config)
+        return self._report
+
     @property
     def feature_points(self) -> FeaturePoints:
-        """Where reflectors were touched, from the grid as it is."""
-        return feature_points(
-            self.grid.tiles(), self._contacts.echoes(), self._contacts.contacts(), self.config.features
-        )
+        """III.D: where reflectors were touched, from the grid as it is."""
+        report = self.contact_report()
+        return feature_points(self.grid.tiles(), report.echoes, report.touched, self.config.features)
 
     def contour(self) -> Contour:
         """The contour of all sweeps on the map, by the method that the configuration names."""
-        echoes, contacts = self._contacts.echoes(), self._contacts.contacts()
-        if not len(echoes):
-            contour = Contour()
-        elif self.config.method == "eht-lsm":
-            contour = eht_lsm(self.feature_points, echoes, self.config)
-        else:
-            contour = refine(echoes, contacts, self.config)
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
-        return replace(contour, sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
+        return replace(self._contour(), sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
+
+    def _contour(self) -> Contour:
+        echoes = self._contacts.echoes()
+        if not len(echoes):
+            return Contour()
+        if self.config.method == "hough":
+            return hough(self.feature_points, self.contact_report().echoes, self.config)  # IV.A, Eq. 9
+        if self.config.method == "eht-lsm":
+            return eht_lsm(self.feature_points, self.contact_report().echoes, self.config)  # IV.B-D, Eq. 10-23
+        return refine(echoes, self._contacts.contacts(), self.config)  # beyond the paper: on the raw ranges
 
     def _update(self, change: ContactChange) -> None:
-        """Change the evidence of every reading whose contact a sweep's coming or going has moved."""
+        """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
+        self._report = None
         self.grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
         self.grid.add(contact_regions(change.echoes, change.after, self.config.grid))

@@ -21,9 +21,15 @@ class MapPublisher:
         self._tiles: dict[str, StatePublisher] = {}
 
     def publish_map(self, contour: Contour, features: Features, changed_tiles: Iterable[GridTile]) -> None:
-        """Publish a new state of the map. May wait for a congested link."""
+        """Publish a new state of the map. May wait for a congested link.
+
+        A tile that holds nothing any more is told once, and then there is none for late joiners.
+        """
         for tile in changed_tiles:
-            self._tile(keys.tile_name(tile.tile_x, tile.tile_y)).put(tile)
+            name = keys.tile_name(tile.tile_x, tile.tile_y)
+            self._tile(name).put(tile)
+            if not any(tile.occupied) and not any(tile.free):
+                self._tiles.pop(name).close()
         self._features.put(features)
         self._contour.put(contour)
 

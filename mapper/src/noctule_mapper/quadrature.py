@@ -1,4 +1,4 @@
-"""Nodes and weights of the fusion integral: 1/S as a short sum of exponentials, for every S from 1e-7 to 300.
+"""Nodes and weights of the fusion integral: 1/S as a short sum of exponentials, for every S from 1e-8 to 64.
 
 ``design`` finds them; ``python -m noctule_mapper.quadrature`` writes its result into the table that ships beside this
 module, so that nobody pays for the search at start-up.
@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-LEAST_SUM = 1e-7  # of the masses in one product; what is below it weighs less than the error
-MOST_SUM = (
-    300.0  # as many certain sources; of more, the sum falls short alike for occupied and free: fusion divides it out
-)
+MOST_SUM = 64.0  # as many certain sources; of more, the sum falls short alike for all sets: fusion divides it out
+LEAST_SUM = 1e-8  # of the masses in one product; what is below it weighs less than the error
 _TABLE = "quadrature.csv"
 
 
@@ -39,17 +37,21 @@ def nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
 COUNTS = (12, 16, 32)
 
 
+def worst_case(sums: np.ndarray) -> np.ndarray:
+    """How much of all products can have such a sum, in the worst of beliefs of MOST_SUM sources."""
+    return np.minimum(1, MOST_SUM * sums)
+
+
 def design(count: int, rounds: int = 12) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights, (count,) each, that nearly minimise the largest error of a fused belief over LEAST_SUM <= S <=
     MOST_SUM.
 
-    A product's share errs by |S sum_q w_q exp(-S t_q) - 1|; a small S comes from small masses, so its error counts by
-    10 S. Start: the trapezoid in x of t = exp(x - exp(-x)); then least squares in log t and log w, with the worst S
-    weighed up from round to round.
+    A product's share errs by |S sum_q w_q exp(-S t_q) - 1|, and that counts by ``worst_case``. Start: the trapezoid in
+    x of t = exp(x - exp(-x)); then least squares in log t and log w, with the worst S weighed up from round to round.
     """
     sums = np.geomspace(LEAST_SUM, MOST_SUM, 480)
-    worth = np.minimum(1, 10 * sums) * sums
-    x = np.linspace(-2.0, -0.85 * np.log(LEAST_SUM), count)
+    worth = worst_case(sums) * sums
+    x = np.linspace(-1.5, -0.75 * np.log(LEAST_SUM), count)
     start = np.exp(x - np.exp(-x))
     parameters = np.log(np.concatenate([start, (x[1] - x[0]) * start * (1 + np.exp(-x))]))
     emphasis = np.ones_like(sums)

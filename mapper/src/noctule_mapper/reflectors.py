@@ -35,6 +35,12 @@ class Line:
         """Along the wall, the room on the left, (2,)."""
         return np.array([-np.sin(self.theta_rad), np.cos(self.theta_rad)])
 
+    @cached_property
+    def box(self) -> np.ndarray:
+        """Least x and y, most x and y, of what has been seen of it, (4,)."""
+        ends = np.stack([self.at(self.low_m), self.at(self.high_m)])
+        return np.concatenate([ends.min(axis=0), ends.max(axis=0)])
+
     @property
     def parameters(self) -> np.ndarray:
         """(theta_rad, rho_m)."""
@@ -142,6 +148,11 @@ class Crossing:
         return float(np.sin(self.second.theta_rad - self.first.theta_rad))
 
     @cached_property
+    def turn_rad(self) -> float:
+        """By how much the walls turn, -pi to pi: pi less the interior angle."""
+        return float(np.arctan2(self.sine, self.first.normal @ self.second.normal))
+
+    @cached_property
     def point(self) -> np.ndarray:
         """(2,)."""
         (a, b), (c, d) = self.first.normal, self.second.normal
@@ -186,3 +197,12 @@ class Crossing:
     @property
     def _acute(self) -> bool:
         return self.sine > 0 and float(self.first.normal @ self.second.normal) < 0
+
+
+def box_of_rays(reflector: Reflector | Crossing, echoes: Echoes) -> np.ndarray:
+    """Least x and y, most x and y, of the ways of ``echoes`` to the reflector, (4,); at least one echo."""
+    predicted, direction = reflector.ranges(echoes), reflector.directions(echoes)
+    start = np.stack([echoes.x_m, echoes.y_m], axis=1)
+    touch = start + predicted[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
+    ends = np.concatenate([start, touch])
+    return np.concatenate([ends.min(axis=0), ends.max(axis=0)])

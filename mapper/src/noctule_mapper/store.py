@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import tau
 from pathlib import Path
 from time import time_ns
+from typing import Any
 
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, Sweep
@@ -20,27 +21,50 @@ Identity = tuple[str, int]
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS sweep (
     unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
-    start_ns INTEGER NOT NULL, place TEXT NOT NULL, record BLOB NOT NULL,
+    start_ns INTEGER NOT NULL, visit INTEGER NOT NULL,
+    place_x_m REAL NOT NULL, place_y_m REAL NOT NULL, place_heading_rad REAL NOT NULL,
+    record BLOB NOT NULL,
     PRIMARY KEY (unit, log_id, log_sequence));
 CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
-CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (place);
+CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad);
 CREATE TABLE IF NOT EXISTS cursor (unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL);
 CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL);
 INSERT INTO contour SELECT 0 WHERE NOT EXISTS (SELECT * FROM contour);
 """
-_VERSION = 1
+_VERSION = 2
 _CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the mapper's host
 
 # Age goes by the newest sweep's time, but for times that the host's clock has not come to: one wrong clock must not
-# empty the window. The newest of a place, and of all, is the one that came last, for a clock may be set back.
+# empty the window. The newest of all is the one that came last, for a clock may be set back.
 _TOO_OLD = """
 DELETE FROM sweep WHERE start_ns < (SELECT max(start_ns) FROM sweep WHERE start_ns <= :now_ns) - :max_age_ns
 RETURNING log_id, log_sequence
 """
-_SUPERSEDED = """
-DELETE FROM sweep WHERE rowid IN (
-    SELECT rowid FROM sweep WHERE place = :place
-    ORDER BY rowid DESC LIMIT -1 OFFSET :sweeps_per_place)
+
+# A visit is a stay of one unit at one place, named after the log_sequence of its first sweep, whose pose is the place:
+# places so keep their distance from one another, and noise in the poses makes no new ones.
+_NEAR = """
+unit = :unit AND place_x_m BETWEEN :x_m - :radius_m AND :x_m + :radius_m
+AND (place_x_m - :x_m) * (place_x_m - :x_m) + (place_y_m - :y_m) * (place_y_m - :y_m) <= :radius_m * :radius_m
+AND min(abs(place_heading_rad - :heading_rad), :full_turn_rad - abs(place_heading_rad - :heading_rad)) <= :turn_rad
+"""
+_VISIT_BEFORE = f"""
+SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
+    SELECT * FROM sweep WHERE unit = :unit AND log_id = :log_id AND log_sequence < :log_sequence
+    ORDER BY log_sequence DESC LIMIT 1)
+WHERE {_NEAR}
+"""
+_ENTER = """
+INSERT OR IGNORE INTO sweep
+VALUES (:unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record)
+"""
+# Of a place, the newest sweeps of its newest visit stay. What came in another log is older.
+_SUPERSEDED = f"""
+WITH here AS (SELECT rowid AS id, log_id, log_sequence, visit FROM sweep WHERE {_NEAR}),
+own AS (SELECT * FROM here WHERE log_id = :log_id)
+DELETE FROM sweep WHERE rowid IN (SELECT id FROM here) AND rowid NOT IN (
+    SELECT id FROM own WHERE visit = (SELECT max(visit) FROM own)
+    ORDER BY log_sequence DESC LIMIT :sweeps_per_place)
 RETURNING log_id, log_sequence
 """
 _TOO_MANY = """
@@ -82,12 +106,18 @@ class SweepStore:
     def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
         """Take sweeps in and move the cursors in one transaction; a sweep that is already held changes nothing."""
         with self._transaction() as database:
-            entered = {identity_of(sweep): sweep for sweep in sweeps if self._insert(database, sweep)}
+            entered: dict[Identity, Sweep] = {}
+            left: set[Identity] = set()
+            for sweep in sweeps:
+                row = self._row(database, sweep)
+                if database.execute(_ENTER, row).rowcount == 1:
+                    entered[identity_of(sweep)] = sweep
+                    left.update(database.execute(_SUPERSEDED, row).fetchall())
             database.executemany(
                 "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?)",
                 [(cursor.unit, cursor.log_id, cursor.log_sequence) for cursor in cursors],
             )
-            left = self._shrink(database, {self._place(sweep) for sweep in entered.values()})
+            left |= self._shrink(database)
         return Change(
             entered=tuple(sweep for identity, sweep in entered.items() if identity not in left),
             left=tuple(identity for identity in left if identity not in entered),
@@ -134,31 +164,30 @@ class SweepStore:
                 raise
             self._database.execute("COMMIT")
 
-    def _insert(self, database: sqlite3.Connection, sweep: Sweep) -> bool:
-        row = (
-            sweep.unit,
-            *identity_of(sweep),
-            sweep.start.ToNanoseconds(),
-            self._place(sweep),
-            sweep.SerializeToString(),
-        )
-        return database.execute("INSERT OR IGNORE INTO sweep VALUES (?, ?, ?, ?, ?, ?)", row).rowcount == 1
+    def _row(self, database: sqlite3.Connection, sweep: Sweep) -> dict[str, Any]:
+        """A sweep's row: it belongs to the visit of the sweep before it in its log, or begins a visit where it is."""
+        log_id, log_sequence = identity_of(sweep)
+        row = {
+            "unit": sweep.unit,
+            "log_id": log_id,
+            "log_sequence": log_sequence,
+            "start_ns": sweep.start.ToNanoseconds(),
+            "visit": log_sequence,
+            "x_m": sweep.pose.x_m,
+            "y_m": sweep.pose.y_m,
+            "heading_rad": sweep.pose.heading_rad % tau,
+            "record": sweep.SerializeToString(),
+            "radius_m": self._window.place_radius_m,
+            "turn_rad": self._window.place_heading_rad,
+            "full_turn_rad": tau,
+            "sweeps_per_place": self._window.sweeps_per_place,
+        }
+        before = database.execute(_VISIT_BEFORE, row).fetchone()
+        return row | dict(zip(("visit", "x_m", "y_m", "heading_rad"), before or (), strict=False))
 
-    def _shrink(self, database: sqlite3.Connection, places: set[str]) -> set[Identity]:
-        window = self._window
-        left = set(
-            database.execute(
-                _TOO_OLD, {"max_age_ns": int(window.max_age_s * 1e9), "now_ns": self._now_ns() + _CLOCKS_DIFFER_NS}
-            ).fetchall()
-        )
-        for place in places:
-            values = {"place": place, "sweeps_per_place": window.sweeps_per_place}
-            left.update(database.execute(_SUPERSEDED, values).fetchall())
-        left.update(database.execute(_TOO_MANY, {"max_sweeps": window.max_sweeps}).fetchall())
+    def _shrink(self, database: sqlite3.Connection) -> set[Identity]:
+        """Take out what is too old or too many."""
+        age = {"max_age_ns": int(self._window.max_age_s * 1e9), "now_ns": self._now_ns() + _CLOCKS_DIFFER_NS}
+        left = set(database.execute(_TOO_OLD, age).fetchall())
+        left.update(database.execute(_TOO_MANY, {"max_sweeps": self._window.max_sweeps}).fetchall())
         return left
-
-    def _place(self, sweep: Sweep) -> str:
-        size_m, turn_rad = self._window.place_size_m, self._window.place_heading_rad
-        pose = sweep.pose
-        turns = round(pose.heading_rad / turn_rad) % round(tau / turn_rad)
-        return f"{sweep.unit} {round(pose.x_m / size_m)} {round(pose.y_m / size_m)} {turns}"

@@ -11,6 +11,7 @@ from noctule_mapper.config import SensorConfig
 
 _END_OF_TIME_S = 9e9  # in the year 2255; a count of nanoseconds ends soon after
 _EDGE_OF_SITE_M = 1e4  # the fit was seen right up to 10 km from the origin: a pose beyond is of another frame
+_WIDEST_SIGMA_M = 0.5  # a range that is no better known tells no wall from the next; millimetres are a likely slip
 _COLDEST_AIR_C = -100.0  # no air on Earth is; the linear speed of sound is far from its range
 
 
@@ -71,6 +72,10 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
     if sigma_m is not None and not 0 < sigma_m < math.inf:
         raise SweepError(f"{_name(sweep)} has range_sigma_m {sigma_m}: leave it out where it is not known")
+    if sigma_m is not None and sigma_m > _WIDEST_SIGMA_M:
+        raise SweepError(
+            f"{_name(sweep)} has range_sigma_m {sigma_m}: give it in metres, or leave it out where it is not known"
+        )
     if not math.isfinite(bias_m):
         raise SweepError(f"{_name(sweep)} has range_bias_m {bias_m}: leave it out where it is not known")
     if not _COLDEST_AIR_C < celsius < math.inf:

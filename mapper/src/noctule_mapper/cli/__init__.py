@@ -6,13 +6,16 @@ from collections.abc import Sequence
 import typer
 
 from noctule.errors import NoctuleError
+from noctule_mapper.cli.calibrate import calibrate
+from noctule_mapper.cli.export import export
 from noctule_mapper.cli.fit import fit
+from noctule_mapper.cli.reproduce import reproduce
 from noctule_mapper.cli.run import run
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help="Sweeps to contours."
 )
-for _command in (run, fit):
+for _command in (run, fit, calibrate, export, reproduce):
     app.command()(_command)
 
 

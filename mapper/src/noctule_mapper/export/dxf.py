@@ -1,0 +1,35 @@
+"""A contour as a DXF drawing in metres, a layer for each kind of object."""
+
+import io
+
+from ezdxf import colors, units
+from ezdxf.filemanagement import new
+
+from noctule.messages_pb2 import Contour
+from noctule_mapper.export.shapes import rings
+
+WALLS, CORNERS, CYLINDERS, OUTLINE = "WALLS", "CORNERS", "CYLINDERS", "OUTLINE"
+_COLOURS = {WALLS: colors.WHITE, CORNERS: colors.RED, CYLINDERS: colors.CYAN, OUTLINE: colors.GRAY}
+_CROSS = 3  # $PDMODE: a point is drawn as an X, not as one dot
+_CROSS_M = 0.05
+
+
+def dxf(contour: Contour) -> bytes:
+    """LINEs of walls, POINTs of corners, CIRCLEs of cylinders and closed LWPOLYLINEs of outlines."""
+    drawing = new("R2010", units=units.M)
+    drawing.header["$PDMODE"], drawing.header["$PDSIZE"] = _CROSS, _CROSS_M
+    for name, colour in _COLOURS.items():
+        drawing.layers.add(name, color=colour)
+    space = drawing.modelspace()
+    for wall in contour.walls:
+        ends = (wall.start.x_m, wall.start.y_m), (wall.end.x_m, wall.end.y_m)
+        space.add_line(*ends, dxfattribs={"layer": WALLS})
+    for corner in contour.corners:
+        space.add_point((corner.x_m, corner.y_m), dxfattribs={"layer": CORNERS})
+    for cylinder in contour.cylinders:
+        space.add_circle((cylinder.x_m, cylinder.y_m), cylinder.radius_m, dxfattribs={"layer": CYLINDERS})
+    for ring in rings(contour):
+        space.add_lwpolyline(ring.points.tolist(), close=True, dxfattribs={"layer": OUTLINE})
+    text = io.StringIO()
+    drawing.write(text)
+    return text.getvalue().encode(drawing.output_encoding, errors="dxfreplace")

@@ -1,0 +1,36 @@
+"""Files that are written whole or not at all: each beside its place first, then put there in one step."""
+
+import contextlib
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def write_whole(contents: Mapping[Path, bytes]) -> None:
+    """Write files, the old of each staying until all the new ones are on the disk. Raises OSError, with nothing left
+    behind, where one can't be written.
+    """
+    beside = {path.resolve(): _beside(path.resolve()) for path in contents}
+    try:
+        for path, content in contents.items():
+            _write(beside[path.resolve()], content)
+        for path, new in beside.items():
+            if path.exists():
+                shutil.copymode(path, new)
+            new.replace(path)
+    finally:
+        for new in beside.values():
+            with contextlib.suppress(OSError):
+                new.unlink(missing_ok=True)
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.new")
+
+
+def _write(path: Path, content: bytes) -> None:
+    with path.open("xb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())

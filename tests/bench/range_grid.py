@@ -1,0 +1,153 @@
+"""How many readings a second the reliability grid takes, beside MRPT's occupancy grid: one core, one survey.
+
+Both take the echoes of a walk through the paper's room, again and again, each with the free cone before its arc. MRPT's
+grid marks the whole arc in a cell of one byte, ours the contact region in the sums of PCR6+, and can take it back.
+"""
+
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from bench.stopwatch import seconds
+from mapper.room import paper_path, paper_room, survey
+
+from noctule_mapper.config import GridConfig, MapperConfig
+from noctule_mapper.contact_book import ContactBook
+from noctule_mapper.contacts import Contacts
+from noctule_mapper.echoes import Echoes, echoes_of
+from noctule_mapper.grid import Grid
+from noctule_mapper.regions import Cones, contact_regions, free_space
+from noctule_mapper.sweep import SweepReadings
+
+CELLS_M = (0.02, 0.05)
+SOURCE = Path(__file__).with_name("mrpt_range_grid.cpp")
+HEADERS = Path("/usr/include/mrpt")
+LIBRARIES = ("maps", "obs", "poses", "math", "core", "serialization", "rtti", "system")
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A survey, its echoes and what is known of their contacts at its end."""
+
+    sweeps: list[SweepReadings]
+    echoes: Echoes
+    contacts: Contacts
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Readings per second, and the cells that are spoken of after the first round."""
+
+    readings_s: float
+    cells: int
+
+
+def walk(seed: int = 1) -> Walk:
+    """The paper's room and path: 572 readings."""
+    sweeps = survey(paper_room(), paper_path(), np.random.default_rng(seed))
+    config = MapperConfig()
+    book = ContactBook(config.contacts)
+    for number, sweep in enumerate(sweeps):
+        book.add(sweep.identity, sweep.x_m, sweep.y_m, echoes_of(sweep, number, config.noise.assumed_sigma_m))
+    return Walk(sweeps, book.echoes(), book.contacts())
+
+
+def ours(walked: Walk, cell_m: float) -> Speed:
+    """The whole survey put in at once, as cones and arcs made beforehand."""
+    config = GridConfig(cell_m=cell_m)
+    cones = Cones(*map(np.concatenate, zip(*(free_space(one, config) for one in walked.sweeps), strict=True)))
+    arcs = contact_regions(walked.echoes, walked.contacts, config)
+    grid = Grid(config)
+
+    def put_in() -> None:
+        grid.add_free(*cones)
+        grid.add(arcs)
+
+    put_in()
+    spoken_of = sum(int(np.count_nonzero(tile.occupied + tile.free)) for tile in grid.tiles())
+    return Speed(len(walked.echoes) / seconds(put_in), spoken_of)
+
+
+def ours_by_sweep(walked: Walk, cell_m: float) -> Speed:
+    """Sweep by sweep from the readings, cones and arcs made on the way."""
+    config = GridConfig(cell_m=cell_m)
+    grid = Grid(config)
+    heard = []
+    for number, sweep in enumerate(walked.sweeps):
+        own = np.flatnonzero(walked.echoes.sweep == number)
+        heard.append((sweep, walked.echoes.take(own), walked.contacts.take(own)))
+
+    def put_in() -> None:
+        for sweep, echoes, contacts in heard:
+            grid.add_free(*free_space(sweep, config))
+            grid.add(contact_regions(echoes, contacts, config))
+
+    put_in()
+    spoken_of = sum(int(np.count_nonzero(tile.occupied + tile.free)) for tile in grid.tiles())
+    return Speed(len(walked.echoes) / seconds(put_in), spoken_of)
+
+
+def grid_costs_ms(walked: Walk) -> np.ndarray:
+    """What the grid costs each sweep of a live mapper, contacts that move included, (sweeps,)."""
+    config = MapperConfig()
+    costs_s = []
+    for _ in range(10):
+        book, grid = ContactBook(config.contacts), Grid(config.grid)
+        for number, sweep in enumerate(walked.sweeps):
+            echoes = echoes_of(sweep, number, config.noise.assumed_sigma_m)
+            change = book.add(sweep.identity, sweep.x_m, sweep.y_m, echoes)
+            began_s = time.process_time()
+            grid.add_free(*free_space(sweep, config.grid))
+            grid.add(contact_regions(change.echoes, change.before, config.grid), sign=-1)
+            grid.add(contact_regions(change.echoes, change.after, config.grid))
+            grid.changed()
+            costs_s.append(time.process_time() - began_s)
+    return 1e3 * np.array(costs_s)
+
+
+def mrpt(walked: Walk, cells_m: tuple[float, ...] = CELLS_M) -> list[Speed] | None:
+    """MRPT's, for each size of cell; None where it isn't installed."""
+    if not HEADERS.is_dir():
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "mrpt_range_grid"
+        headers = [f"-isystem{one}" for one in (*HEADERS.glob("*/include"), "/usr/include/eigen3")]
+        libraries = [f"-lmrpt-{name}" for name in LIBRARIES]
+        subprocess.run(["g++", "-O2", "-std=c++17", SOURCE, "-o", program, *headers, *libraries], check=True)
+        return [_run(program, walked, cell_m) for cell_m in cells_m]
+
+
+def _run(program: Path, walked: Walk, cell_m: float) -> Speed:
+    echoes = walked.echoes
+    lines = np.stack([echoes.x_m, echoes.y_m, echoes.axis_rad, echoes.range_m], axis=1)
+    readings = "\n".join(" ".join(map(str, line)) for line in lines)
+    width_rad = float(2 * echoes.half_beam_rad[0])
+    command = [str(program), str(cell_m), str(width_rad), "1.0"]
+    output = subprocess.run(command, input=readings, check=True, capture_output=True, text=True).stdout
+    readings_s, cells = output.split()
+    return Speed(float(readings_s), int(cells))
+
+
+def table() -> list[str]:
+    """The figures, a line each."""
+    walked = walk()
+    theirs = mrpt(walked)
+    lines = [f"{len(walked.echoes)} echoes of {13 * len(walked.sweeps)} readings, put in over and over"]
+    for number, cell_m in enumerate(CELLS_M):
+        rows = [("survey at once", ours(walked, cell_m)), ("sweep by sweep", ours_by_sweep(walked, cell_m))]
+        for what, mine in rows:
+            ratio = f"; {mine.readings_s / theirs[number].readings_s:.2f} of MRPT's" if theirs else ""
+            lines.append(_line(mine, cell_m, what) + ratio)
+        lines += [_line(theirs[number], cell_m, "MRPT")] if theirs else []
+    if not theirs:
+        lines.append("MRPT isn't installed, so there is no ratio; type: sh deploy/packages.sh bench")
+    median_ms, p99_ms = np.percentile(grid_costs_ms(walked), (50, 99))
+    lines.append(f"{median_ms:12.2f} ms is the grid's part of a live sweep, 99 of 100 under {p99_ms:.2f} ms")
+    return lines
+
+
+def _line(speed: Speed, cell_m: float, what: str) -> str:
+    return f"{speed.readings_s:12,.0f} readings/s at {100 * cell_m:.0f} cm, {what}: {speed.cells:,} cells"
