@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc
 
 from noctule_mapper.calibration.triples import deviations_m, triples
 from noctule_mapper.calibration.wall_fit import OFF_WALL_M, Estimate
@@ -67,6 +67,8 @@ def gaussian_p(errors_m: np.ndarray) -> float:
 
     Of the usual tests it finds most kinds of other errors most often; of many errors some thousands stand for all.
     """
+    from scipy import stats  # takes half a second that the other commands need not wait
+
     every = -(-len(errors_m) // _MOST_TESTED)
     return float(stats.shapiro(errors_m[::every]).pvalue)
 
@@ -89,7 +91,7 @@ def _placement(means_m: np.ndarray, repeats: np.ndarray, sigma_d_m: float) -> tu
     ratio = float((repeats * means_m**2).mean()) / sigma_d_m**2
     beyond = float((means_m**2 - sigma_d_m**2 / repeats).mean())
     freedom = int(repeats.sum()) - len(repeats)
-    return math.sqrt(max(beyond, 0.0)), float(stats.f.sf(ratio, len(means_m), freedom))
+    return math.sqrt(max(beyond, 0.0)), float(fdtrc(len(means_m), freedom, ratio))
 
 
 def _check_enough(places: int, sets_m: list[np.ndarray]) -> None:

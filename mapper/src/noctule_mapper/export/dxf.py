@@ -2,21 +2,21 @@
 
 import io
 
-from ezdxf import colors, units
-from ezdxf.filemanagement import new
-
 from noctule.messages_pb2 import Contour
 from noctule_mapper.export.shapes import rings
 
 WALLS, CORNERS, CYLINDERS, OUTLINE = "WALLS", "CORNERS", "CYLINDERS", "OUTLINE"
-_COLOURS = {WALLS: colors.WHITE, CORNERS: colors.RED, CYLINDERS: colors.CYAN, OUTLINE: colors.GRAY}
+_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, OUTLINE: 8}  # AutoCAD's: white, red, cyan, grey
 _CROSS = 3  # $PDMODE: a point is drawn as an X, not as one dot
 _CROSS_M = 0.05
 
 
 def dxf(contour: Contour) -> bytes:
     """LINEs of walls, POINTs of corners, CIRCLEs of cylinders and closed LWPOLYLINEs of outlines."""
-    drawing = new("R2010", units=units.M)
+    from ezdxf.filemanagement import new  # takes half a second that the other commands need not wait
+    from ezdxf.units import M
+
+    drawing = new("R2010", units=M)
     drawing.header["$PDMODE"], drawing.header["$PDSIZE"] = _CROSS, _CROSS_M
     for name, colour in _COLOURS.items():
         drawing.layers.add(name, color=colour)

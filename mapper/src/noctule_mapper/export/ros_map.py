@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from noctule.errors import NoctuleError
@@ -20,7 +21,6 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 _PIXELS = {CellState.OCCUPIED: OCCUPIED_PIXEL, CellState.FREE: FREE_PIXEL, CellState.UNKNOWN: UNKNOWN_PIXEL}
 _MARGIN_CELLS = 5
 _MOST_CELLS = 100_000_000
-_STEPS_PER_CELL = 8  # along a wall, so that it leaves no gap
 
 
 class MapSizeError(NoctuleError):
@@ -37,9 +37,13 @@ class OccupancyMap:
     cell_m: float
 
 
-def occupancy_map(contour: Contour, tiles: Iterable[GridTile], config: GridConfig) -> OccupancyMap:
-    """The grid's cells, and over them the contour's walls and cylinders, occupied. Raises MapSizeError where that is
-    too large for an image.
+def occupancy_map(
+    contour: Contour, tiles: Iterable[GridTile], places_m: np.ndarray, config: GridConfig
+) -> OccupancyMap:
+    """The grid's cells, and over them the contour's walls and cylinders, occupied. Beams are wide and tell of free
+    space beyond a corner too: it stays unknown where walls part it from all ``places_m``, (n, 2), of the units.
+
+    Raises MapSizeError where the map is too large for an image.
     """
     known = [(cell_states(tile.occupied, tile.free, config), tile) for tile in tiles]
     known = [(states, tile) for states, tile in known if states.any()]
@@ -49,7 +53,9 @@ def occupancy_map(contour: Contour, tiles: Iterable[GridTile], config: GridConfi
     for states, tile in known:
         column, row = (round(each / config.cell_m) for each in (tile.x_m - empty.x_m, tile.y_m - empty.y_m))
         empty.states[row : row + states.shape[0], column : column + states.shape[1]] = states
-    _draw(empty, contour)
+    solid = _solid(contour, empty)
+    empty.states[~_open_to(places_m, solid, empty) & (empty.states == CellState.FREE)] = CellState.UNKNOWN
+    empty.states[solid] = CellState.OCCUPIED
     return _cropped(empty)
 
 
@@ -63,7 +69,7 @@ def outline_map(contour: Contour, cell_m: float) -> OccupancyMap:
     for points in inner_last:  # a wall has the room on its left: what goes round clockwise stands in the room
         within = CellState.FREE if signed_area_m2(points) > 0 else CellState.UNKNOWN
         empty.states[_inside(points, x_m, y_m)] = within
-    _draw(empty, contour)
+    empty.states[_solid(contour, empty)] = CellState.OCCUPIED
     return _cropped(empty)
 
 
@@ -120,19 +126,42 @@ def _cropped(whole: OccupancyMap) -> OccupancyMap:
     return OccupancyMap(part, whole.x_m + column * whole.cell_m, whole.y_m + row * whole.cell_m, whole.cell_m)
 
 
-def _draw(canvas: OccupancyMap, contour: Contour) -> None:
-    """Make the cells occupied that walls cross or cylinders cover."""
+def _solid(contour: Contour, canvas: OccupancyMap) -> np.ndarray:
+    """Which cells walls cross or cylinders cover, bool (rows, columns)."""
+    solid = np.zeros(canvas.states.shape, bool)
     for wall in contour.walls:
-        start, end = np.array([wall.start.x_m, wall.start.y_m]), np.array([wall.end.x_m, wall.end.y_m])
-        steps = int(np.ceil(np.hypot(*(end - start)) / canvas.cell_m * _STEPS_PER_CELL)) + 1
-        points_m = start + np.linspace(0, 1, steps)[:, None] * (end - start)
-        column, row = np.floor((points_m - (canvas.x_m, canvas.y_m)) / canvas.cell_m).astype(int).T
-        canvas.states[row, column] = CellState.OCCUPIED
+        ends_m = np.array([(end.x_m - canvas.x_m, end.y_m - canvas.y_m) for end in (wall.start, wall.end)])
+        column, row = _crossed(*(ends_m / canvas.cell_m)).T
+        solid[row, column] = True
     x_m, y_m = _centres_m(canvas)
     for cylinder in contour.cylinders:
         reach_m = max(cylinder.radius_m, 0.71 * canvas.cell_m)  # a small one has a cell at least
-        covered = np.hypot(x_m - cylinder.x_m, y_m - cylinder.y_m) <= reach_m
-        canvas.states[covered] = CellState.OCCUPIED
+        solid |= np.hypot(x_m - cylinder.x_m, y_m - cylinder.y_m) <= reach_m
+    return solid
+
+
+def _open_to(places_m: np.ndarray, solid: np.ndarray, canvas: OccupancyMap) -> np.ndarray:
+    """Which cells can be got to from ``places_m`` and not through a ``solid`` one; all where no place is on the map."""
+    _, region = cv2.connectedComponents((~solid).astype(np.uint8), connectivity=4)
+    column, row = np.floor((places_m - (canvas.x_m, canvas.y_m)) / canvas.cell_m).astype(int).T
+    on_map = (row >= 0) & (row < solid.shape[0]) & (column >= 0) & (column < solid.shape[1])
+    regions = np.setdiff1d(region[row[on_map], column[on_map]], 0)  # 0 is the solid cells
+    return np.isin(region, regions) if len(regions) else np.ones_like(solid)
+
+
+def _crossed(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Numbers (column, row) of every unit cell that the line between two points crosses, (cells, 2): from where it
+    crosses a border of cells to where it crosses the next it lies in one of them.
+    """
+    shares = [np.array([0.0, 1.0])]
+    for low, high, first, length in zip(
+        np.minimum(start, end), np.maximum(start, end), start, end - start, strict=True
+    ):
+        if length:
+            shares.append((np.arange(np.ceil(low), np.floor(high) + 1) - first) / length)
+    borders = np.unique(np.clip(np.concatenate(shares), 0, 1))
+    middles = (borders[:-1] + borders[1:]) / 2
+    return np.floor(start + middles[:, None] * (end - start)).astype(int)
 
 
 def _centres_m(canvas: OccupancyMap) -> tuple[np.ndarray, np.ndarray]:
