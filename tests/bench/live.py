@@ -19,9 +19,9 @@ from mapper.live_site import message
 from mapper.room import paper_path, paper_room, survey
 
 from noctule.messages_pb2 import Cursor, Sweep
-from noctule_mapper.live_config import LiveConfig
+from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.store import SweepStore
 from noctule_mapper.sweep import from_message
 
 HISTORY = 100_000  # sweeps

@@ -15,11 +15,11 @@ from bench.stopwatch import seconds
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import GridConfig, MapperConfig
-from noctule_mapper.contact_book import ContactBook
-from noctule_mapper.contacts import Contacts
+from noctule_mapper.contacts.contact_book import ContactBook
+from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.echoes import Echoes, echoes_of
-from noctule_mapper.grid import Grid
-from noctule_mapper.regions import Cones, contact_regions, free_space
+from noctule_mapper.fusion.grid import Grid
+from noctule_mapper.fusion.regions import Cones, contact_regions, free_space
 from noctule_mapper.sweep import SweepReadings
 
 CELLS_M = (0.02, 0.05)

@@ -16,12 +16,12 @@ from skimage.measure import CircleModel, LineModelND, ransac
 from skimage.transform import hough_circle, hough_circle_peaks, hough_line, hough_line_peaks
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.contacts import Kind
-from noctule_mapper.cylinders import ransac_hough
-from noctule_mapper.features import FeaturePoints
-from noctule_mapper.hough import hough_cylinders, hough_walls
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.walls import extended_hough
+from noctule_mapper.paper_chain.cylinders import ransac_hough
+from noctule_mapper.paper_chain.features import FeaturePoints
+from noctule_mapper.paper_chain.hough import hough_cylinders, hough_walls
+from noctule_mapper.paper_chain.walls import extended_hough
 
 CONFIG = MapperConfig()
 SEEDS = range(401, 411)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from mapper.room import paper_room, sweep_at
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.contact_book import ContactBook
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.contact_book import ContactBook
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.echoes import echoes_of
 from noctule_mapper.sweep import SweepReadings
 

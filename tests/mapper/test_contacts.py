@@ -5,8 +5,8 @@ import pytest
 from mapper.room import BEARINGS_RAD, HALF_BEAM_RAD, paper_path, paper_room, survey
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.contact_book import ContactBook
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.contact_book import ContactBook
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.echoes import Echoes, echoes_of
 
 CONFIG = ContactConfig()

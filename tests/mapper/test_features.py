@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mapper.room import paper_path, paper_room, survey
 
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.mapper import Mapper
 
 SURVEY = survey(paper_room(), paper_path(), np.random.default_rng(12))

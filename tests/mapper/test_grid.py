@@ -8,13 +8,13 @@ from mapper.grid_probe import arcs, at, centres, cones
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import GridConfig, MapperConfig
-from noctule_mapper.contacts import Contacts, Kind, wrapped
+from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
 from noctule_mapper.echoes import Echoes
 from noctule_mapper.fusion import Rule, fuse
-from noctule_mapper.grid import Grid
+from noctule_mapper.fusion.grid import Grid
+from noctule_mapper.fusion.regions import Cones, contact_regions, free_space
+from noctule_mapper.fusion.sensor_model import arc_masses
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.regions import Cones, contact_regions, free_space
-from noctule_mapper.sensor_model import arc_masses
 
 CONFIG = GridConfig()
 RULES = get_args(Rule)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from noctule_mapper.live_config import ConfigFileError, LiveConfig, load_live, load_sensor
+from noctule_mapper.live.config import ConfigFileError, LiveConfig, load_live, load_sensor
 
 
 @pytest.fixture

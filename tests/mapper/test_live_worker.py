@@ -14,10 +14,10 @@ from system.processes import wait_until
 
 from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
-from noctule_mapper.live_config import LiveConfig, Pace, Window
-from noctule_mapper.map_worker import MapState, MapWorker
+from noctule_mapper.live.config import LiveConfig, Pace, Window
+from noctule_mapper.live.map_worker import MapState, MapWorker
+from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.store import SweepStore
 from noctule_mapper.sweep import SweepReadings, from_message
 
 PATIENCE_S = 30.0

@@ -14,10 +14,10 @@ from mapper.judge import corner_errors_m, invented
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import MapperConfig, Method
-from noctule_mapper.eht_lsm import eht_lsm
 from noctule_mapper.estimate import Contour
-from noctule_mapper.hough import hough
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.paper_chain.eht_lsm import eht_lsm
+from noctule_mapper.paper_chain.hough import hough
 
 SEEDS = range(6000, 6050)
 

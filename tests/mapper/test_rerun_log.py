@@ -10,7 +10,7 @@ from mapper.rerun_relay import Viewer, relay, viewer
 
 from noctule import scene
 from noctule.messages_pb2 import Contour, Cylinder, GridTile, Point, ServiceStatus, UnitStatus, Wall
-from noctule_mapper.rerun_log import RerunLog
+from noctule_mapper.live.rerun_log import RerunLog
 from noctule_mapper.sweep import SweepReadings
 
 QUARTER_RAD = np.pi / 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from noctule_mapper.sensor_model import arc_masses, direction_trust, free_mass
+from noctule_mapper.fusion.sensor_model import arc_masses, direction_trust, free_mass
 
 WIDTH_RAD, EPSILON_M, RANGE_M = np.radians(22.5), 0.002, 3.0  # Section II.A; Fig. 3 has R = 3 m
 

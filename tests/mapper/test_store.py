@@ -12,8 +12,8 @@ import pytest
 from mapper.room import paper_path
 
 from noctule.messages_pb2 import Cursor, Pose, Sweep
-from noctule_mapper.live_config import Window
-from noctule_mapper.store import StoreError, SweepStore
+from noctule_mapper.live.config import Window
+from noctule_mapper.live.store import StoreError, SweepStore
 
 LOG = "8c1f"
 
@@ -263,8 +263,8 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from noctule.messages_pb2 import Cursor, Pose, Sweep
-from noctule_mapper.live_config import Window
-from noctule_mapper.store import SweepStore
+from noctule_mapper.live.config import Window
+from noctule_mapper.live.store import SweepStore
 
 store = SweepStore(Path(sys.argv[1]), Window())
 number = store.cursors()["u1"].log_sequence if store.cursors() else 0

@@ -5,10 +5,10 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from noctule_mapper.folded import folded_pcr5
 from noctule_mapper.fusion import fuse
-from noctule_mapper.quadrature import COUNTS, LEAST_SUM, MOST_SUM, design, nodes, worst_case
-from noctule_mapper.streams import StreamedRule, stream
+from noctule_mapper.fusion.folded import folded_pcr5
+from noctule_mapper.fusion.quadrature import COUNTS, LEAST_SUM, MOST_SUM, design, nodes, worst_case
+from noctule_mapper.fusion.streams import StreamedRule, stream
 
 
 @pytest.mark.parametrize("rule", get_args(StreamedRule))

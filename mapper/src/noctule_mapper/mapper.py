@@ -7,16 +7,16 @@ sensor model -> contacts -> belief fusion on a sparse grid -> features -> walls,
 from dataclasses import replace
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.contact_book import ContactBook, ContactChange
-from noctule_mapper.contact_report import ContactReport, contact_report
+from noctule_mapper.contacts.contact_book import ContactBook, ContactChange
+from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.echoes import echoes_of
-from noctule_mapper.eht_lsm import eht_lsm
 from noctule_mapper.estimate import Contour
-from noctule_mapper.features import FeaturePoints, feature_points
-from noctule_mapper.grid import Grid
-from noctule_mapper.hough import hough
-from noctule_mapper.refinement import refine
-from noctule_mapper.regions import contact_regions, free_space
+from noctule_mapper.fusion.grid import Grid
+from noctule_mapper.fusion.regions import contact_regions, free_space
+from noctule_mapper.paper_chain.eht_lsm import eht_lsm
+from noctule_mapper.paper_chain.features import FeaturePoints, feature_points
+from noctule_mapper.paper_chain.hough import hough
+from noctule_mapper.refinement.refine import refine
 from noctule_mapper.sweep import SweepReadings
 
 

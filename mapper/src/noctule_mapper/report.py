@@ -6,10 +6,10 @@ import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from noctule import messages_pb2
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.estimate import Contour, Wall
-from noctule_mapper.features import FeaturePoints
-from noctule_mapper.grid import GridTile
+from noctule_mapper.fusion.grid import GridTile
+from noctule_mapper.paper_chain.features import FeaturePoints
 
 _KINDS = {
     Kind.WALL: messages_pb2.CONTACT_KIND_WALL,

@@ -19,7 +19,7 @@ from noctule_mapper.export.geojson import geojson
 from noctule_mapper.export.ros_map import OccupancyMap, occupancy_map, outline_map, pgm, yaml
 from noctule_mapper.fit import map_survey
 from noctule_mapper.fusion import Rule
-from noctule_mapper.live_config import load_sensor
+from noctule_mapper.live.config import load_sensor
 from noctule_mapper.report import contour_message
 from noctule_mapper.whole_file import write_whole
 

@@ -10,7 +10,7 @@ from noctule_mapper.config import MapperConfig, Method
 from noctule_mapper.contour_table import contour_table
 from noctule_mapper.fit import map_survey
 from noctule_mapper.fusion import Rule
-from noctule_mapper.live_config import load_sensor
+from noctule_mapper.live.config import load_sensor
 from noctule_mapper.report import contour_message
 
 _DEFAULT = MapperConfig()

@@ -11,8 +11,8 @@ import typer
 
 from noctule import bus, scene
 from noctule.errors import NoctuleError
-from noctule_mapper import live
-from noctule_mapper.live_config import LiveConfig, load_live
+from noctule_mapper.live import service as live
+from noctule_mapper.live.config import LiveConfig, load_live
 
 _log = logging.getLogger(__name__)
 

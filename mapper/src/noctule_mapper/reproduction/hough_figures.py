@@ -7,10 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from noctule_mapper.features import FeaturePoints
-from noctule_mapper.hough_transform import LineAccumulator
+from noctule_mapper.paper_chain.features import FeaturePoints
+from noctule_mapper.paper_chain.hough_transform import LineAccumulator
+from noctule_mapper.paper_chain.walls import FittedWall
 from noctule_mapper.reproduction.style import CORNER, FAINT, INK, MUTED, RELIABILITY, SERIES, WALL, plan, sheet, styled
-from noctule_mapper.walls import FittedWall
 
 _NEAR_RAD, _NEAR_M = np.radians(15), 0.2  # what is shown about the highest peak
 

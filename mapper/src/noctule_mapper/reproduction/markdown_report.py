@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.reproduction import paper, tables
 from noctule_mapper.reproduction.calibration_figures import GROUPS, REPEATS
 from noctule_mapper.reproduction.comparison import FAR_CM, Spread

@@ -9,16 +9,16 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from noctule_mapper.config import GridConfig, MapperConfig
-from noctule_mapper.contact_book import ContactBook
-from noctule_mapper.contacts import Contacts, Kind, wrapped
+from noctule_mapper.contacts.contact_book import ContactBook
+from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
 from noctule_mapper.echoes import Echoes, echoes_of
-from noctule_mapper.grid import Grid, GridTile
-from noctule_mapper.regions import contact_regions, epsilon_m
+from noctule_mapper.fusion.grid import Grid, GridTile
+from noctule_mapper.fusion.regions import contact_regions, epsilon_m
+from noctule_mapper.fusion.sensor_model import arc_masses
 from noctule_mapper.reproduction import raster
 from noctule_mapper.reproduction.drawing import CENTRE_M, CORNERS_M, RADIUS_M
 from noctule_mapper.reproduction.raster import Raster
 from noctule_mapper.reproduction.style import FAINT, INK, MUTED, RELIABILITY, WALL, plan, sheet, styled
-from noctule_mapper.sensor_model import arc_masses
 from noctule_mapper.sweep import SweepReadings
 
 CELL_M = 0.002

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.estimate import Contour
-from noctule_mapper.features import FeaturePoints
+from noctule_mapper.paper_chain.features import FeaturePoints
 from noctule_mapper.reproduction.drawing import (
     CENTRE_M,
     CORNERS_M,

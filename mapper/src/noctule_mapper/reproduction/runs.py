@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 
 from noctule_mapper.config import MapperConfig, Method
-from noctule_mapper.contacts import Kind
+from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.estimate import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.reproduction.specular import paper_path, paper_room, survey_labelled

@@ -1,0 +1,156 @@
+"""The thread that owns the map: it puts sweeps on as they come, and fits the contour again at a bounded rate."""
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from time import monotonic
+
+from noctule.messages_pb2 import Contour, Features, GridTile
+from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.store import Identity
+from noctule_mapper.mapper import Mapper
+from noctule_mapper.report import contour_message, features_message, tile_message
+from noctule_mapper.sweep import SweepReadings
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class MapState:
+    """The map after a fit, as messages; ``tiles`` are those that have changed since the last one."""
+
+    contour: Contour
+    features: Features
+    tiles: Sequence[GridTile]
+
+
+@dataclass
+class _Waiting:
+    """What is to be taken off the map and then put on it, and since when. What leaves before it was put on never is,
+    so that no more waits than the window holds, however long a fit takes or however much comes from a log at once.
+    """
+
+    left: list[Identity] = field(default_factory=list)
+    entered: dict[Identity, SweepReadings] = field(default_factory=dict)
+    since_s: float | None = None
+
+    def add(self, left: Sequence[Identity], entered: Sequence[SweepReadings], now_s: float) -> None:
+        self.left += [identity for identity in left if self.entered.pop(identity, None) is None]
+        self.entered.update((readings.identity, readings) for readings in entered)
+        self.since_s = now_s if self.since_s is None else self.since_s
+
+
+class MapWorker:
+    """Sweeps in, map states out. A long fit holds up no delivery, and fits take no more than their share of time.
+
+    A sweep that breaks the map (a bug) ends the worker, and check() raises what happened. A fit that fails is told and
+    tried again with the next sweeps.
+    """
+
+    def __init__(
+        self,
+        config: LiveConfig,
+        site: str,
+        service: str,
+        next_version: Callable[[], int],
+        show: Callable[[MapState], None],
+    ) -> None:
+        """``show`` is called with each new state, on the worker's thread; ``next_version`` numbers the contours."""
+        self._mapper = Mapper(config.mapper)
+        self._pace = config.pace
+        self._site, self._service = site, service
+        self._next_version, self._show = next_version, show
+        self._changed = threading.Condition()
+        self._waiting = _Waiting()
+        self._closing = False
+        self._failure: Exception | None = None
+        self._oldest_unfitted_s: float | None = None
+        self._next_fit_s = monotonic()
+        self._figures = {"contours": 0, "contour_failures": 0, "contour_fit_ms": 0, "contour_delay_ms": 0}
+        self._thread = threading.Thread(target=self._run, name="map-worker", daemon=True)
+
+    def start(self) -> None:
+        """Begin with what has been taken so far."""
+        self._thread.start()
+
+    def take(self, left: Sequence[Identity], entered: Sequence[SweepReadings]) -> None:
+        """Have sweeps taken off the map and put on it. Never waits."""
+        with self._changed:
+            self._waiting.add(left, entered, monotonic())
+            self._changed.notify_all()
+
+    def check(self) -> None:
+        """Raise what has ended the worker, if anything has."""
+        if self._failure is not None:
+            raise self._failure
+
+    def counters(self) -> dict[str, int]:
+        """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait."""
+        waiting = self._waiting
+        return self._figures | {"sweeps_waiting": len(waiting.left) + len(waiting.entered)}
+
+    def close(self) -> None:
+        """End the worker, after the fit that it is at."""
+        self._refuse_more()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _refuse_more(self) -> None:
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+
+    def _run(self) -> None:
+        try:
+            while not self._closing:
+                self._apply(self._next())
+                if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
+                    self._fit_and_show(self._oldest_unfitted_s)
+        except Exception as error:
+            self._failure = error
+            self._refuse_more()
+
+    def _next(self) -> _Waiting:
+        """All that waits; nothing when it is time for a fit."""
+        until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting.since_s is not None or self._closing, until_fit_s)
+            waiting, self._waiting = self._waiting, _Waiting()
+        return waiting
+
+    def _apply(self, waiting: _Waiting) -> None:
+        """Change the map; a long rebuild breaks off when it is told to close, and is begun anew next time."""
+        for identity in waiting.left:
+            if not self._closing:
+                self._mapper.remove_sweep(identity)
+        for readings in waiting.entered.values():
+            if not self._closing:
+                self._mapper.register_sweep(readings)
+        if self._oldest_unfitted_s is None:
+            self._oldest_unfitted_s = waiting.since_s
+
+    def _fit_and_show(self, oldest_s: float) -> None:
+        began_s = monotonic()
+        self._oldest_unfitted_s = None
+        try:
+            state = self._fit()
+        except Exception:
+            _log.exception("the contour could not be fitted: the last one stands until more sweeps come")
+            self._figures["contour_failures"] += 1
+        else:
+            self._show(state)
+            self._figures["contours"] += 1
+            self._figures["contour_delay_ms"] = round(1e3 * (monotonic() - oldest_s))
+        took_s = monotonic() - began_s
+        self._figures["contour_fit_ms"] = round(1e3 * took_s)
+        self._next_fit_s = began_s + max(self._pace.shortest_interval_s, took_s / self._pace.most_time_share)
+
+    def _fit(self) -> MapState:
+        estimate = self._mapper.contour()
+        contour = contour_message(estimate, self._site, self._service, self._next_version())
+        points = self._mapper.feature_points
+        features = features_message(points, self._site, self._service, contour.version, estimate.time_s)
+        changed = self._mapper.grid.changed()
+        tiles = [tile_message(tile, self._site, self._service, estimate.time_s) for tile in changed]
+        return MapState(contour, features, tiles)

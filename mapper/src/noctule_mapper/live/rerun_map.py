@@ -1,0 +1,179 @@
+"""How the map looks in the viewer, on a dark background: readings and messages to entity paths and archetypes."""
+
+from collections.abc import Sequence
+from math import cos, hypot, sin
+
+import cv2
+import numpy as np
+import rerun as rr
+
+from noctule import keys, scene
+from noctule.messages_pb2 import (
+    CONTACT_KIND_CORNER,
+    CONTACT_KIND_CYLINDER,
+    CONTACT_KIND_UNSPECIFIED,
+    CONTACT_KIND_WALL,
+    Contour,
+    Features,
+    GridTile,
+)
+from noctule_mapper.live.rerun_link import Entries
+from noctule_mapper.sweep import SweepReadings
+
+Colour = tuple[int, int, int]
+
+_WALL: Colour = (236, 240, 245)
+_CYLINDER: Colour = (255, 140, 66)
+_CORNER: Colour = (255, 214, 102)
+_FREE: Colour = (54, 78, 104)
+_OCCUPIED: Colour = (120, 205, 190)
+_KINDS = {
+    CONTACT_KIND_UNSPECIFIED: (120, 128, 140),
+    CONTACT_KIND_WALL: (150, 190, 220),
+    CONTACT_KIND_CYLINDER: _CYLINDER,
+    CONTACT_KIND_CORNER: _CORNER,
+}
+_UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (244, 114, 182), (242, 201, 76))
+
+_NO_ECHO_LENGTH_M = 0.25
+_ARROW_LENGTH_M = 0.2
+# What is drawn later lies on top.
+_GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER, _CONTOUR_ORDER, _UNIT_ORDER = -10.0, 10.0, 20.0, 30.0, 40.0
+# Masses change by a few 255ths with every sweep; coarser levels make their images small.
+_LEVEL = 16
+
+
+def draw_frame() -> Entries:
+    """What stands for good: the site's y axis points up, where Rerun's 2-D views have it down."""
+    yield scene.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
+
+
+def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) -> Entries:
+    """A unit's last sweep as rays, the unit itself, and the way it came, ``trail_m``, all in the site's frame."""
+    here, colour = (readings.x_m, readings.y_m), unit_colour(readings.unit)
+    trail = rr.LineStrips2D([trail_m], colors=[(*colour, 60)], radii=rr.Radius.ui_points(0.8), draw_order=_SWEEP_ORDER)
+    yield scene.unit_trail(readings.unit), trail
+    yield from _rays(readings, here, colour)
+    yield from _unit(readings, here, colour)
+
+
+def draw_contour(contour: Contour) -> Entries:
+    """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii."""
+    yield from _walls(contour)
+    corners = rr.Points2D(
+        [(corner.x_m, corner.y_m) for corner in contour.corners],
+        colors=[_WALL],
+        radii=rr.Radius.ui_points(5.0),
+        draw_order=_CONTOUR_ORDER,
+    )
+    yield scene.CORNERS, corners
+    yield from _cylinders(contour)
+
+
+def draw_features(features: Features) -> Entries:
+    """Feature points, coloured by what they seem to lie on, larger where more reliable."""
+    points = rr.Points2D(
+        [(point.x_m, point.y_m) for point in features.points],
+        colors=[_KINDS[point.kind] for point in features.points],
+        radii=rr.Radius.ui_points([1.0 + 2.0 * point.reliability for point in features.points]),
+        draw_order=_FEATURE_ORDER,
+    )
+    yield scene.FEATURES, points
+
+
+def draw_tile(tile: GridTile) -> Entries:
+    """A tile of the reliability grid: free space lit faintly, occupied cells brightly, unknown ones left dark."""
+    path = scene.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
+    yield path, rr.Transform3D(translation=[tile.x_m, tile.y_m, 0.0], scale=tile.cell_m)
+    yield path, rr.EncodedImage(contents=_png(tile), media_type="image/png", draw_order=_GRID_ORDER)
+
+
+def unit_colour(unit: str) -> Colour:
+    """The same colour for a unit in every run, and different ones for u1, u2, u3 and so on."""
+    return _UNITS[sum(unit.encode()) % len(_UNITS)]
+
+
+def _rays(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:
+    direction = np.stack([np.cos(readings.direction_rad), np.sin(readings.direction_rad)], axis=1)
+    heard = np.isfinite(readings.range_m)
+    echoes_m = here + readings.range_m[heard, None] * direction[heard]
+    silences_m = here + _NO_ECHO_LENGTH_M * direction[readings.no_echo & ~heard]
+    rays = rr.LineStrips2D(
+        [[here, end] for end in (*echoes_m, *silences_m)],
+        colors=[(*colour, 150)] * len(echoes_m) + [(*colour, 40)] * len(silences_m),
+        radii=rr.Radius.ui_points(0.6),
+        draw_order=_SWEEP_ORDER,
+    )
+    yield scene.unit_rays(readings.unit), rays
+    ends = rr.Points2D(echoes_m, colors=[colour], radii=rr.Radius.ui_points(2.5), draw_order=_SWEEP_ORDER)
+    yield scene.unit_rays(readings.unit), ends
+
+
+def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:
+    heading = rr.Arrows2D(
+        vectors=[(_ARROW_LENGTH_M * cos(readings.heading_rad), _ARROW_LENGTH_M * sin(readings.heading_rad))],
+        origins=[here],
+        colors=[colour],
+        radii=rr.Radius.ui_points(2.5),
+        draw_order=_UNIT_ORDER,
+    )
+    yield scene.unit_pose(readings.unit), heading
+    body = rr.Points2D(
+        [here],
+        colors=[colour],
+        radii=rr.Radius.ui_points(6.0),
+        labels=[readings.unit],
+        show_labels=True,
+        draw_order=_UNIT_ORDER,
+    )
+    yield scene.unit_pose(readings.unit), body
+
+
+def _walls(contour: Contour) -> Entries:
+    ends_m = [((wall.start.x_m, wall.start.y_m), (wall.end.x_m, wall.end.y_m)) for wall in contour.walls]
+    lengths_m = [hypot(end[0] - start[0], end[1] - start[1]) for start, end in ends_m]
+    walls = rr.LineStrips2D(
+        ends_m,
+        colors=[_WALL],
+        radii=rr.Radius.ui_points(3.0),
+        labels=[f"{length_m:.2f} m" for length_m in lengths_m],
+        show_labels=True,
+        draw_order=_CONTOUR_ORDER,
+    )
+    yield scene.WALLS, walls
+
+
+def _cylinders(contour: Contour) -> Entries:
+    centres_m = [(cylinder.x_m, cylinder.y_m) for cylinder in contour.cylinders]
+    radii_m = [cylinder.radius_m for cylinder in contour.cylinders]
+    circles = rr.Ellipses2D(
+        centers=centres_m,
+        half_sizes=[(radius_m, radius_m) for radius_m in radii_m],
+        colors=[_CYLINDER],
+        line_radii=rr.Radius.ui_points(3.0),
+        draw_order=_CONTOUR_ORDER,
+    )
+    yield scene.CYLINDERS, circles
+    centres = rr.Points2D(
+        centres_m,
+        colors=[_CYLINDER],
+        radii=rr.Radius.ui_points(2.0),
+        labels=[f"r {radius_m:.2f} m" for radius_m in radii_m],
+        show_labels=True,
+        draw_order=_CONTOUR_ORDER,
+    )
+    yield scene.CYLINDERS, centres
+
+
+def _png(tile: GridTile) -> bytes:
+    """(rows, columns) masses to an RGBA image with row 0 first."""
+    free, occupied = (
+        np.frombuffer(masses, np.uint8).reshape(tile.rows, tile.columns) // _LEVEL * _LEVEL / 255.0
+        for masses in (tile.free, tile.occupied)
+    )
+    known = np.maximum(free + occupied, 1e-9)
+    colour = (free[..., None] * _FREE + occupied[..., None] * _OCCUPIED) / known[..., None]
+    alpha = 255.0 * np.clip(0.55 * free + occupied, 0.0, 1.0)
+    rgba = np.dstack([colour, alpha]).astype(np.uint8)
+    _, png = cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA))
+    return png.tobytes()

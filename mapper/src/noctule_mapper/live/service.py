@@ -1,0 +1,184 @@
+"""The live mapper: follows a site's sweeps, keeps its map, and shows it on the bus and to those who watch."""
+
+import logging
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import zenoh
+
+from noctule import bus, keys
+from noctule.client import Client
+from noctule.errors import BusConfigError, BusError
+from noctule.follow import LogFollower
+from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
+from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.map_worker import MapState, MapWorker
+from noctule_mapper.live.publish import MapPublisher
+from noctule_mapper.live.rerun_log import NoLog, RerunLog, SceneLog
+from noctule_mapper.live.store import SweepStore
+from noctule_mapper.sweep import SweepError, SweepReadings, from_message, identity_of
+
+_log = logging.getLogger(__name__)
+
+_STATUS_INTERVAL_S = 1.0
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """Where a live mapper works; ``rerun_url`` None means that nobody watches."""
+
+    site: str
+    service: str
+    data: Path
+    connect: Sequence[str]
+    rerun_url: str | None
+    config: LiveConfig
+
+
+def run(settings: LiveSettings, stop: threading.Event) -> None:
+    """Map until ``stop`` is set. Raises StoreError, RelayAddressError, KeyFormatError, or what has broken the map."""
+    with ExitStack() as closing:
+        store = SweepStore(settings.data / f"{keys.name(settings.site, 'site')}.sqlite3", settings.config.window)
+        closing.callback(store.close)
+        log = RerunLog(settings.rerun_url, settings.site) if settings.rerun_url else NoLog()
+        closing.callback(log.close)
+        session = _join(settings.connect, stop)
+        if session is None:
+            return
+        closing.callback(session.close)
+        client = closing.enter_context(Client(settings.site, session=session))
+        mapper = LiveMapper(settings, store, log, client)
+        mapper.start()
+        closing.callback(mapper.close)
+        while not stop.wait(_STATUS_INTERVAL_S):
+            mapper.report()
+
+
+class LiveMapper:
+    """One site's mapper between its store, the bus and the viewers."""
+
+    def __init__(self, settings: LiveSettings, store: SweepStore, log: SceneLog, client: Client) -> None:
+        self._settings, self._store, self._log, self._client = settings, store, log, client
+        self._publisher = MapPublisher(client.session, settings.site, settings.service)
+        self._schemas = bus.declare_schemas(client.session)
+        self._worker = MapWorker(
+            settings.config, settings.site, settings.service, store.next_contour_version, self._show
+        )
+        self._follower = LogFollower(client, self.deliver, store.cursors())
+        self._counts = Counter(sweeps_taken=0, sweeps_unusable=0)
+        self._told_unusable: set[str] = set()
+        self._contour = Contour()
+
+    def start(self) -> None:
+        """Rebuild the map from the store, and go on from where it ends."""
+        held = [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
+        for readings in held:
+            self._log.recall_sweep(readings)
+        self._worker.take((), held)  # before the worker's first fit, so that no poorer contour is seen
+        self._worker.start()
+        self._client.on_unit_status(self._log.show_unit_status)
+        self._client.on_alive(self._tell_alive)
+        self._follower.start()
+        self._log.show_event(f"mapper started with {len(held)} sweeps from its store")
+
+    def deliver(self, sweeps: Sequence[Sweep]) -> None:
+        """Take in sweeps of one unit's log, in order: into the store with the cursor, then onto the map."""
+        usable = [(sweep, readings) for sweep in sweeps if (readings := self._readings(sweep)) is not None]
+        last = sweeps[-1]
+        cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
+        change = self._store.commit([sweep for sweep, _ in usable], [cursor])
+        entered = {identity_of(sweep) for sweep in change.entered}
+        new = [readings for _, readings in usable if readings.identity in entered]
+        self._worker.take(change.left, new)
+        self._counts["sweeps_taken"] += len(sweeps)
+        for readings in new:
+            self._log.show_sweep(readings)
+
+    def report(self) -> None:
+        """Publish how the mapper fares. Raises what has broken the map, if anything has."""
+        self._worker.check()
+        status = ServiceStatus(
+            site=self._settings.site,
+            name=self._settings.service,
+            role="mapper",
+            version=version("noctule-mapper"),
+            counters=self.counters(),
+            cursors=self._store.cursors().values(),
+        )
+        status.time.GetCurrentTime()
+        self._publisher.publish_status(status)
+        self._log.show_service_status(status, summary(self._contour))
+
+    def counters(self) -> dict[str, int]:
+        """What became of sweeps, contours, and what was to be shown."""
+        follower = {f"log_{name}": count for name, count in self._follower.counters().items()}
+        bus_ = {f"bus_{name}": count for name, count in self._client.counters().items()}
+        return dict(self._counts) | self._worker.counters() | follower | bus_ | self._log.counters()
+
+    def close(self) -> None:
+        """Take in no more; what was taken in is in the store."""
+        self._follower.close()
+        self._worker.close()
+        self._publisher.close()
+        self._schemas.undeclare()
+
+    def _readings(self, sweep: Sweep) -> SweepReadings | None:
+        """The sweep's readings; None, and told once per unit and trouble, if it can't be mapped."""
+        try:
+            readings = from_message(sweep, self._settings.config.mapper.sensor)
+        except SweepError as error:
+            self._counts["sweeps_unusable"] += 1
+            if sweep.unit not in self._told_unusable:
+                self._told_unusable.add(sweep.unit)
+                _log.warning("%s; it is left out, and so are others of its kind", error)
+                self._log.show_event(str(error), "WARN")
+            return None
+        self._told_unusable.discard(sweep.unit)
+        return readings
+
+    def _show(self, state: MapState) -> None:
+        self._publisher.publish_map(state.contour, state.features, state.tiles)
+        self._log.show_tiles(state.tiles)
+        self._log.show_features(state.features)
+        self._log.show_contour(state.contour)
+        if _objects(state.contour) != _objects(self._contour):
+            _log.info("%s", summary(state.contour))
+            self._log.show_event(summary(state.contour))
+        self._contour = state.contour
+
+    def _tell_alive(self, unit: str, alive: bool) -> None:
+        if alive:
+            self._log.show_event(f"{unit} is served by a gateway")
+        else:
+            gone = UnitStatus(unit=unit, state=UnitStatus.STATE_DISCONNECTED, detail="no gateway serves it any more")
+            self._log.show_unit_status(gone)
+
+
+def _join(connect: Sequence[str], stop: threading.Event) -> zenoh.Session | None:
+    """A session on the bus, as soon as a router answers; None if ``stop`` is set before."""
+    told = False
+    while not stop.is_set():
+        try:
+            return bus.open_session(connect, patience_s=0)
+        except BusConfigError:
+            raise
+        except BusError as error:
+            if not told:
+                _log.warning("%s; waiting for it", error)
+                told = True
+    return None
+
+
+def summary(contour: Contour) -> str:
+    """A contour in a line: ``5 walls, 5 corners, 1 cylinder from 44 sweeps``."""
+    counted = [f"{count} {noun}{'' if count == 1 else 's'}" for noun, count in _objects(contour).items()]
+    return f"{', '.join(counted)} from {contour.sweeps} sweep{'' if contour.sweeps == 1 else 's'}"
+
+
+def _objects(contour: Contour) -> dict[str, int]:
+    return {"wall": len(contour.walls), "corner": len(contour.corners), "cylinder": len(contour.cylinders)}

@@ -1,0 +1,133 @@
+"""The contour: which wall's end meets which wall's start, from what has been seen of them.
+
+A wall runs so that the room lies on its left, hence going round the room each end is followed by a start. Ends and
+starts are linked one to one at the least total gap, by assignment: true gaps are long beside a cylinder or in a blind
+corner, and no limit on gaps alone gets an L right.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from noctule_mapper.config import RefinementConfig
+from noctule_mapper.estimate import Contour, Corner, Cylinder, Wall
+from noctule_mapper.refinement.joint_fit import Fit, Link
+from noctule_mapper.refinement.likelihood import Evidence
+from noctule_mapper.refinement.reflectors import Circle, Crossing, Line
+
+_FORBIDDEN = 1e6
+
+
+def link_ends(
+    walls: dict[int, Line],
+    data: Evidence,
+    config: RefinementConfig,
+    support: Callable[[Crossing], float] | None = None,
+    heard: Callable[[Crossing], float] | None = None,
+) -> list[Link]:
+    """Links between ``walls`` (by the numbers they bear), at the least total price in nats.
+
+    A link costs by the gap that it closes and by what was heard through the stretches it would add (``heard_price``,
+    unless the caller knows ``heard``); what its corner explains, ``support``, it is given back.
+    """
+    if len(walls) < 2:
+        return []
+    numbers, lines = list(walls), list(walls.values())
+    cost = np.full((len(lines), 2 * len(lines)), config.open_end_price_nats)  # the right half: an end that stays open
+    cost[:, : len(lines)] = _FORBIDDEN
+    gap_m = _gaps_m(lines, config)
+    for i, j in np.argwhere(np.isfinite(gap_m)):
+        corner = Crossing(lines[i], lines[j])
+        price = min(config.gap_price_nats_per_m * gap_m[i, j], config.most_gap_price_nats)
+        price += heard(corner) if heard else heard_price(corner, data, config)
+        cost[i, j] = price - (support(corner) if support else 0.0)
+    ends, starts = linear_sum_assignment(cost)
+    linked = (starts < len(lines)) & (cost[ends, starts] < _FORBIDDEN)
+    return [Link(numbers[i], numbers[j]) for i, j in zip(ends[linked], starts[linked], strict=True)]
+
+
+def _gaps_m(lines: Sequence[Line], config: RefinementConfig) -> np.ndarray:
+    """Length that a corner of wall i's end and wall j's start would add to both, (i, j), infinite where none can be."""
+    theta, rho, low, high = np.array([(one.theta_rad, one.rho_m, one.low_m, one.high_m) for one in lines]).T
+    turn = theta[None, :] - theta[:, None]
+    sine, cosine = np.sin(turn), np.cos(turn)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        end_gap = (rho[None, :] - rho[:, None] * cosine) / sine - high[:, None]
+        start_gap = low[None, :] - (rho[None, :] * cosine - rho[:, None]) / sine
+        gap = np.abs(end_gap) + np.abs(start_gap)
+        possible = (np.abs(sine) >= config.least_crossing_sine) & (
+            np.minimum(end_gap, start_gap) >= -config.overshoot_m
+        )
+        possible &= np.maximum(end_gap, start_gap) <= config.longest_gap_m
+    return np.where(possible, gap, np.inf)
+
+
+def heard_price(corner: Crossing, data: Evidence, config: RefinementConfig) -> float:
+    """Price of the echoes that were heard through the stretches which a corner adds to its walls."""
+    first, second = corner.first, corner.second
+    stretches = ((first.at(first.high_m), corner.point), (corner.point, second.at(second.low_m)))
+    return config.contradiction_price_nats * sum(heard_through(a, b, data, config) for a, b in stretches)
+
+
+def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: RefinementConfig) -> float:
+    """How many echoes came back from beyond the stretch ``start`` to ``end`` though it would have filled their beam.
+
+    One that is no farther than the stretch's far end may be an echo of that end.
+    """
+    length = float(np.hypot(*(end - start)))
+    if length < 2 * config.behind_m:
+        return 0.0
+    along = (end - start) / length
+    offset_x, offset_y = data.echoes.x_m - start[0], data.echoes.y_m - start[1]
+    axis_x, axis_y = np.cos(data.echoes.axis_rad), np.sin(data.echoes.axis_rad)
+    across = axis_x * along[1] - axis_y * along[0]
+    safe = np.where(np.abs(across) < 1e-9, np.inf, across)
+    distance = (offset_y * along[0] - offset_x * along[1]) / safe
+    at = (offset_y * axis_x - offset_x * axis_y) / safe
+    farthest = np.maximum(np.hypot(offset_x, offset_y), np.hypot(data.echoes.x_m - end[0], data.echoes.y_m - end[1]))
+    through = (distance > 0) & (at > config.behind_m) & (at < length - config.behind_m)
+    through &= data.echoes.range_m > farthest + config.gate_sigmas * data.sigma_m + config.behind_m
+    return float(through.sum())
+
+
+def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config: RefinementConfig) -> Contour:
+    """Fitted objects, each resting on ``readings`` of its own, as walls, corners and cylinders.
+
+    Points that are no corner of known walls are left out, and so are corners that are not known to within
+    ``most_corner_sigma_m``.
+    """
+    lines = {number: one for number, one in enumerate(fit.objects) if isinstance(one, Line)}
+    order = list(lines)
+    ends = {number: (line.at(line.low_m), line.at(line.high_m)) for number, line in lines.items()}
+    corners = []
+    for link in links:
+        crossing = Crossing(lines[link.first], lines[link.second])
+        slopes = crossing.point_slopes()
+        covariance = slopes @ fit.covariance_of(link.first, link.second) @ slopes.T
+        if np.sqrt(np.trace(covariance)) < config.most_corner_sigma_m:
+            x, y = (float(coordinate) for coordinate in crossing.point)
+            corners.append(Corner(x, y, covariance, (order.index(link.first), order.index(link.second))))
+            ends[link.first] = (ends[link.first][0], crossing.point)
+            ends[link.second] = (crossing.point, ends[link.second][1])
+    walls = [
+        Wall(
+            line.theta_rad,
+            line.rho_m,
+            _pair(ends[number][0]),
+            _pair(ends[number][1]),
+            fit.covariance_of(number),
+            readings[number],
+        )
+        for number, line in lines.items()
+    ]
+    cylinders = [
+        Cylinder(one.x_m, one.y_m, one.radius_m, fit.covariance_of(number), readings[number])
+        for number, one in enumerate(fit.objects)
+        if isinstance(one, Circle)
+    ]
+    return Contour(tuple(walls), tuple(corners), tuple(cylinders))
+
+
+def _pair(point: np.ndarray) -> tuple[float, float]:
+    return float(point[0]), float(point[1])

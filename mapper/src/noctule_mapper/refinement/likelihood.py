@@ -1,0 +1,171 @@
+"""What an object explains: log-likelihood gains of echoes over the model that their range is any in the sensor's span.
+
+An object is weighed by the gains of the echoes that it explains best, less its price and a price for each echo that
+contradicts it: one that comes from behind it, though it fills the beam.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from noctule_mapper.config import RefinementConfig
+from noctule_mapper.contacts.voting import wrapped
+from noctule_mapper.echoes import Echoes
+from noctule_mapper.refinement.reflectors import Circle, Crossing, Line, Reflector, Spot
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The echoes of a refinement; arrays (n,)."""
+
+    echoes: Echoes
+    range_sigma_m: np.ndarray  # of a range from a place that is exactly known
+    place: np.ndarray  # a number that the echoes from one place share
+    span_m: float  # ranges that an echo of nothing may have
+
+    def take(self, index: np.ndarray) -> "Evidence":
+        """The evidence at ``index`` (numbers or a mask)."""
+        return replace(
+            self,
+            echoes=self.echoes.take(index),
+            range_sigma_m=self.range_sigma_m[index],
+            place=self.place[index],
+        )
+
+    @cached_property
+    def sigma_m(self) -> np.ndarray:
+        """Of a range, the place's error in it, (n,)."""
+        return np.hypot(self.range_sigma_m, self.echoes.sigma_position_m)
+
+    def respread(self, factor: np.ndarray | float) -> "Evidence":
+        """The same with ``factor`` times the spread of ranges."""
+        return replace(self, range_sigma_m=factor * self.range_sigma_m)
+
+    def gain(self, residual_m: np.ndarray, at: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Gain in nats of residuals (..., m) of the echoes ``at`` (all of them if not told); negative where the outlier
+        model explains an echo better.
+        """
+        sigma_m = self.sigma_m[at]
+        return np.log(self.span_m / (sigma_m * np.sqrt(2 * np.pi))) - 0.5 * (residual_m / sigma_m) ** 2
+
+
+def evidence(echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: RefinementConfig) -> Evidence:
+    """Evidence of ``echoes`` whose ranges have the spread ``sigma_m``, (n,), in a span of ``span_m``."""
+    cell = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / config.same_place_m).astype(int)
+    _, place = np.unique(cell, axis=0, return_inverse=True)
+    return Evidence(echoes, sigma_m, place.ravel(), span_m)
+
+
+def newest_of_each_beam(data: Evidence) -> np.ndarray:
+    """Numbers of the echoes that stand for all when objects are weighed: of one place and direction the newest.
+
+    Such echoes share their errors: of pose, of clutter, of what passes by. A thousand of them prove no more than one.
+    """
+    beam = np.rint(data.echoes.axis_rad % (2 * np.pi) / data.echoes.half_beam_rad).astype(int)
+    groups = np.stack([data.place, beam], axis=1)[::-1]
+    _, last = np.unique(groups, axis=0, return_index=True)
+    return np.sort(len(groups) - 1 - last)
+
+
+def gains(
+    reflector: Reflector | Crossing, data: Evidence, config: RefinementConfig, margin_m: float = 0.0
+) -> np.ndarray:
+    """Gain of each echo, (n,), 0 where the reflector can't have made it; a wall answers up to ``margin_m`` beyond what
+    has been seen of it.
+    """
+    residual = data.echoes.range_m - reflector.ranges(data.echoes)
+    return np.where(possible(reflector, data, config, margin_m), np.maximum(data.gain(residual), 0), 0)
+
+
+def possible(
+    reflector: Reflector | Crossing, data: Evidence, config: RefinementConfig, margin_m: float = 0.0
+) -> np.ndarray:
+    """Whether the geometry lets the reflector make each echo, bool (n,), whatever its range."""
+    slack = config.beam_slack_rad + 2 * data.echoes.sigma_heading_rad
+    slack = slack + (reflector.spread_rad if isinstance(reflector, Crossing) else 0.0)
+    off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
+    predicted = reflector.ranges(data.echoes)
+    can = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
+    can &= off_axis <= data.echoes.half_beam_rad + slack
+    if isinstance(reflector, Line):
+        along = reflector.along(data.echoes)
+        can &= (along >= reflector.low_m - margin_m) & (along <= reflector.high_m + margin_m)
+    return can
+
+
+def answering(reflector: Reflector | Crossing, data: Evidence, config: RefinementConfig) -> np.ndarray:
+    """Chance that the reflector, a wall of any length, answers each reading, (n,), if nothing is before it.
+
+    Sure on the beam's axis, even at its nominal edge, small up to the slack; close by the lobe is wider than nominal.
+    """
+    predicted = reflector.ranges(data.echoes)
+    off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
+    if isinstance(reflector, Crossing):
+        off_axis = np.maximum(off_axis - reflector.spread_rad, 0)
+    half, slack = data.echoes.half_beam_rad, config.beam_slack_rad + 2 * data.echoes.sigma_heading_rad
+    inside = np.interp(off_axis / half, (0.6, 1.0), (1.0, 0.5))
+    edge = np.where(off_axis <= half + slack, 0.3, np.where(off_axis <= lobe_rad(predicted, half, config), 0.3, 0.0))
+    in_span = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
+    return _reach(reflector, predicted, config) * np.where(off_axis <= half, inside, edge) * in_span
+
+
+def lobe_rad(range_m: np.ndarray, half_beam_rad: np.ndarray, config: RefinementConfig) -> np.ndarray:
+    """Half width in which a reflector at ``range_m`` can answer: close by the lobe is wider than the stated beam."""
+    near_rad = np.maximum(half_beam_rad, config.near_lobe_rad)
+    share = np.clip((config.near_lobe_ends_m - range_m) / (config.near_lobe_ends_m - config.near_lobe_m), 0, 1)
+    return half_beam_rad + share * (near_rad - half_beam_rad)
+
+
+def _reach(reflector: Reflector | Crossing, predicted: np.ndarray, config: RefinementConfig) -> np.ndarray:
+    """Chance that a reflector on the beam's axis answers at a range."""
+    match reflector:
+        case Line():
+            return np.full(len(predicted), config.wall_chance)
+        case Circle():
+            return np.where(predicted < config.cylinder_reach_m, config.wall_chance, config.faint_chance)
+        case Crossing() if reflector.sine < 0:
+            return np.where(predicted < config.edge_reach_m, 0.5, config.faint_chance)
+        case Crossing():
+            obtuse_rad = max(0.0, float(np.pi / 2 - reflector.turn_rad))
+            return np.full(
+                len(predicted), np.clip(1 - obtuse_rad / config.obtuse_rad, config.faint_chance, config.corner_chance)
+            )
+        case _:
+            return np.full(len(predicted), 0.5)
+
+
+def hidden(reflector: Reflector | Crossing, wall: Line, data: Evidence, config: RefinementConfig) -> np.ndarray:
+    """Whether ``wall`` stands between sensor and reflector, bool (n,): what seems to come from behind it has bounced
+    somewhere.
+    """
+    predicted, direction = reflector.ranges(data.echoes), reflector.directions(data.echoes)
+    along_ray_x, along_ray_y = np.cos(direction), np.sin(direction)
+    before = wall.ranges(data.echoes)
+    approach = along_ray_x * wall.normal[0] + along_ray_y * wall.normal[1]
+    to_wall = before / np.where(np.abs(approach) < 1e-9, np.inf, approach)
+    crossing = wall.along(data.echoes) + to_wall * (along_ray_x * wall.tangent[0] + along_ray_y * wall.tangent[1])
+    deep = predicted * approach - before > config.gate_sigmas * data.sigma_m + config.behind_m
+    inside = (crossing > wall.low_m + config.behind_m) & (crossing < wall.high_m - config.behind_m)
+    return (before > 0) & (to_wall > 0) & deep & inside
+
+
+def contradictions(reflector: Reflector, data: Evidence, config: RefinementConfig) -> float:
+    """How many echoes come from behind the reflector though it is well inside their beam."""
+    if isinstance(reflector, Spot):
+        return 0.0
+    predicted = reflector.ranges(data.echoes)
+    off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
+    against = (off_axis <= 0.6 * data.echoes.half_beam_rad) & (predicted > 0.02)
+    against &= data.echoes.range_m > predicted + config.gate_sigmas * data.sigma_m + config.behind_m
+    if isinstance(reflector, Line):
+        along = reflector.along(data.echoes)
+        against &= (along > reflector.low_m + config.behind_m) & (along < reflector.high_m - config.behind_m)
+    else:
+        against &= predicted < config.cylinder_reach_m
+    return float(against.sum())
+
+
+def price_of(kind: type[Line] | type[Circle] | type[Spot], config: RefinementConfig) -> float:
+    """What an object of a kind must gain to be believed, in nats."""
+    return {Line: config.wall_price_nats, Circle: config.cylinder_price_nats, Spot: config.point_price_nats}[kind]

@@ -1,0 +1,104 @@
+"""The fit by expectation and maximisation: every echo is shared among those who may have made it, and all objects move.
+
+In turn each claim's share is worked out from what its range is worth, and the objects take a step with these shares for
+weights. No echo is lost to a hard decision, nor does a far one pull; what the labels leave open is taken off the
+information (Louis 1982, Eq. 3.1, claim by claim).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from noctule_mapper.config import RefinementConfig
+from noctule_mapper.refinement.joint_fit import Fit, Link, linearise, moved, offsets_of, places_of, solve
+from noctule_mapper.refinement.likelihood import Evidence
+from noctule_mapper.refinement.reflectors import Reflector
+from noctule_mapper.refinement.scene import Claims, explain
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The fit, the share of each claim in its echo (claims,), and the spread of each range that it went by (n,)."""
+
+    fit: Fit
+    share: np.ndarray
+    range_sigma_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Score:
+    """Of residuals (claims,): gains in nats, residuals less their late cycles on average, the variance about that."""
+
+    gain: np.ndarray
+    mean_m: np.ndarray
+    variance_m2: np.ndarray
+
+
+def settle(
+    objects: Sequence[Reflector],
+    links: Sequence[Link],
+    claims: Claims,
+    data: Evidence,
+    config: RefinementConfig,
+    iterations: int,
+    estimate_sigma: bool = False,
+) -> Settled:
+    """Fit ``objects`` and, through their walls, ``links`` to the echoes that they claim.
+
+    With ``estimate_sigma`` the spread of sensors that nobody has calibrated is fitted as well.
+    """
+    places, parameters = places_of(data.echoes), int(offsets_of(objects)[-1])
+    objects, echo = list(objects), claims.echo
+    late_share = config.late_share
+    for iteration in range(iterations):
+        linear = linearise(objects, links, claims.maker, echo, data.echoes)
+        residual = data.echoes.range_m[echo] - linear.predicted_m + places.along(linear.direction_rad, echo)
+        sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]  # places shift from the first step on
+        score = _score(residual, sigma_m, late_share, data.span_m, config)
+        share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
+        normal = solve(linear, score.mean_m, share / sigma_m**2, echo, places, parameters)
+        objects, places = moved(objects, normal.step), replace(places, shift_m=normal.shift_m)
+        late_share = _late_share(residual, sigma_m, share, config)
+        if estimate_sigma:
+            data = _respread(data, echo, share, score, normal.freedom)
+    unsure = (1 - share) * score.mean_m**2 + score.variance_m2
+    information = share / sigma_m**2 * np.clip(1 - unsure / sigma_m**2, 0, 1)
+    covariance = solve(linear, score.mean_m, information, echo, places, parameters).covariance
+    return Settled(Fit(objects, covariance, offsets_of(objects)), share, data.range_sigma_m)
+
+
+def _score(
+    residual_m: np.ndarray, sigma_m: np.ndarray, late_share: float, span_m: float, config: RefinementConfig
+) -> _Score:
+    """Residuals under a Gaussian of which ``late_share`` is a cycle late."""
+    early, late = _early_and_late(residual_m, sigma_m, config)
+    both = np.logaddexp(early + np.log1p(-late_share), late + np.log(late_share))
+    is_late = np.exp(late + np.log(late_share) - both)
+    gain = both + np.log(span_m / (sigma_m * np.sqrt(2 * np.pi)))
+    return _Score(gain, residual_m - is_late * config.late_m, is_late * (1 - is_late) * config.late_m**2)
+
+
+def _early_and_late(
+    residual_m: np.ndarray, sigma_m: np.ndarray, config: RefinementConfig
+) -> tuple[np.ndarray, np.ndarray]:
+    """Log-likelihoods, but for a constant, of residuals in time and of residuals a cycle late."""
+    return -0.5 * (residual_m / sigma_m) ** 2, -0.5 * ((residual_m - config.late_m) / sigma_m) ** 2
+
+
+def _late_share(residual_m: np.ndarray, sigma_m: np.ndarray, share: np.ndarray, config: RefinementConfig) -> float:
+    """What share of the echoes is a cycle late: the mean over a few shares, by how likely each makes the residuals."""
+    early, late = _early_and_late(residual_m, sigma_m, config)
+    shares = config.late_share * 2.0 ** np.arange(-2, 3)
+    likelihood = np.array([share @ np.logaddexp(early + np.log1p(-s), late + np.log(s)) for s in shares])
+    weight = np.exp(likelihood - likelihood.max())
+    return float(shares @ weight / weight.sum())
+
+
+def _respread(data: Evidence, echo: np.ndarray, share: np.ndarray, score: _Score, freedom: float) -> Evidence:
+    """The evidence with the spread of the uncalibrated ranges that the residuals show, ``freedom`` of them used up."""
+    open_ = ~data.echoes.calibrated[echo]
+    count = float(share.sum())
+    square = (share * (score.mean_m**2 + score.variance_m2) / data.range_sigma_m[echo] ** 2)[open_].sum()
+    left = max(float(share[open_].sum()) * (1 - freedom / max(count, 1.0)), 1.0)
+    return data.respread(np.where(data.echoes.calibrated, 1.0, np.sqrt(square / left)))

@@ -1,0 +1,80 @@
+"""The spread of a range, estimated from the survey itself where nobody has calibrated it.
+
+Three readings of one wall from near-collinear places obey Eq. 1; by how much they fail it tells sigma (Section V.A).
+Triples on cylinders, in corners or on different reflectors fail it by anything: the estimate is the narrow part of a
+mixture of a Gaussian and a uniform. Neighbours share the slow part of a moving sensor's pose error, so triples are
+taken near and far, and the widest of their spreads counts.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from noctule_mapper.config import NoiseConfig
+from noctule_mapper.contacts.voting import wrapped
+from noctule_mapper.echoes import Echoes
+
+_MOST_TRIPLES = 600
+_MOST_NEIGHBOURS = 2000  # echoes among which a triple's other two are sought
+_EM_STEPS = 50
+
+
+def estimate_sigma_m(echoes: Echoes, config: NoiseConfig) -> float:
+    """Standard deviation of a range; the assumed one where there are too few triples to tell."""
+    edges = config.baseline_edges_m
+    spreads = [
+        sigma_m
+        for shortest_m, longest_m in pairwise(edges)
+        for sigma_m, count in [_narrow_part(scaled_deviations_m(echoes, shortest_m, longest_m), config)]
+        if count >= config.least_triples
+    ]
+    if not spreads:
+        return config.assumed_sigma_m
+    return float(np.clip(max(spreads), config.least_sigma_m, config.most_sigma_m))
+
+
+def scaled_deviations_m(echoes: Echoes, shortest_m: float, longest_m: float) -> np.ndarray:
+    """R2d - R2 (Eq. 1) of echoes between the nearest ones before and behind, divided so that its sigma is a range's;
+    (triples,).
+
+    The neighbours are ``shortest_m`` to ``longest_m`` away. Of many echoes the last few hundred stand for all, their
+    neighbours are sought among the last few thousand: time and memory are bounded.
+    """
+    echoes = echoes.take(np.arange(len(echoes))[-_MOST_NEIGHBOURS:])
+    middle = np.arange(len(echoes))[-_MOST_TRIPLES:]
+    dx, dy = (a[None, :] - a[middle, None] for a in (echoes.x_m, echoes.y_m))
+    baseline = np.hypot(dx, dy)
+    turned = wrapped(echoes.axis_rad[None, :] - echoes.axis_rad[middle, None])
+    alike = (
+        (baseline >= shortest_m)
+        & (baseline <= longest_m)
+        & (np.abs(turned) < echoes.half_beam_rad[middle, None])
+        & (np.abs(echoes.range_m[None, :] - echoes.range_m[middle, None]) <= baseline)
+    )
+    first = np.where(alike, baseline, np.inf).argmin(axis=1)
+    rows = np.arange(len(middle))
+    across = dx * dx[rows, first][:, None] + dy * dy[rows, first][:, None]
+    opposite = alike & (across < -0.95 * baseline * baseline[rows, first][:, None])
+    third = np.where(opposite, baseline, np.inf).argmin(axis=1)
+    found = alike[rows, first] & opposite[rows, third]
+    rows, first, third, middle = rows[found], first[found], third[found], middle[found]
+    before, behind = baseline[rows, first], baseline[rows, third]
+    share = before / (before + behind)
+    deviation = echoes.range_m[first] * (1 - share) + echoes.range_m[third] * share - echoes.range_m[middle]
+    return deviation / np.sqrt(1 + share**2 + (1 - share) ** 2)
+
+
+def _narrow_part(deviation_m: np.ndarray, config: NoiseConfig) -> tuple[float, float]:
+    """Sigma of the Gaussian in a mixture with a uniform over +- the widest deviation, and how many deviations are of
+    it.
+    """
+    widest = config.widest_deviation_m
+    inside = deviation_m[np.abs(deviation_m) < widest]
+    if not len(inside):
+        return np.nan, 0.0
+    sigma, share = float(np.median(np.abs(inside))) + 1e-4, 0.7
+    for _ in range(_EM_STEPS):
+        narrow = share * np.exp(-0.5 * (inside / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
+        weight = narrow / (narrow + (1 - share) / (2 * widest))
+        sigma, share = float(np.sqrt((weight * inside**2).sum() / weight.sum())) + 1e-6, float(weight.mean())
+    return sigma, float(weight.sum())

@@ -1,0 +1,197 @@
+"""The refinement: robust maximum likelihood on the raw ranges, walls, cylinders and corners together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.contacts.voting import Contacts
+from noctule_mapper.echoes import Echoes
+from noctule_mapper.estimate import Contour
+from noctule_mapper.refinement.candidates import Candidates, candidates
+from noctule_mapper.refinement.contour import contour_of, link_ends
+from noctule_mapper.refinement.joint_fit import Link
+from noctule_mapper.refinement.likelihood import Evidence, evidence, newest_of_each_beam
+from noctule_mapper.refinement.mixture import Settled, settle
+from noctule_mapper.refinement.noise import estimate_sigma_m
+from noctule_mapper.refinement.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.refinement.scene import Claims, Scene
+from noctule_mapper.refinement.selection import add_objects, determined, trimmed
+
+
+def refine(echoes: Echoes, found: Contacts, config: MapperConfig) -> Contour:
+    """The contour that explains the echoes best; ``found`` are their contacts.
+
+    Worked out about the middle of the echoes' places: far from the origin theta and rho would be nearly one.
+    """
+    x_m, y_m = float(np.median(echoes.x_m)), float(np.median(echoes.y_m))
+    middle = replace(echoes, x_m=echoes.x_m - x_m, y_m=echoes.y_m - y_m)
+    data = evidence(middle, middle.sigma_m, config.sensor.longest_range_m, config.refinement)
+    if echoes.calibrated.all():
+        return _refined(data, found, config)[0].shifted(x_m, y_m)
+    sigma_m = estimate_sigma_m(middle.take(newest_of_each_beam(data)), config.noise)
+    for _ in range(_MOST_GUESSES):
+        data = replace(data, range_sigma_m=np.where(echoes.calibrated, middle.sigma_m, sigma_m))
+        contour, spread_m = _refined(data, found, config)
+        guessed_m, sigma_m = sigma_m, float(np.median(spread_m[~echoes.calibrated]))
+        if abs(sigma_m / guessed_m - 1) < _GOOD_GUESS:
+            break
+    return contour.shifted(x_m, y_m)
+
+
+_MOST_GUESSES = 2  # of an unknown spread: the first knows no objects yet
+_GOOD_GUESS = 0.25  # how far off a guess may be for the choice of objects to stand
+
+
+def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Contour, np.ndarray]:
+    """The contour, and the spread of each range that it went by, which is fitted where nobody has calibrated it."""
+    limits, kept = config.refinement, newest_of_each_beam(data)
+    best, scene = _explain(data.take(kept), found.take(kept), config), Scene(data, limits)
+    objects, links = best.objects, best.links
+    while True:
+        claims = scene.claims(objects, links)
+        last = settle(objects, links, claims, data, limits, limits.last_steps, not data.echoes.calibrated.all())
+        sure = _determined(last, claims, scene, config)
+        if len(sure) == len(objects):
+            break
+        objects, links = sure, _links(sure, scene, config)
+    readings = np.rint(np.bincount(claims.maker, last.share, minlength=len(objects))).astype(int)
+    contour = contour_of(last.fit, links, [int(count) for count in readings], limits)
+    return replace(contour, range_sigma_m=float(np.median(last.range_sigma_m))), last.range_sigma_m
+
+
+def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfig) -> list[Reflector]:
+    """The fitted objects that the echoes determine well enough."""
+    places = [
+        len(np.unique(scene.data.place[_made(number, claims, last.share)])) for number in range(len(last.fit.objects))
+    ]
+    return [
+        one
+        for number, one in enumerate(last.fit.objects)
+        if determined(one, last.fit.covariance_of(number), places[number], config)
+    ]
+
+
+@dataclass(frozen=True)
+class _State:
+    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats."""
+
+    objects: list[Reflector]
+    links: list[Link]
+    explained: np.ndarray
+    worth: float
+
+
+def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
+    """The objects that explain the echoes for the least price, and which walls meet."""
+    library = candidates(data, found, config.contacts, config.cylinders, config.refinement)
+    scene = Scene(data, config.refinement)
+    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0)
+    for _ in range(config.refinement.rounds):
+        added = add_objects(state.objects, state.explained, library, data, config)
+        tried = _state(added, scene, config)
+        if tried.worth < state.worth + _LEAST_RISE_NATS:
+            break
+        state = tried
+    return _exchanged(state, library, scene, config)
+
+
+_LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
+
+
+def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _State:
+    objects, links = _settled(objects, scene, config)
+    explanation = scene.explain(scene.claims(objects, links))
+    return _State(objects, links, explanation.unexplained < 0.5, scene.worth(objects, explanation))
+
+
+def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> _State:
+    """The state with points exchanged for walls or cylinders, and cylinders for walls, wherever that is worth more."""
+    for kind, others in ((Spot, (Line, Circle)), (Circle, (Line,))):
+        instead = [one for one in library if one.kind in others]
+        for old in [one for one in state.objects if isinstance(one, kind)]:
+            rest = [one for one in state.objects if one is not old]
+            unexplained = scene.explain(scene.claims(rest, _links(rest, scene, config))).unexplained
+            added = add_objects(rest, unexplained < 0.5, instead, scene.data, config)
+            if len(rest) < len(state.objects) and len(added) > len(rest):
+                rough = scene.explain(scene.claims(added, _links(added, scene, config)))
+                if scene.worth(added, rough) > state.worth - _HOPE_NATS:
+                    tried = _state(added, scene, config)
+                    state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
+    return state
+
+
+_HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
+
+
+def _settled(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> tuple[list[Reflector], list[Link]]:
+    """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit anew."""
+    while True:
+        objects, links = _fit_and_link(objects, scene, config)
+        kept = objects
+        while (fewer := _without_one(kept, links, scene, config)) is not None:
+            kept = fewer
+            links = _links(kept, scene, config)
+        if len(kept) == len(objects):
+            return objects, links
+        objects = kept
+
+
+def _without_one(
+    objects: list[Reflector], links: list[Link], scene: Scene, config: MapperConfig
+) -> list[Reflector] | None:
+    """The objects without one that is heard from too few places or that they are worth more without, None where there
+    is none.
+    """
+    claims = scene.claims(objects, links)
+    explanation = scene.explain(claims)
+    for number in range(len(objects)):
+        if len(np.unique(scene.data.place[_made(number, claims, explanation.share)])) < config.refinement.least_places:
+            return objects[:number] + objects[number + 1 :]
+    worth = scene.worth(objects, explanation)
+    alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))
+    for number in np.argsort(alone[: len(objects)])[:_SUSPECTS]:
+        fewer = [one for other, one in enumerate(objects) if other != number]
+        if scene.worth(fewer, scene.explain(scene.claims(fewer, _links(fewer, scene, config)))) > worth:
+            return fewer
+    return None
+
+
+_SUSPECTS = 4  # the objects worth least, whose removal is tried
+
+
+def _fit_and_link(
+    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
+) -> tuple[list[Reflector], list[Link]]:
+    objects, links = list(objects), _links(objects, scene, config)
+    for _ in range(2):
+        claims = scene.claims(objects, links)
+        fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
+        objects = [
+            trimmed(one, _made_mask(number, claims, fitted.share, scene.data), scene.data, config)
+            for number, one in enumerate(fitted.fit.objects)
+        ]
+        links = _links(objects, scene, config)
+    return objects, links
+
+
+def _made(number: int, claims: Claims, share: np.ndarray) -> np.ndarray:
+    """Numbers of the echoes that the object ``number`` made, more likely than not."""
+    return claims.echo[(claims.maker == number) & (share > 0.5)]
+
+
+def _made_mask(number: int, claims: Claims, share: np.ndarray, data: Evidence) -> np.ndarray:
+    made = np.zeros(len(data.echoes), bool)
+    made[_made(number, claims, share)] = True
+    return made
+
+
+def _links(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> list[Link]:
+    """Which walls meet, by their gaps and by the echoes that neither walls nor cylinders explain."""
+    solid = [one for one in objects if not isinstance(one, Spot)]
+    free = scene.explain(scene.claims(solid, [])).unexplained
+    walls = {number: one for number, one in enumerate(objects) if isinstance(one, Line)}
+    return link_ends(
+        walls, scene.data, config.refinement, lambda corner: scene.support(corner, free), scene.heard_price
+    )

@@ -1,0 +1,160 @@
+"""Model selection: which objects are there, by what each explains that no other does.
+
+Objects are added while one gains more than its price from echoes that nothing yet explains, and taken away when, beside
+the others, they no longer do. Corner points compete with walls and cylinders from the start, or their echoes would
+become false ones.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.refinement.candidates import Candidates
+from noctule_mapper.refinement.likelihood import Evidence, contradictions, gains, hidden, price_of
+from noctule_mapper.refinement.reflectors import Circle, Line, Reflector, Spot, box_of_rays
+
+_FINALISTS = 3  # candidates of each kind that may be fitted before the best of all is chosen
+_LEAST_HOPE = 0.6  # of its price: a rough candidate that gains less won't gain it when fitted
+_MOST_HOPE = 1.3  # times its rough gain: what a candidate may gain when fitted
+
+
+def add_objects(
+    objects: Sequence[Reflector],
+    explained: np.ndarray,
+    library: Sequence[Candidates],
+    data: Evidence,
+    config: MapperConfig,
+) -> list[Reflector]:
+    """``objects`` and what more the echoes that are not ``explained``, bool (n,), are worth."""
+    objects, free = list(objects), ~explained
+    prices = {kind: price_of(kind, config.refinement) for kind in (Line, Circle, Spot)}
+    library = [one.promising(free, _LEAST_HOPE * prices[one.kind]) for one in library]
+    while True:
+        best, best_worth = None, 0.0
+        finalists = [(gain, one) for kind in library for gain, one in _finalists(kind, free, data, config)]
+        for gain, start in sorted(finalists, key=lambda rough: prices[type(rough[1])] - rough[0]):
+            if _MOST_HOPE * gain - prices[type(start)] < best_worth:
+                continue
+            fitted = fitted_alone(start, free, data, config)
+            if fitted is None:
+                continue
+            worth = worth_of(fitted, free, objects, data, config)
+            if worth > best_worth:
+                best, best_worth = fitted, worth
+        if best is None:
+            return objects
+        objects.append(best)
+        free &= gains(best, data, config.refinement) <= 0
+
+
+def _finalists(
+    kind: Candidates, free: np.ndarray, data: Evidence, config: MapperConfig
+) -> list[tuple[float, Reflector]]:
+    """The best candidates of a kind and their rough gains from the ``free`` echoes; each of other echoes than the ones
+    before it.
+    """
+    finalists = []
+    left = free.copy()
+    while len(finalists) < _FINALISTS:
+        best = kind.best(left)
+        if best is None or best[0] < _LEAST_HOPE * price_of(kind.kind, config.refinement):
+            break
+        finalists.append(best)
+        left &= gains(best[1], data.respread(2.0), config.refinement) <= 0
+    return finalists
+
+
+def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector | None:
+    """``start`` fitted to the ``free`` echoes, bool (n,), that it explains; None where they don't determine it."""
+    tried: Reflector = start
+    for relax in (3.0, 1.5, 1.0):
+        wide = data.respread(relax)
+        tried = trimmed(tried, free & (gains(tried, wide, config.refinement) > 0), data, config)
+        used = free & (gains(tried, wide, config.refinement) > 0)
+        if len(np.unique(data.place[used])) < config.refinement.least_places:
+            return None
+        tried, covariance = _stepped(_unbounded(tried), wide.take(np.nonzero(used)[0]))
+    tried = trimmed(tried, free & (gains(tried, data, config.refinement) > 0), data, config)
+    places = len(np.unique(data.place[free & (gains(tried, data, config.refinement) > 0)]))
+    return tried if determined(tried, covariance, places, config, _ALONE) else None
+
+
+def _stepped(tried: Reflector, used: Evidence) -> tuple[Reflector, np.ndarray]:
+    """A step of one object to the ``used`` echoes, far ones weighing less, and the covariance after it."""
+    residual, slopes = used.echoes.range_m - tried.ranges(used.echoes), tried.slopes(used.echoes)
+    weight = 1 / (1 + np.exp(-used.gain(residual))) / used.sigma_m**2
+    covariance = np.linalg.inv(slopes.T @ (weight[:, None] * slopes) + _WEAK_PRIOR * np.eye(slopes.shape[1]))
+    return tried.moved(covariance @ slopes.T @ (weight * residual)), covariance
+
+
+_ALONE = 2.0  # a wall's corners will tell more of its direction than its own echoes do
+_WEAK_PRIOR = 1e-2  # per square metre or radian: keeps what no echo determines where it is
+
+
+def worth_of(
+    tried: Reflector, free: np.ndarray, objects: Sequence[Reflector], data: Evidence, config: MapperConfig
+) -> float:
+    """What an object beside ``objects`` gains from the ``free`` echoes in whose sight it is, less its price and the
+    echoes that contradict it.
+    """
+    gain = gains(tried, data, config.refinement) * free
+    won = np.nonzero(gain)[0]
+    return float(gain[won] @ _in_sight(tried, objects, data.take(won), config)) - _cost(tried, data, config)
+
+
+def determined(tried: Reflector, covariance: np.ndarray, places: int, config: MapperConfig, slack: float = 1.0) -> bool:
+    """Whether the echoes that a fit used, from so many ``places``, leave no absurd freedom; a wall's direction may be
+    ``slack`` times as free as one that is reported.
+    """
+    sigma = np.sqrt(np.diag(covariance))
+    limits = config.refinement
+    match tried:
+        case Line():
+            long_enough = tried.high_m - tried.low_m >= limits.short_wall_m or places >= limits.short_wall_places
+            return bool(sigma[0] < slack * limits.most_theta_sigma_rad and long_enough)
+        case Circle():
+            size = config.cylinders
+            sized = size.smallest_radius_m <= tried.radius_m <= size.largest_radius_m
+            real = tried.radius_m > limits.least_radius_sigmas * sigma[2]
+            return bool(sized and real and sigma.max() < limits.most_cylinder_sigma_m)
+        case _:
+            return bool(sigma.max() < limits.most_cylinder_sigma_m)
+
+
+def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector:
+    """A wall cut to the longest run of its ``used`` feet without a long hole, without a lone foot at its end; anything
+    else as it is.
+    """
+    if not isinstance(tried, Line) or not used.any():
+        return tried
+    along = np.sort(tried.along(data.echoes)[used])
+    runs = np.split(along, np.nonzero(np.diff(along) > config.refinement.longest_hole_m)[0] + 1)
+    longest = max(runs, key=len)
+    for _ in range(2):
+        if len(longest) > 2 and longest[1] - longest[0] > config.refinement.lone_end_m:
+            longest = longest[1:]
+        longest = -longest[::-1]
+    return Line(tried.theta_rad, tried.rho_m, float(longest[0]), float(longest[-1]))
+
+
+def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> np.ndarray:
+    """Whether no wall among ``objects`` stands before it, bool (n,)."""
+    seen = np.ones(len(data.echoes), bool)
+    if not len(seen):
+        return seen
+    rays = box_of_rays(one, data.echoes)
+    for wall in objects:
+        if isinstance(wall, Line) and np.all(rays[:2] <= wall.box[2:]) and np.all(rays[2:] >= wall.box[:2]):
+            seen &= ~hidden(one, wall, data, config.refinement)
+    return seen
+
+
+def _cost(one: Reflector, data: Evidence, config: MapperConfig) -> float:
+    """An object's price and that of the echoes which contradict it."""
+    against = config.refinement.contradiction_price_nats * contradictions(one, data, config.refinement)
+    return price_of(type(one), config.refinement) + against
+
+
+def _unbounded(tried: Reflector) -> Reflector:
+    return Line(tried.theta_rad, tried.rho_m) if isinstance(tried, Line) else tried
