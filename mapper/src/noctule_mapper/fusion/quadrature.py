@@ -28,9 +28,7 @@ def nodes(count: int) -> tuple[np.ndarray, np.ndarray]:
             [(float(row["t"]), float(row["w"])) for row in csv.DictReader(table) if int(row["count"]) == count]
         )
     if not len(rows):
-        raise ValueError(
-            f"no quadrature of {count} nodes: add the count to COUNTS and run this module as a command"
-        )
+        raise ValueError(f"no quadrature of {count} nodes: add the count to COUNTS and run this module as a command")
     return rows[:, 0], rows[:, 1]
 
 
