@@ -90,14 +90,16 @@ class Grid:
             self._beliefs.pop(key, None)
 
     def _tile(self, key: Key) -> GridTile:
-        if key not in self._beliefs:
-            shape = (self.tile_size, self.tile_size)
-            occupied, free = np.zeros((2, *shape), np.float32)
-            if key in self._tiles.slots:
-                self._fill(key, occupied.reshape(-1), free.reshape(-1))
-            side_m = self.tile_size * self.cell_m
-            self._beliefs[key] = GridTile(*key, key[0] * side_m, key[1] * side_m, self.cell_m, occupied, free)
-        return self._beliefs[key]
+        """The tile, worked out once as long as there is evidence in it and no more comes."""
+        if key in self._beliefs:
+            return self._beliefs[key]
+        side_m, shape = self.tile_size * self.cell_m, (self.tile_size, self.tile_size)
+        occupied, free = np.zeros((2, *shape), np.float32)
+        tile = GridTile(*key, key[0] * side_m, key[1] * side_m, self.cell_m, occupied, free)
+        if key in self._tiles.slots:
+            self._fill(key, occupied.reshape(-1), free.reshape(-1))
+            self._beliefs[key] = tile
+        return tile
 
     def _fill(self, key: Key, occupied: np.ndarray, free: np.ndarray) -> None:
         """The tile's beliefs into ``occupied`` and ``free``, (cells,). Free space alone is in no conflict with itself:

@@ -50,16 +50,17 @@ def settle(
     """
     places, parameters = places_of(data.echoes), int(offsets_of(objects)[-1])
     objects, echo = list(objects), claims.echo
-    late_share = config.late_share
+    late_share, leverage = config.late_share, 0.0
     for iteration in range(iterations):
         linear = linearise(objects, links, claims.maker, echo, data.echoes)
         residual = data.echoes.range_m[echo] - linear.predicted_m + places.along(linear.direction_rad, echo)
         sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]  # places shift from the first step on
-        score = _score(residual, sigma_m, late_share, data.span_m, config)
+        score = _score(residual, sigma_m, late_share, leverage, data.span_m, config)
         share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
         normal = solve(linear, score.mean_m, share / sigma_m**2, echo, places, parameters)
         objects, places = moved(objects, normal.step), replace(places, shift_m=normal.shift_m)
-        late_share = _late_share(residual, sigma_m, share, config)
+        leverage = min(normal.freedom / max(float(share.sum()), 1.0), _MOST_LEVERAGE)
+        late_share = _late_share(residual, sigma_m, share, leverage, config)
         if estimate_sigma:
             data = _respread(data, echo, share, score, normal.freedom)
     unsure = (1 - share) * score.mean_m**2 + score.variance_m2
@@ -69,10 +70,15 @@ def settle(
 
 
 def _score(
-    residual_m: np.ndarray, sigma_m: np.ndarray, late_share: float, span_m: float, config: RefinementConfig
+    residual_m: np.ndarray,
+    sigma_m: np.ndarray,
+    late_share: float,
+    leverage: float,
+    span_m: float,
+    config: RefinementConfig,
 ) -> _Score:
     """Residuals under a Gaussian of which ``late_share`` is a cycle late."""
-    early, late = _early_and_late(residual_m, sigma_m, config)
+    early, late = _early_and_late(residual_m, sigma_m, leverage, config)
     both = np.logaddexp(early + np.log1p(-late_share), late + np.log(late_share))
     is_late = np.exp(late + np.log(late_share) - both)
     gain = both + np.log(span_m / (sigma_m * np.sqrt(2 * np.pi)))
@@ -80,15 +86,25 @@ def _score(
 
 
 def _early_and_late(
-    residual_m: np.ndarray, sigma_m: np.ndarray, config: RefinementConfig
+    residual_m: np.ndarray, sigma_m: np.ndarray, leverage: float, config: RefinementConfig
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Log-likelihoods, but for a constant, of residuals in time and of residuals a cycle late."""
-    return -0.5 * (residual_m / sigma_m) ** 2, -0.5 * ((residual_m - config.late_m) / sigma_m) ** 2
+    """Log-likelihoods, but for a constant, of residuals in time and of residuals a cycle late.
+
+    An echo pulls the fit after it: of a cycle's lateness only 1 - ``leverage`` is left in its residual, and as much of
+    the residual's variance. Were that left out, most late echoes would pass for early ones, and walls lie too far out.
+    """
+    early = -0.5 * (residual_m / sigma_m) ** 2
+    return early, early + config.late_m * (residual_m - 0.5 * (1 - leverage) * config.late_m) / sigma_m**2
 
 
-def _late_share(residual_m: np.ndarray, sigma_m: np.ndarray, share: np.ndarray, config: RefinementConfig) -> float:
+_MOST_LEVERAGE = 0.9  # few echoes determine everything: none can be told from a late one
+
+
+def _late_share(
+    residual_m: np.ndarray, sigma_m: np.ndarray, share: np.ndarray, leverage: float, config: RefinementConfig
+) -> float:
     """What share of the echoes is a cycle late: the mean over a few shares, by how likely each makes the residuals."""
-    early, late = _early_and_late(residual_m, sigma_m, config)
+    early, late = _early_and_late(residual_m, sigma_m, leverage, config)
     shares = config.late_share * 2.0 ** np.arange(-2, 3)
     likelihood = np.array([share @ np.logaddexp(early + np.log1p(-s), late + np.log(s)) for s in shares])
     weight = np.exp(likelihood - likelihood.max())

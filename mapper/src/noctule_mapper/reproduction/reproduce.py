@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from noctule_mapper.reproduction.experiments import Experiments, experiments
 from noctule_mapper.reproduction.markdown_report import report
@@ -20,6 +21,11 @@ def reproduce_into(out: Path, seeds: Sequence[int], jobs: int = 1) -> Experiment
     results = experiments(seeds, jobs)
     drawn = pictures(results)
     text = report(results, drawn, RECORDING)
-    write_whole({out / f"{one.name}.png": one.png for one in drawn} | {out / REPORT: text.encode()})
-    record(out / RECORDING, f"reproduce-{seeds[0]}", results.survey.sweeps, {one.name: one.png for one in drawn}, text)
+    images = {one.name: one.png for one in drawn}
+    with TemporaryDirectory(dir=out, prefix=".") as folder:
+        recording = Path(folder, RECORDING)
+        record(recording, f"reproduce-{seeds[0]}", results.survey.sweeps, images, text)
+        files = {f"{name}.png": png for name, png in images.items()}
+        files |= {REPORT: text.encode(), RECORDING: recording.read_bytes()}
+        write_whole({out / name: content for name, content in files.items()})
     return results
