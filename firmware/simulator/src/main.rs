@@ -12,13 +12,18 @@ mod fault;
 mod flash_store;
 mod fleet;
 mod frame;
+mod gear;
 mod geometry;
 mod host;
 mod image;
+mod interpolation;
 mod line;
+mod mishap;
 mod opcode;
 mod path;
+mod places;
 mod room;
+mod scenery;
 mod sensor;
 mod time;
 mod unit;
@@ -111,7 +116,7 @@ fn member(
     });
     image::flash_firmware(&mut flash, records);
     let seed = arguments.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(u64::from(serial));
-    let world = World::new(Rc::clone(scene), arguments.laps, seed);
+    let world = World::new(Rc::clone(scene), serial as usize - 1, None, arguments.laps, seed);
     let unit = Unit::power_up(flash, world, seed);
     Ok(Member { serial, unit, peer: peer(arguments, serial)?, store })
 }

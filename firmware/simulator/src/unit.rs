@@ -213,7 +213,7 @@ mod tests {
         let mut flash = erased();
         flash.fill(0);
         flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
-        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 1, 1), 1)
+        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 0, None, 1, 1), 1)
     }
 
     #[test]
