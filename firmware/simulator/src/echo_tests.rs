@@ -172,7 +172,10 @@ fn a_curtain_answers_less_far_and_less_often_than_a_wall() {
 #[test]
 fn a_curtain_hides_what_is_behind_it() {
     let behind = wall([3.0, -2.0], [3.0, 2.0]);
-    assert_eq!(ranges(&scene(&(wall([2.5, -2.0], [2.5, 2.0]) + "absorption = 0.9\n" + &behind)), 0.0), []);
+    assert_eq!(
+        ranges(&scene(&(wall([2.5, -2.0], [2.5, 2.0]) + "absorption = 0.9\n" + &behind)), 0.0),
+        [0.0; 0]
+    );
 }
 
 #[test]

@@ -74,12 +74,15 @@ impl Blow {
         self.unit.is_none_or(|unit| unit == serial)
     }
 
-    /// What is wrong with the figures: field and problem.
-    pub fn problem(&self) -> Option<(&'static str, &'static str)> {
+    /// What is wrong with the figures in a fleet of so many units: field and problem.
+    pub fn problem(&self, units: usize) -> Option<(&'static str, &'static str)> {
         let chance =
             |field, value: f64| (!(0.0..=1.0).contains(&value)).then_some((field, "is outside 0 to 1"));
         if self.for_s.is_some_and(|seconds| seconds.is_nan() || seconds <= 0.0) {
             return Some(("for_s", "is not positive"));
+        }
+        if self.unit.is_some_and(|unit| !(1..=units).contains(&(unit as usize))) {
+            return Some(("unit", "is none of the units"));
         }
         match self.mishap {
             Mishap::MotorLosesSteps { probability } => chance("probability", probability),
@@ -124,17 +127,19 @@ struct Scheduled {
 pub struct Mishaps(VecDeque<Scheduled>);
 
 impl Mishaps {
+    /// The schedule in a file, for a fleet of so many units.
+    ///
     /// # Errors
     /// A [`MishapError`] naming the file, and the fault and its field if they are not as they should be.
-    pub fn load(path: &Path) -> Result<Self, MishapError> {
+    pub fn load(path: &Path, units: usize) -> Result<Self, MishapError> {
         let file = path.display().to_string();
         match std::fs::read_to_string(path) {
-            Ok(text) => Self::parse(&file, &text),
+            Ok(text) => Self::parse(&file, &text, units),
             Err(source) => Err(MishapError::Unreadable { file, source }),
         }
     }
 
-    fn parse(file: &str, text: &str) -> Result<Self, MishapError> {
+    fn parse(file: &str, text: &str, units: usize) -> Result<Self, MishapError> {
         let file = file.to_owned();
         let mut faults = match toml::from_str::<Schedule>(text) {
             Ok(schedule) => schedule.faults,
@@ -142,7 +147,7 @@ impl Mishaps {
         };
         for (index, fault) in faults.iter().enumerate() {
             let early = (fault.at_s.is_nan() || fault.at_s < 0.0).then_some(("at_s", "is negative"));
-            if let Some((field, problem)) = early.or_else(|| fault.blow.problem()) {
+            if let Some((field, problem)) = early.or_else(|| fault.blow.problem(units)) {
                 return Err(MishapError::Wrong { file, number: index + 1, field, problem });
             }
         }
@@ -169,14 +174,14 @@ mod tests {
     use super::*;
 
     fn error(text: &str) -> String {
-        Mishaps::parse("faults.toml", text).unwrap_err().to_string()
+        Mishaps::parse("faults.toml", text, 2).unwrap_err().to_string()
     }
 
     #[test]
     fn mishaps_come_in_the_order_of_their_times() {
         let text = "[[fault]]\nat_s = 3.5\nunit = 2\nkind = 'cable_pulled'\nfor_s = 10\n\
                     [[fault]]\nat_s = 1\nkind = 'motor_loses_steps'\nprobability = 0.1\n";
-        let mut mishaps = Mishaps::parse("faults.toml", text).unwrap();
+        let mut mishaps = Mishaps::parse("faults.toml", text, 2).unwrap();
         assert_eq!(mishaps.len(), 2);
         assert_eq!(mishaps.next_at(), from_seconds(1.0));
         assert_eq!(mishaps.take(from_seconds(0.9)), None);
@@ -212,6 +217,7 @@ mod tests {
             ("kind = 'power_cut'", "for_s"),
             ("kind = 'power_cut_at_flash_operation'\nnumber = 0", "number"),
             ("kind = 'button_held'\nfor_s = 0.0", "for_s"),
+            ("kind = 'button_held'\nunit = 3", "unit"),
         ] {
             let found = error(&format!("[[fault]]\nat_s = 1.0\n{fields}\n"));
             assert!(found.contains("fault 1") && found.contains(field), "{found}");

@@ -15,8 +15,6 @@ const BUILT_IN: [(&str, &str); 2] =
 /// A unit nearer than that to anything does not stand in the room.
 const CLEARANCE_M: f64 = 0.02;
 const USUAL_AIR_C: f64 = 20.0;
-/// How much warmer than the air the chip is: some 20 mA at 3.3 V behind a regulator from 5 V. Assumed.
-const SELF_HEATING_C: f64 = 4.0;
 
 #[derive(Debug, Error)]
 pub enum RoomError {
@@ -94,6 +92,11 @@ impl Room {
         self.path.as_ref().map(waypoints).unwrap_or_default()
     }
 
+    /// The places that the room names for its units; none if they are carried along its path.
+    pub fn places(&self) -> Vec<Pose> {
+        (0..self.units.len()).map(|index| self.standing(index)).collect()
+    }
+
     /// Where unit `index`, counted from 0, stands when nobody carries it.
     pub fn standing(&self, index: usize) -> Pose {
         match self.place(index) {
@@ -118,11 +121,6 @@ impl Room {
         }
         let (before, after, share) = bracket(&self.air_temperature_schedule, |point| point.at_s, at_s);
         between(before.temperature_c, after.temperature_c, share)
-    }
-
-    /// The temperature of a unit's chip.
-    pub fn die_temperature_c(&self, at_s: f64) -> f64 {
-        self.air_temperature_c(at_s) + SELF_HEATING_C
     }
 
     /// m/s, by the usual linear law.

@@ -42,6 +42,11 @@ impl Wall {
         self.path.len() > 1
     }
 
+    /// Where it goes, in order; nothing if it stands.
+    pub fn places(&self) -> Vec<Segment> {
+        self.path.iter().map(|place| Segment { from: place.from_m, to: place.to_m }).collect()
+    }
+
     /// The first thing wrong with it.
     pub fn problem(&self) -> Option<&'static str> {
         let standing = self.from_m.is_some() && self.to_m.is_some();

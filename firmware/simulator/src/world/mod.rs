@@ -104,12 +104,12 @@ impl World {
             button_pressed: self.button_is_pressed(),
             led_lit: self.led,
             echo_high: self.sonar.echo_is_high(),
-            air_temperature_c: self.scene.room().air_temperature_c(to_seconds(now)),
+            air_temperature_c: self.air_temperature_c(now),
         }
     }
 
-    pub fn die_temperature_c(&self, now: Tick) -> f64 {
-        self.scene.room().die_temperature_c(to_seconds(now))
+    pub fn air_temperature_c(&self, now: Tick) -> f64 {
+        self.scene.room().air_temperature_c(to_seconds(now))
     }
 
     /// Something happens to a part of the unit, until then if it lasts; what befalls cable or supply is not of this world.

@@ -90,7 +90,6 @@ fn warm_air_brings_the_echo_sooner() {
         assert_close(range_m, 2.5 * SPEED_OF_SOUND_M_S / speed_m_s);
     }
     assert_eq!(world.truth(from_seconds(30.0)).air_temperature_c, 15.0);
-    assert_eq!(world.die_temperature_c(0), 4.0);
 }
 
 #[test]
