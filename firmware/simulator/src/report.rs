@@ -112,7 +112,8 @@ impl Progress {
     }
 }
 
-fn counted(count: usize, what: &str) -> String {
+/// A number with its noun.
+pub fn counted(count: usize, what: &str) -> String {
     match count {
         0 => format!("no {what}s"),
         1 => format!("1 {what}"),
