@@ -61,7 +61,7 @@ impl Member {
 
     /// Puts bytes on the cable to the unit.
     pub fn feed(&mut self, mut bytes: Vec<u8>, now: Tick) {
-        self.cable.to_unit(&mut bytes, now);
+        self.cable.deliver_to_unit(&mut bytes, now);
         self.unit.feed(&bytes);
     }
 
@@ -90,7 +90,7 @@ impl Member {
     fn exchange(&mut self, now: Tick) {
         let sent = self.unit.sent();
         self.frames += sent.iter().filter(|byte| **byte == 0).count() as u64;
-        self.cable.to_host(sent, now);
+        self.cable.deliver_to_host(sent, now);
         match &mut self.peer {
             Peer::Line(line) => {
                 let mut buffer = [0; WIRE];
