@@ -1,5 +1,7 @@
 //! The C8051F340 around its CPU: peripherals behind their special function registers, memories, events, interrupts.
 
+mod adc;
+pub mod analog;
 pub mod clock;
 pub mod flash;
 pub mod interrupts;
@@ -18,6 +20,8 @@ pub mod uart;
 
 use crate::fault::Violation;
 use crate::time::{NEVER, Tick};
+use adc::Adc;
+use analog::Analog;
 use clock::Clock;
 use flash::Flash;
 use interrupts::Interrupts;
@@ -38,6 +42,7 @@ pub struct Chip {
     pub flash: Flash,
     pub interrupts: Interrupts,
     pub xram: Xram,
+    adc: Adc,
     /// The CPU sleeps until an interrupt.
     pub idle: bool,
     /// A flash operation holds the CPU until then.
@@ -63,7 +68,7 @@ pub struct Chip {
 
 impl Chip {
     /// A chip at power-up.
-    pub fn new(flash: Flash, xram: Xram) -> Self {
+    pub fn new(flash: Flash, xram: Xram, analog: Analog) -> Self {
         let clock = Clock::new();
         let ticks = clock.ticks_per_sysclk();
         Self {
@@ -74,6 +79,7 @@ impl Chip {
             flash,
             interrupts: Interrupts::default(),
             xram,
+            adc: Adc::new(analog),
             idle: false,
             stalled_until: 0,
             reset_request: None,
@@ -106,10 +112,15 @@ impl Chip {
         self.interrupts = Interrupts::default();
         self.uart.reset();
         self.flash.reset();
+        self.adc.reset();
         self.resets.reset(cause);
         (self.ckcon, self.emi0cn, self.general_flags) = (0, 0, 0);
         (self.idle, self.stalled_until, self.reset_request) = (false, 0, None);
         self.touched.set(true);
+    }
+
+    pub fn set_die_temperature_c(&mut self, temperature_c: f64) {
+        self.adc.analog.die_temperature_c = temperature_c;
     }
 
     pub fn ticks_per_sysclk(&self) -> Tick {

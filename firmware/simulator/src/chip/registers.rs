@@ -28,6 +28,7 @@ enum Owner {
     Pca,
     Interrupts,
     Resets,
+    Adc,
 }
 
 fn owner(address: u8) -> Option<Owner> {
@@ -52,6 +53,7 @@ fn owner(address: u8) -> Option<Owner> {
         }
         sfr::EIE1 | sfr::EIE2 | sfr::EIP1 | sfr::EIP2 => Owner::Interrupts,
         sfr::RSTSRC | sfr::VDM0CN => Owner::Resets,
+        sfr::AMX0N..=sfr::ADC0H | sfr::REF0CN | sfr::ADC0CN => Owner::Adc,
         _ => return None,
     })
 }
@@ -65,6 +67,7 @@ impl Chip {
             Some(Owner::Timer2Control | Owner::Timer2(_)) => self.timer2.sync(self.now),
             Some(Owner::Timer3Control | Owner::Timer3(_)) => self.timer3.sync(self.now),
             Some(Owner::Pca) => self.pca.sync(self.now),
+            Some(Owner::Adc) => self.adc.sync(self.now),
             _ => {}
         }
     }
@@ -87,6 +90,7 @@ impl Chip {
             Owner::Pca => self.pca.read(address),
             Owner::Interrupts => self.interrupts.read(address),
             Owner::Resets => self.resets.read(address),
+            Owner::Adc => self.adc.read(address),
         })
     }
 
@@ -116,6 +120,7 @@ impl Chip {
                 let cause = self.resets.write(address, value, self.now)?;
                 self.reset_request = self.reset_request.or(cause);
             }
+            Owner::Adc => self.adc.write(address, value, self.now, self.clock.ticks_per_sysclk())?,
         }
         Ok(())
     }

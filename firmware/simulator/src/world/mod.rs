@@ -55,6 +55,10 @@ impl World {
         Self { scene, standing, motor, sonar: Sonar::new(), carrier, rng, echo_high: false }
     }
 
+    pub fn air_temperature_c(&self) -> f64 {
+        self.scene.room().air_temperature_c
+    }
+
     pub fn path_is_done(&self) -> bool {
         self.carrier.is_done()
     }
