@@ -14,6 +14,7 @@ use crate::opcode::{
 use i8051::{Cpu as Core, Flag, Interrupt};
 
 const SFR_PSW: u8 = 0xD0;
+pub const IRAM_SIZE: usize = 256;
 
 pub struct Cpu {
     core: Core,
@@ -22,7 +23,7 @@ pub struct Cpu {
 
 impl Cpu {
     /// A CPU at reset, with `iram` as its internal memory (which outlives every reset but a power-up).
-    pub fn new(iram: [u8; 256]) -> Self {
+    pub fn new(iram: [u8; IRAM_SIZE]) -> Self {
         let mut cpu = Self { core: Core::new(), defers_interrupts: false };
         cpu.silence_core_interrupts();
         cpu.core.internal_ram = iram;
@@ -31,6 +32,10 @@ impl Cpu {
 
     pub fn reset(&mut self) {
         *self = Self::new(self.core.internal_ram);
+    }
+
+    pub fn write_iram(&mut self, address: u8, value: u8) {
+        self.core.internal_ram_write(address, value);
     }
 
     pub fn pc(&self) -> u16 {

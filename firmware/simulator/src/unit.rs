@@ -1,12 +1,14 @@
 //! A scanner unit: chip, CPU and world, run from event to event.
 
+mod power;
+
 use crate::chip::Chip;
 use crate::chip::analog::Analog;
 use crate::chip::flash::{FLASH_SIZE, Flash};
 use crate::chip::interrupts::vector;
 use crate::chip::memory::XRAM_SIZE;
 use crate::chip::reset::Cause;
-use crate::cpu::Cpu;
+use crate::cpu::{Cpu, IRAM_SIZE};
 use crate::fault::{Fault, Violation};
 use crate::time::Tick;
 use crate::world::{ECHO, World};
@@ -28,6 +30,8 @@ pub struct Unit {
     one_more: bool,
     /// The last instruction that accessed a register.
     accessed_at: u16,
+    unpowered_until: Option<Tick>,
+    cut_at_flash_operation: Option<u64>,
     instructions: u64,
     resets: u32,
 }
@@ -51,6 +55,8 @@ impl Unit {
             look_for_interrupt: true,
             one_more: false,
             accessed_at: 0,
+            unpowered_until: None,
+            cut_at_flash_operation: None,
             instructions: 0,
             resets: 0,
         }
@@ -107,10 +113,16 @@ impl Unit {
     }
 
     fn advance(&mut self, end: Tick) -> Result<(), Violation> {
+        if let Some(until) = self.unpowered_until {
+            return self.stay_dark(until, end);
+        }
         if self.chip.now >= self.next_event {
             self.service()?;
         }
         if self.chip.now < self.chip.stalled_until {
+            if self.cut_power_if_due() {
+                return Ok(());
+            }
             self.skip_to(self.chip.stalled_until.min(end));
             return Ok(());
         }
@@ -188,8 +200,7 @@ impl Unit {
     fn reset(&mut self, cause: Cause) {
         self.resets += 1;
         if cause == Cause::PowerUp {
-            self.rng.fill_bytes(self.chip.xram.as_mut_slice());
-            self.cpu = Cpu::new(noise(&mut self.rng));
+            self.scramble_memories();
         } else {
             self.cpu.reset();
         }
@@ -197,8 +208,8 @@ impl Unit {
     }
 }
 
-fn noise(rng: &mut ChaCha8Rng) -> [u8; 256] {
-    let mut bytes = [0; 256];
+fn noise(rng: &mut ChaCha8Rng) -> [u8; IRAM_SIZE] {
+    let mut bytes = [0; IRAM_SIZE];
     rng.fill_bytes(&mut bytes);
     bytes
 }
@@ -211,10 +222,10 @@ mod tests {
     use crate::room::Room;
     use std::rc::Rc;
 
-    const TICKS_PER_CLOCK: Tick = 32;
+    pub(super) const TICKS_PER_CLOCK: Tick = 32;
 
     /// A unit that runs from address 0 at the clock of reset, behind it nothing but NOPs.
-    fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
+    pub(super) fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
         let room = Room::parse("x", "name = 'x'\n[unit]\nposition_m = [0.0, 0.0]\n").unwrap();
         let mut flash = erased();
         flash.fill(0);

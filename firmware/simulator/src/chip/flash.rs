@@ -3,6 +3,7 @@
 use crate::chip::sfr;
 use crate::fault::Violation;
 use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
+use rand::{Rng, RngExt};
 
 pub const FLASH_SIZE: usize = 0x1_0000;
 pub const PAGE_SIZE: u16 = 512;
@@ -35,8 +36,17 @@ pub enum Operation {
     FlashError,
 }
 
+/// What a flash operation works on, and what was there before.
+struct Span {
+    start: usize,
+    before: Vec<u8>,
+}
+
 pub struct Flash {
     bytes: Box<[u8; FLASH_SIZE]>,
+    /// Of the last operation.
+    span: Option<Span>,
+    operations: u64,
     lock: Lock,
     psctl: u8,
     pub changed: bool,
@@ -44,7 +54,7 @@ pub struct Flash {
 
 impl Flash {
     pub fn new(bytes: Box<[u8; FLASH_SIZE]>) -> Self {
-        Self { bytes, lock: Lock::Locked, psctl: 0, changed: false }
+        Self { bytes, span: None, operations: 0, lock: Lock::Locked, psctl: 0, changed: false }
     }
 
     pub fn reset(&mut self) {
@@ -104,20 +114,48 @@ impl Flash {
             )));
         }
         self.lock = Lock::Locked;
-        self.changed = true;
         if self.psctl & PSEE != 0 {
-            let page = (address & !(PAGE_SIZE - 1)) as usize;
-            self.bytes[page..page + PAGE_SIZE as usize].fill(0xFF);
+            self.begin((address & !(PAGE_SIZE - 1)).into(), PAGE_SIZE.into()).fill(0xFF);
             return Ok(Operation::Done(ERASE_TIME));
         }
-        self.bytes[address as usize] &= value;
+        self.begin(address.into(), 1)[0] &= value;
         Ok(Operation::Done(WRITE_TIME))
+    }
+
+    /// Bytes written and pages erased so far.
+    pub fn operations(&self) -> u64 {
+        self.operations
+    }
+
+    /// The power went during the last operation: of the bits that it changes none, all, or a random part have changed.
+    pub fn interrupt(&mut self, rng: &mut impl Rng) {
+        let Some(Span { start, before }) = self.span.take() else {
+            return;
+        };
+        let share = [0.0, 1.0, rng.random()][rng.random_range(0..3)];
+        for (byte, before) in self.bytes[start..].iter_mut().zip(before) {
+            for bit in (0..8).map(|shift| 1 << shift) {
+                if (*byte ^ before) & bit != 0 && !rng.random_bool(share) {
+                    *byte ^= bit;
+                }
+            }
+        }
+    }
+
+    fn begin(&mut self, start: usize, length: usize) -> &mut [u8] {
+        self.changed = true;
+        self.operations += 1;
+        let bytes = &mut self.bytes[start..start + length];
+        self.span = Some(Span { start, before: bytes.to_vec() });
+        bytes
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     fn flash() -> Flash {
         Flash::new(Box::new([0xFF; FLASH_SIZE]))
@@ -171,6 +209,22 @@ mod tests {
         unlock(&mut flash, PSWE);
         assert_eq!(flash.movx(0xF400, 0, false).unwrap(), Operation::FlashError);
         assert_eq!(flash.movx(RESERVED, 0, true).unwrap(), Operation::FlashError);
+    }
+
+    #[test]
+    fn a_write_cut_short_clears_some_of_its_bits_and_no_others() {
+        let outcomes: Vec<u8> = (0..40)
+            .map(|seed| {
+                let mut flash = flash();
+                unlock(&mut flash, PSWE);
+                flash.movx(0xF400, 0x0F, true).unwrap();
+                flash.interrupt(&mut ChaCha8Rng::seed_from_u64(seed));
+                flash.byte(0xF400)
+            })
+            .collect();
+        assert!(outcomes.iter().all(|byte| byte & 0x0F == 0x0F));
+        assert!(outcomes.contains(&0x0F) && outcomes.contains(&0xFF));
+        assert!(outcomes.iter().any(|byte| !matches!(byte, 0x0F | 0xFF)));
     }
 
     #[test]

@@ -54,7 +54,7 @@ pub struct Chip {
     timers: Timers,
     timer2: ReloadTimer,
     timer3: ReloadTimer,
-    resets: Resets,
+    pub resets: Resets,
     ckcon: u8,
     emi0cn: u8,
     general_flags: u8,

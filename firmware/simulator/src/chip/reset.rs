@@ -8,17 +8,32 @@ const VDMEN: u8 = 0x80;
 const VDDSTAT: u8 = 0x40;
 const PORSF: u8 = 0x02;
 const MCDE: u8 = 0x04;
+const WDTRSF: u8 = 0x08;
 const SWRSF: u8 = 0x10;
+const FERROR: u8 = 0x40;
 /// Selected sooner after it was enabled, the supply monitor resets the chip.
 const MONITOR_SETTLE: Tick = 100 * TICKS_PER_US;
 
-/// Causes of a reset, with RSTSRC's bits.
+/// Causes of a reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    PowerUp = 0x02,
-    Watchdog = 0x08,
-    Software = 0x10,
-    FlashError = 0x40,
+    PowerUp,
+    SupplyMonitor,
+    Watchdog,
+    Software,
+    FlashError,
+}
+
+impl Cause {
+    /// Its bit in RSTSRC.
+    fn flag(self) -> u8 {
+        match self {
+            Self::PowerUp | Self::SupplyMonitor => PORSF,
+            Self::Watchdog => WDTRSF,
+            Self::Software => SWRSF,
+            Self::FlashError => FERROR,
+        }
+    }
 }
 
 pub struct Resets {
@@ -44,7 +59,7 @@ impl Resets {
 
     pub fn read(&self, address: u8) -> u8 {
         if address == sfr::RSTSRC {
-            return self.cause as u8 | if self.clock_detector { MCDE } else { 0 };
+            return self.cause.flag() | if self.clock_detector { MCDE } else { 0 };
         }
         VDDSTAT | if self.monitor_enabled_at.is_some() { VDMEN } else { 0 }
     }
@@ -64,7 +79,7 @@ impl Resets {
         self.monitor_resets = value & PORSF != 0;
         let settled = self.monitor_enabled_at.is_some_and(|at| now >= at + MONITOR_SETTLE);
         if self.monitor_resets && !settled {
-            return Ok(Some(Cause::PowerUp));
+            return Ok(Some(Cause::SupplyMonitor));
         }
         Ok((value & SWRSF != 0).then_some(Cause::Software))
     }
@@ -94,7 +109,7 @@ mod tests {
     fn selecting_the_monitor_before_it_is_stable_resets_the_chip() {
         let mut resets = Resets::power_up();
         resets.write(sfr::VDM0CN, VDMEN, 0).unwrap();
-        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE - 1).unwrap(), Some(Cause::PowerUp));
+        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE - 1).unwrap(), Some(Cause::SupplyMonitor));
     }
 
     #[test]
