@@ -58,7 +58,6 @@ impl Cpu {
     #[inline]
     pub fn step(&mut self, chip: &mut Chip) -> u64 {
         let pc = self.core.pc;
-        chip.check_fetch(pc);
         let opcode = chip.flash.byte(pc);
         let traits = &TRAITS[opcode as usize];
         if traits.special {

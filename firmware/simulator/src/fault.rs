@@ -22,11 +22,17 @@ impl Violation {
 
 /// A violation with where and when it happened.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{violation} (PC 0x{pc:04X}, tick {tick} of 48 MHz, {:.6} s)", to_seconds(*tick))]
+#[error("{violation} (PC 0x{pc:04X}, tick {tick} of 48 MHz, {:.6} s){}", to_seconds(*tick), cause(*flash_outrun))]
 pub struct Fault {
     pub violation: Violation,
     pub pc: u16,
     pub tick: Tick,
+    /// Code was read too fast: the violation is but what came of it.
+    pub flash_outrun: bool,
+}
+
+fn cause(flash_outrun: bool) -> &'static str {
+    if flash_outrun { ", running wild: SYSCLK is over 25 MHz and FLSCL.FLRT is clear" } else { "" }
 }
 
 /// Refuses bits of a register that have no model.

@@ -44,7 +44,7 @@ impl Unit {
         rng.fill_bytes(xram.as_mut_slice());
         let cpu = Cpu::new(noise(&mut rng));
         let analog = Analog::of_chip(seed);
-        let mut chip = Chip::new(Flash::new(flash), xram, analog);
+        let mut chip = Chip::new(Flash::new(flash, seed), xram, analog);
         chip.ports.pulls = world.pulls();
         Self {
             cpu,
@@ -107,6 +107,7 @@ impl Unit {
                 violation,
                 pc: self.accessed_at,
                 tick: self.chip.now,
+                flash_outrun: self.chip.flash.is_outrun(),
             })?;
         }
         Ok(())
@@ -187,7 +188,7 @@ impl Unit {
         if let Some(violation) = self.chip.violation.take() {
             return Err(violation);
         }
-        if let Some(cause) = self.chip.reset_request {
+        if let Some(cause) = self.chip.reset_request.get() {
             self.reset(cause);
         }
         self.world.watch(&self.chip.ports, self.chip.now)?;
@@ -220,6 +221,7 @@ mod tests {
     use crate::echo::Scene;
     use crate::image::{erased, flash_firmware};
     use crate::room::Room;
+    use crate::time::TICKS_PER_MS;
     use std::rc::Rc;
 
     pub(super) const TICKS_PER_CLOCK: Tick = 32;
@@ -264,10 +266,30 @@ mod tests {
     }
 
     #[test]
-    fn running_into_the_reserved_area_resets_the_chip() {
+    fn running_into_or_reading_the_reserved_area_resets_the_chip() {
         // ANL PCA0MD,#0xBF; LJMP 0xFC00
-        let mut unit = unit(&[0x53, 0xD9, 0xBF, 0x02, 0xFC, 0x00], &[]);
-        unit.run_until(100 * TICKS_PER_CLOCK).unwrap();
-        assert!(unit.resets() > 1);
+        let mut runs = unit(&[0x53, 0xD9, 0xBF, 0x02, 0xFC, 0x00], &[]);
+        // ANL PCA0MD,#0xBF; MOV DPTR,#0xFC00; MOVC A,@A+DPTR
+        let mut reads = unit(&[0x53, 0xD9, 0xBF, 0x90, 0xFC, 0x00, 0x93], &[]);
+        for unit in [&mut runs, &mut reads] {
+            unit.run_until(100 * TICKS_PER_CLOCK).unwrap();
+            assert!(unit.resets() > 1);
+        }
+    }
+
+    #[test]
+    fn a_fault_of_code_that_is_read_too_fast_says_so() {
+        let image = [
+            0x53, 0xD9, 0xBF, // ANL PCA0MD,#0xBF
+            0x75, 0xB2, 0x83, // MOV OSCICN,#0x83
+            0x75, 0xB9, 0x80, // MOV CLKMUL,#0x80
+            0x78, 0x20, 0xD8, 0xFE, // MOV R0,#32; DJNZ R0,$
+            0x75, 0xB9, 0xC0, // MOV CLKMUL,#0xC0
+            0xE5, 0xB9, 0x30, 0xE5, 0xFB, // MOV A,CLKMUL; JNB ACC.5,back
+            0x75, 0xA9, 0x03, // MOV CLKSEL,#3: 48 MHz, and FLSCL is as at reset
+            0xE5, 0x96, 0xE5, 0x96, 0xE5, 0x96, // MOV A,USB0ADR: one of these will be read right
+        ];
+        let fault = unit(&image, &[]).run_until(100 * TICKS_PER_MS).unwrap_err();
+        assert!(fault.to_string().contains("FLSCL.FLRT is clear"), "{fault}");
     }
 }

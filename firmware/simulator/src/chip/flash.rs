@@ -3,7 +3,8 @@
 use crate::chip::sfr;
 use crate::fault::Violation;
 use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
-use rand::{Rng, RngExt};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 pub const FLASH_SIZE: usize = 0x1_0000;
 pub const PAGE_SIZE: u16 = 512;
@@ -13,6 +14,8 @@ pub const RESERVED: u16 = 0xFC00;
 const LOCK_PAGE: u16 = 0xFA00;
 const PSWE: u8 = 0x01;
 const PSEE: u8 = 0x02;
+/// Assumed.
+const WRONG_BITS: usize = 100;
 /// Typical times of the datasheet's table of flash characteristics (40-55-70 us, 10-15-20 ms).
 const WRITE_TIME: Tick = 55 * TICKS_PER_US;
 const ERASE_TIME: Tick = 15 * TICKS_PER_MS;
@@ -43,7 +46,11 @@ struct Span {
 }
 
 pub struct Flash {
+    /// What is read.
     bytes: Box<[u8; FLASH_SIZE]>,
+    /// What is stored, while what is read is something else: flash is read faster than it can be.
+    stored: Option<Box<[u8; FLASH_SIZE]>>,
+    seed: u64,
     /// Of the last operation.
     span: Option<Span>,
     operations: u64,
@@ -53,19 +60,54 @@ pub struct Flash {
 }
 
 impl Flash {
-    pub fn new(bytes: Box<[u8; FLASH_SIZE]>) -> Self {
-        Self { bytes, span: None, operations: 0, lock: Lock::Locked, psctl: 0, changed: false }
+    /// A memory with these contents; the seed decides which bits fail when it is read too fast.
+    pub fn new(bytes: Box<[u8; FLASH_SIZE]>, seed: u64) -> Self {
+        Self {
+            bytes,
+            stored: None,
+            seed,
+            span: None,
+            operations: 0,
+            lock: Lock::Locked,
+            psctl: 0,
+            changed: false,
+        }
     }
 
     pub fn reset(&mut self) {
         self.lock = Lock::Locked;
         self.psctl = 0;
+        self.set_outrun(false);
     }
 
+    /// The system clock is too fast for flash without wait states, or no longer: while it is, one bit in
+    /// `WRONG_BITS` reads wrong. Real errors change from read to read; these stay as they are.
+    pub fn set_outrun(&mut self, outrun: bool) {
+        match self.stored.take() {
+            Some(stored) if outrun => self.stored = Some(stored),
+            Some(stored) => self.bytes = stored,
+            None if outrun => {
+                self.stored = Some(self.bytes.clone());
+                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+                for _ in 0..FLASH_SIZE * 8 / WRONG_BITS {
+                    self.bytes[rng.random_range(0..FLASH_SIZE)] ^= 1 << rng.random_range(0..8);
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// Whether reads go wrong.
+    pub fn is_outrun(&self) -> bool {
+        self.stored.is_some()
+    }
+
+    /// What is stored.
     pub fn bytes(&self) -> &[u8; FLASH_SIZE] {
-        &self.bytes
+        self.stored.as_ref().unwrap_or(&self.bytes)
     }
 
+    /// What a read of this address gives.
     #[inline]
     pub fn byte(&self, address: u16) -> u8 {
         self.bytes[address as usize]
@@ -133,7 +175,7 @@ impl Flash {
             return;
         };
         let share = [0.0, 1.0, rng.random()][rng.random_range(0..3)];
-        for (byte, before) in self.bytes[start..].iter_mut().zip(before) {
+        for (byte, before) in self.cells()[start..].iter_mut().zip(before) {
             for bit in (0..8).map(|shift| 1 << shift) {
                 if (*byte ^ before) & bit != 0 && !rng.random_bool(share) {
                     *byte ^= bit;
@@ -145,20 +187,21 @@ impl Flash {
     fn begin(&mut self, start: usize, length: usize) -> &mut [u8] {
         self.changed = true;
         self.operations += 1;
-        let bytes = &mut self.bytes[start..start + length];
-        self.span = Some(Span { start, before: bytes.to_vec() });
-        bytes
+        self.span = Some(Span { start, before: self.bytes()[start..start + length].to_vec() });
+        &mut self.cells()[start..start + length]
+    }
+
+    fn cells(&mut self) -> &mut [u8; FLASH_SIZE] {
+        self.stored.as_mut().unwrap_or(&mut self.bytes)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
 
     fn flash() -> Flash {
-        Flash::new(Box::new([0xFF; FLASH_SIZE]))
+        Flash::new(Box::new([0xFF; FLASH_SIZE]), 1)
     }
 
     fn unlock(flash: &mut Flash, psctl: u8) {
@@ -209,6 +252,20 @@ mod tests {
         unlock(&mut flash, PSWE);
         assert_eq!(flash.movx(0xF400, 0, false).unwrap(), Operation::FlashError);
         assert_eq!(flash.movx(RESERVED, 0, true).unwrap(), Operation::FlashError);
+    }
+
+    #[test]
+    fn a_memory_that_is_read_too_fast_gives_wrong_bits_until_it_is_not() {
+        let mut flash = flash();
+        flash.set_outrun(true);
+        let wrong = (0..=0xFFFF).map(|address| flash.byte(address).count_zeros()).sum::<u32>();
+        assert!((4_000..6_000).contains(&wrong), "{wrong} of 524288 bits");
+        unlock(&mut flash, PSWE);
+        flash.movx(0xF400, 0x0F, true).unwrap();
+        assert_eq!(flash.bytes()[0xF400], 0x0F);
+        flash.set_outrun(false);
+        assert_eq!(flash.byte(0xF400), 0x0F);
+        assert!((0..0xF400).all(|address| flash.byte(address) == 0xFF));
     }
 
     #[test]

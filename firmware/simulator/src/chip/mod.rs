@@ -47,7 +47,7 @@ pub struct Chip {
     pub idle: bool,
     /// A flash operation holds the CPU until then.
     pub stalled_until: Tick,
-    pub reset_request: Option<Cause>,
+    pub reset_request: Cell<Option<Cause>>,
     /// A register was written, or refused, since this was last cleared: events, pins and interrupts may have changed.
     pub touched: Cell<bool>,
     clock: Clock,
@@ -82,7 +82,7 @@ impl Chip {
             adc: Adc::new(analog),
             idle: false,
             stalled_until: 0,
-            reset_request: None,
+            reset_request: Cell::new(None),
             touched: Cell::new(true),
             timers: Timers::new(ticks),
             timer2: ReloadTimer::new(ticks),
@@ -115,7 +115,8 @@ impl Chip {
         self.adc.reset();
         self.resets.reset(cause);
         (self.ckcon, self.emi0cn, self.general_flags) = (0, 0, 0);
-        (self.idle, self.stalled_until, self.reset_request) = (false, 0, None);
+        (self.idle, self.stalled_until) = (false, 0);
+        self.reset_request.set(None);
         self.touched.set(true);
     }
 
@@ -148,7 +149,7 @@ impl Chip {
         self.timer3.sync(self.now);
         self.pca.sync(self.now);
         if self.pca.watchdog_bites() {
-            self.reset_request = Some(Cause::Watchdog);
+            self.reset_request.set(Some(Cause::Watchdog));
         }
         self.uart.service(self.now, self.ports.uart0_transmits(), self.ports.uart0_receives());
     }

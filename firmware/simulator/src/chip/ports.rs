@@ -175,6 +175,22 @@ mod tests {
     }
 
     #[test]
+    fn uart0_is_mute_without_urt0e_xbare_or_a_push_pull_tx_and_deaf_without_the_first_two() {
+        for (xbr0, xbr1, mdout, transmits, receives) in [
+            (URT0E, XBARE, 0x10, true, true),
+            (0, XBARE, 0x10, false, false),
+            (URT0E, 0, 0x10, false, false),
+            (URT0E, XBARE, 0, false, true),
+        ] {
+            let mut ports = Ports::new();
+            for (address, value) in [(sfr::XBR0, xbr0), (sfr::XBR1, xbr1), (sfr::P0MDOUT, mdout)] {
+                ports.write(address, value).unwrap();
+            }
+            assert_eq!((ports.uart0_transmits(), ports.uart0_receives()), (transmits, receives));
+        }
+    }
+
+    #[test]
     fn nothing_drives_high_without_xbare_or_push_pull() {
         let mut ports = board();
         assert_eq!(ports.driven_high(2), 0);

@@ -112,13 +112,14 @@ impl Chip {
             Owner::Clock => {
                 self.clock.write(address, value, self.now)?;
                 self.apply_clocks();
+                self.flash.set_outrun(self.clock.outruns_flash());
             }
             Owner::MovxPage => self.emi0cn = value,
             Owner::Pca => self.pca.write(address, value)?,
             Owner::Interrupts => self.interrupts.write(address, value)?,
             Owner::Resets => {
                 let cause = self.resets.write(address, value, self.now)?;
-                self.reset_request = self.reset_request.or(cause);
+                self.reset_request.set(self.reset_request.get().or(cause));
             }
             Owner::Adc => self.adc.write(address, value, self.now, self.clock.ticks_per_sysclk())?,
         }
