@@ -134,7 +134,7 @@ def fault_of(image: Path, *options: str) -> str:
 
 def test_an_sfr_without_a_model_is_fatal_and_named_with_unit_and_place(compiled: Compile):
     words = fault_of(compiled(PREAMBLE + "void main(void) { start(); P1 = USB0ADR; for (;;); }"))
-    assert re.search(r"unit 1: SFR 0x96 read is not modelled \(PC 0x[0-9A-F]{4}, tick \d+", words), words
+    assert re.search(r"unit 1: SFR 0x96 \(USB0ADR\) read is not modelled \(PC 0x[0-9A-F]{4}, tick \d+", words), words
 
 
 def test_a_function_of_a_modelled_sfr_without_a_model_is_fatal(compiled: Compile):
@@ -143,6 +143,12 @@ def test_a_function_of_a_modelled_sfr_without_a_model_is_fatal(compiled: Compile
 
 def test_the_multiplied_clock_before_it_is_ready_is_fatal(compiled: Compile):
     assert "before MULRDY" in fault_of(compiled(PREAMBLE + "void main(void) { CLKSEL = 3; }"))
+
+
+def test_the_readme_holds_the_table_of_registers_that_the_simulator_enforces():
+    printed = subprocess.run(["noctule-sim", "--registers"], capture_output=True, text=True, check=True).stdout
+    readme = (Path(__file__).parents[2] / "firmware" / "simulator" / "README.md").read_text()
+    assert readme.partition("<!-- registers -->\n")[2].partition("<!-- registers end -->")[0] == printed
 
 
 def test_a_fault_in_one_of_several_units_names_it(compiled: Compile):

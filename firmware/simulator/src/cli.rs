@@ -49,6 +49,10 @@ pub struct Arguments {
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
 
+    /// Print the chip's modelled registers as Markdown, and end
+    #[arg(long)]
+    pub registers: bool,
+
     /// Keep the units' flash memories here from run to run
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,

@@ -13,7 +13,6 @@ use crate::opcode::{
 };
 use i8051::{Cpu as Core, Flag, Interrupt};
 
-const SFR_PSW: u8 = 0xD0;
 pub const IRAM_SIZE: usize = 256;
 
 pub struct Cpu {
@@ -116,7 +115,7 @@ impl Cpu {
                 continue;
             }
             chip.prepare_access(address, reads_latch(opcode));
-            if address == SFR_PSW {
+            if address == sfr::PSW {
                 self.core.psw_set(Flag::P, self.core.a().count_ones() % 2 == 1);
             }
             touches_interrupts |= matches!(address, sfr::IE | sfr::IP);

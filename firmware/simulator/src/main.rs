@@ -67,6 +67,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
+    if arguments.registers {
+        say(chip::register_page::markdown().trim_end());
+        return Ok(());
+    }
     let records = image::read_hex(&arguments.firmware)?;
     let scene = Rc::new(Scene::new(Room::load(&arguments.room)?));
     let stop = Arc::new(AtomicBool::new(false));

@@ -262,7 +262,10 @@ mod tests {
         // NOP; NOP; MOV A,USB0ADR
         let fault = unit(&[0x00, 0x00, 0xE5, 0x96], &[]).run_until(1000 * TICKS_PER_CLOCK).unwrap_err();
         assert_eq!(fault.pc, 2);
-        assert!(fault.to_string().starts_with("SFR 0x96 read is not modelled (PC 0x0002"), "{fault}");
+        assert!(
+            fault.to_string().starts_with("SFR 0x96 (USB0ADR) read is not modelled (PC 0x0002"),
+            "{fault}"
+        );
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The system clock: OSCICN, CLKMUL, CLKSEL, and what must be set above 25 MHz (datasheet chapters "Oscillators", "Flash Memory").
 
 use crate::chip::sfr;
-use crate::fault::{Violation, only_bits};
+use crate::fault::Violation;
 use crate::time::{TICKS_PER_US, Tick};
 
 const IFCN: u8 = 0x03;
@@ -67,18 +67,9 @@ impl Clock {
         match address {
             sfr::OSCICN => self.write_oscicn(value)?,
             sfr::CLKMUL => self.write_clkmul(value, now)?,
-            sfr::CLKSEL => {
-                only_bits(address, value, 0x03)?;
-                self.clksel = value;
-            }
-            sfr::FLSCL => {
-                only_bits(address, value, FOSE | FLRT)?;
-                self.flscl = value;
-            }
-            _ => {
-                only_bits(address, value, PFEN)?;
-                self.pfe0cn = value;
-            }
+            sfr::CLKSEL => self.clksel = value,
+            sfr::FLSCL => self.flscl = value,
+            _ => self.pfe0cn = value,
         }
         self.check(now)
     }
@@ -93,7 +84,6 @@ impl Clock {
     }
 
     fn write_oscicn(&mut self, value: u8) -> Result<(), Violation> {
-        only_bits(sfr::OSCICN, value, IOSCEN | IFRDY | IFCN)?;
         if value & IOSCEN == 0 {
             return Err(Violation::rule("OSCICN stops the internal oscillator, the only clock there is"));
         }
@@ -102,7 +92,6 @@ impl Clock {
     }
 
     fn write_clkmul(&mut self, value: u8, now: Tick) -> Result<(), Violation> {
-        only_bits(sfr::CLKMUL, value, MULEN | MULINIT | MULRDY)?;
         let rising = value & !self.clkmul;
         if rising & MULEN != 0 {
             self.multiplier_enabled_at = now;

@@ -117,11 +117,8 @@ impl Flash {
         if address == sfr::PSCTL { self.psctl } else { self.lock as u8 }
     }
 
-    /// # Errors
-    /// A [`Violation`] for bits of PSCTL that are not modelled.
-    pub fn write(&mut self, address: u8, value: u8) -> Result<(), Violation> {
+    pub fn write(&mut self, address: u8, value: u8) {
         if address == sfr::PSCTL {
-            crate::fault::only_bits(address, value, PSWE | PSEE)?;
             self.psctl = value;
         } else {
             self.lock = match (self.lock, value) {
@@ -130,7 +127,6 @@ impl Flash {
                 _ => Lock::Disabled,
             };
         }
-        Ok(())
     }
 
     /// Whether MOVX writes go to flash.
@@ -205,9 +201,9 @@ mod tests {
     }
 
     fn unlock(flash: &mut Flash, psctl: u8) {
-        flash.write(sfr::FLKEY, 0xA5).unwrap();
-        flash.write(sfr::FLKEY, 0xF1).unwrap();
-        flash.write(sfr::PSCTL, psctl).unwrap();
+        flash.write(sfr::FLKEY, 0xA5);
+        flash.write(sfr::FLKEY, 0xF1);
+        flash.write(sfr::PSCTL, psctl);
     }
 
     #[test]
@@ -237,7 +233,7 @@ mod tests {
     #[test]
     fn a_wrong_key_locks_flash_until_the_next_reset() {
         let mut flash = flash();
-        flash.write(sfr::FLKEY, 0xF1).unwrap();
+        flash.write(sfr::FLKEY, 0xF1);
         assert_eq!(flash.read(sfr::FLKEY), 3);
         unlock(&mut flash, PSWE);
         assert_eq!(flash.movx(0xF400, 0, true).unwrap(), Operation::Refused);

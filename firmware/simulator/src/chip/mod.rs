@@ -11,6 +11,7 @@ mod pca_counter;
 #[cfg(test)]
 mod pca_tests;
 pub mod ports;
+pub mod register_page;
 mod registers;
 pub mod reload_timer;
 pub mod reset;
@@ -198,7 +199,7 @@ impl Chip {
     pub fn set_interrupt_registers(&mut self, ie: u8, ip: u8) {
         self.touched.set(true);
         for (address, value) in [(sfr::IE, ie), (sfr::IP, ip)] {
-            if let Err(violation) = self.interrupts.write(address, value) {
+            if let Err(violation) = self.write_sfr(address, value) {
                 self.report(violation);
             }
         }
