@@ -41,6 +41,10 @@ impl Cpu {
         self.core.pc
     }
 
+    pub fn sp(&self) -> u8 {
+        self.core.sp()
+    }
+
     /// Whether the last instruction was a RETI or a write to IE or IP, after which one more runs before an interrupt.
     pub fn defers_interrupts(&self) -> bool {
         self.defers_interrupts

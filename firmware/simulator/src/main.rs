@@ -116,7 +116,10 @@ fn member(
     image::flash_firmware(&mut flash, records);
     let seed = arguments.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(u64::from(serial));
     let world = World::new(Rc::clone(scene), arguments.laps, seed);
-    let unit = Unit::power_up(flash, world, seed);
+    let mut unit = Unit::power_up(flash, world, seed);
+    if arguments.measure {
+        unit.measure();
+    }
     Ok(Member { serial, unit, peer: peer(arguments, serial)?, store })
 }
 
@@ -179,6 +182,9 @@ fn summarise(fleet: &[Member], simulated_s: f64, real_s: f64) {
             member.serial,
             unit.resets()
         ));
+        if let Some(measured) = unit.measured() {
+            say(&format!("unit {}: {measured}", member.serial));
+        }
     }
     let ratio = simulated_s / real_s;
     let all = ratio * fleet.len() as f64;

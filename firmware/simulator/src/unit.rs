@@ -1,5 +1,6 @@
 //! A scanner unit: chip, CPU and world, run from event to event.
 
+mod measurement;
 mod power;
 
 use crate::chip::Chip;
@@ -12,6 +13,7 @@ use crate::cpu::{Cpu, IRAM_SIZE};
 use crate::fault::{Fault, Violation};
 use crate::time::Tick;
 use crate::world::{ECHO, World};
+use measurement::Measurement;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -32,6 +34,7 @@ pub struct Unit {
     accessed_at: u16,
     unpowered_until: Option<Tick>,
     cut_at_flash_operation: Option<u64>,
+    measurement: Option<Box<Measurement>>,
     instructions: u64,
     resets: u32,
 }
@@ -57,6 +60,7 @@ impl Unit {
             accessed_at: 0,
             unpowered_until: None,
             cut_at_flash_operation: None,
+            measurement: None,
             instructions: 0,
             resets: 0,
         }
@@ -70,6 +74,16 @@ impl Unit {
     /// Resets since power-up.
     pub fn resets(&self) -> u32 {
         self.resets
+    }
+
+    /// Measures from now on.
+    pub fn measure(&mut self) {
+        self.measurement = Some(Box::default());
+    }
+
+    /// What has been measured, for people.
+    pub fn measured(&self) -> Option<String> {
+        self.measurement.as_ref().map(|measurement| measurement.report(self.chip.now))
     }
 
     pub fn path_is_done(&self) -> bool {
@@ -89,7 +103,7 @@ impl Unit {
     /// Puts bytes on the wire to the unit.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.chip.uart.feed(bytes, self.chip.now);
-        self.next_event = 0;
+        self.next_event = self.next_event.min(self.chip.now);
     }
 
     /// How many bytes are on the wire to the unit.
@@ -134,28 +148,39 @@ impl Unit {
                 self.chip.enter_interrupt(interrupt);
                 let clocks = self.cpu.interrupt(vector(interrupt));
                 self.chip.now += clocks * self.chip.ticks_per_sysclk();
-                return self.after_access();
+                if let Some(measurement) = &mut self.measurement {
+                    measurement.see_entry(interrupt, self.chip.now);
+                    measurement.see_stack(self.cpu.sp());
+                }
+                return self.after_access(self.chip.now);
             }
         }
         if self.chip.idle {
+            let asleep_at = self.chip.now;
             self.skip_to(end);
+            if let Some(measurement) = &mut self.measurement {
+                measurement.see_idle(self.chip.now - asleep_at);
+            }
             return Ok(());
         }
-        self.execute(end)
+        if self.measurement.is_some() { self.execute::<true>(end) } else { self.execute::<false>(end) }
     }
 
     /// Runs instructions until one touches a register or something is due; only one if an interrupt must wait for it.
-    fn execute(&mut self, end: Tick) -> Result<(), Violation> {
+    fn execute<const MEASURED: bool>(&mut self, end: Tick) -> Result<(), Violation> {
         let limit = self.next_event.min(end);
         let ticks_per_sysclk = self.chip.ticks_per_sysclk();
         loop {
             let pc = self.cpu.pc();
             self.chip.now += self.cpu.step(&mut self.chip) * ticks_per_sysclk;
             self.instructions += 1;
+            if MEASURED && let Some(measurement) = &mut self.measurement {
+                measurement.see_stack(self.cpu.sp());
+            }
             if self.chip.touched.get() {
                 self.accessed_at = pc;
                 self.one_more = self.cpu.defers_interrupts();
-                return self.after_access();
+                return self.after_access(self.chip.now);
             }
             if self.chip.now >= limit || self.look_for_interrupt {
                 return Ok(());
@@ -179,11 +204,12 @@ impl Unit {
         self.chip.ports.pulls = self.world.pulls();
         self.chip.set_die_temperature_c(self.world.air_temperature_c() + SELF_HEATING_K);
         self.chip.service();
-        self.after_access()
+        self.after_access(self.next_event)
     }
 
     /// Registers were written or flags went up: pins, resets, interrupts and the next event may have changed.
-    fn after_access(&mut self) -> Result<(), Violation> {
+    /// Flags that are up now are so since `since`.
+    fn after_access(&mut self, since: Tick) -> Result<(), Violation> {
         self.chip.touched.set(false);
         if let Some(violation) = self.chip.violation.take() {
             return Err(violation);
@@ -193,6 +219,9 @@ impl Unit {
         }
         self.world.watch(&self.chip.ports, self.chip.now)?;
         self.chip.ports.pulls = self.world.pulls();
+        if let Some(measurement) = &mut self.measurement {
+            measurement.see_ready(self.chip.pending() & self.chip.interrupts.enabled(), since);
+        }
         self.look_for_interrupt = true;
         self.next_event = self.chip.next_event().min(self.world.next_event());
         Ok(())

@@ -10,6 +10,28 @@ pub const TIMER2: u8 = 5;
 pub const PCA0: u8 = 11;
 pub const TIMER3: u8 = 14;
 
+/// How many sources there are, and their names.
+pub const SOURCES: usize = 17;
+pub const NAMES: [&str; SOURCES] = [
+    "INT0",
+    "Timer 0",
+    "INT1",
+    "Timer 1",
+    "UART0",
+    "Timer 2",
+    "SPI0",
+    "SMB0",
+    "USB0",
+    "ADC0 window",
+    "ADC0",
+    "PCA0",
+    "Comparator 0",
+    "Comparator 1",
+    "Timer 3",
+    "VBUS",
+    "UART1",
+];
+
 const EA: u8 = 0x80;
 /// EIE1 begins with interrupt 7, EIE2 with 15.
 const EIE1_SHIFT: u32 = 7;
@@ -61,7 +83,12 @@ impl Interrupts {
     }
 
     pub fn enables(&self, interrupt: u8) -> bool {
-        spread(self.ie & !EA, self.eie1) >> interrupt & 1 != 0
+        self.enabled() >> interrupt & 1 != 0
+    }
+
+    /// The interrupts whose own enable bit is set, one bit each.
+    pub fn enabled(&self) -> u32 {
+        spread(self.ie & !EA, self.eie1)
     }
 
     pub fn enter(&mut self, interrupt: u8) {

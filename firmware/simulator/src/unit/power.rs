@@ -39,7 +39,7 @@ impl Unit {
         if self.chip.resets.supply_monitored() {
             self.leave_flash_half_done();
             self.reset(Cause::SupplyMonitor);
-            self.next_event = 0;
+            self.next_event = self.chip.now;
         }
     }
 
@@ -77,7 +77,7 @@ impl Unit {
         }
         self.unpowered_until = None;
         self.reset(Cause::PowerUp);
-        self.next_event = 0;
+        self.next_event = self.chip.now;
         Ok(())
     }
 
