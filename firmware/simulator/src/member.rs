@@ -71,6 +71,11 @@ impl Member {
         match blow.mishap {
             Mishap::CablePulled {} => self.cable.pull(until),
             Mishap::CableCorrupts { to_unit, to_host } => self.cable.garble(to_unit, to_host, until),
+            Mishap::PowerCut {} => self.unit.power_cut(until - now),
+            Mishap::BrownOut {} => self.unit.brown_out(),
+            Mishap::PowerCutAtFlashOperation { number } => {
+                self.unit.cut_power_at_flash_operation(number.into());
+            }
             Mishap::Mended {} => self.cable.mend(),
             _ => {}
         }
