@@ -58,6 +58,7 @@ impl Cpu {
     #[inline(always)]
     pub fn step(&mut self, chip: &mut Chip) -> u64 {
         let pc = self.core.pc;
+        chip.check_code_address(pc);
         let opcode = chip.flash.byte(pc);
         let traits = &TRAITS[opcode as usize];
         self.defers_interrupts = false;
@@ -101,6 +102,8 @@ impl Cpu {
                 self.core.step(chip);
                 chip.prepare_movx(false);
             }
+            Kind::MovcFromPc => self.step_movc(pc.wrapping_add(1), chip),
+            Kind::MovcFromDptr => self.step_movc(self.core.dptr(), chip),
             Kind::ReturnFromInterrupt => {
                 self.core.step(chip);
                 self.defers_interrupts = true;
@@ -122,6 +125,11 @@ impl Cpu {
         self.prepare(opcode, addresses, chip);
         self.core.step(chip);
         self.finish(addresses, chip);
+    }
+
+    fn step_movc(&mut self, base: u16, chip: &mut Chip) {
+        chip.check_code_address(base.wrapping_add(u16::from(self.core.a())));
+        self.core.step(chip);
     }
 
     /// Readies chip and core for the registers among the addresses that the instruction names. IE and IP live in the

@@ -22,12 +22,16 @@ pub enum Kind {
     JumpInPage,
     /// MOVX @Ri.
     MovxByPage,
+    /// MOVC A,@A+PC and MOVC A,@A+DPTR.
+    MovcFromPc,
+    MovcFromDptr,
     ReturnFromInterrupt,
     Reserved,
 }
 
 /// What `step` must know of an opcode beforehand.
 #[derive(Clone, Copy)]
+#[repr(align(8))]
 pub struct Traits {
     pub clocks: u8,
     /// Further clocks if the program counter does not go on to the next instruction.
@@ -61,6 +65,8 @@ const fn kind(opcode: u8) -> Kind {
         0x24..=0x2F | 0x34..=0x3F | 0x94..=0x9F => Kind::Arithmetic,
         0xD4 => Kind::DecimalAdjust,
         0xE2 | 0xE3 | 0xF2 | 0xF3 => Kind::MovxByPage,
+        0x83 => Kind::MovcFromPc,
+        0x93 => Kind::MovcFromDptr,
         0x32 => Kind::ReturnFromInterrupt,
         0xA5 => Kind::Reserved,
         0x85 => Kind::DirectDirect,

@@ -168,7 +168,7 @@ impl Unit {
 
     /// Runs instructions until one touches a register or something is due; only one if an interrupt must wait for it.
     fn execute<const MEASURED: bool>(&mut self, end: Tick) -> Result<(), Violation> {
-        let limit = self.next_event.min(end);
+        let limit = if self.look_for_interrupt { self.chip.now } else { self.next_event.min(end) };
         let ticks_per_sysclk = self.chip.ticks_per_sysclk();
         loop {
             let pc = self.cpu.pc();
@@ -182,7 +182,7 @@ impl Unit {
                 self.one_more = self.cpu.defers_interrupts();
                 return self.after_access(self.chip.now);
             }
-            if self.chip.now >= limit || self.look_for_interrupt {
+            if self.chip.now >= limit {
                 return Ok(());
             }
         }
@@ -217,13 +217,18 @@ impl Unit {
         if let Some(cause) = self.chip.reset_request.get() {
             self.reset(cause);
         }
-        self.world.watch(&self.chip.ports, self.chip.now)?;
-        self.chip.ports.pulls = self.world.pulls();
+        if std::mem::take(&mut self.chip.ports.changed) {
+            self.world.watch(&self.chip.ports, self.chip.now)?;
+            self.chip.ports.pulls = self.world.pulls();
+            self.chip.rescheduled = true;
+        }
         if let Some(measurement) = &mut self.measurement {
             measurement.see_ready(self.chip.pending() & self.chip.interrupts.enabled(), since);
         }
         self.look_for_interrupt = true;
-        self.next_event = self.chip.next_event().min(self.world.next_event());
+        if std::mem::take(&mut self.chip.rescheduled) {
+            self.next_event = self.chip.next_event().min(self.world.next_event());
+        }
         Ok(())
     }
 
