@@ -1,22 +1,23 @@
 """Adds a unit's settings page to a firmware image, both Intel HEX: one file to flash, another for every unit."""
 
 import argparse
-import binascii
 import struct
+import zlib
 from pathlib import Path
 
 SETTINGS_PAGE = 0xF600  # README.md, Flash
 MAGIC = 0x4E43
-VERSION = 1
+VERSION = 2
+GENERATION = 0  # the unit's own begin with 1
 LARGEST_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is an erased page's
 RECORD_DATA, RECORD_END = 0, 1
 
 
 def settings_page(serial: int) -> bytes:
-    """The page's used bytes: magic, version, length, serial and the CRC-16/XMODEM of these."""
-    body = struct.pack("<I", serial)
+    """The page's used bytes: magic, version, length, generation, serial and the CRC-32 of these."""
+    body = struct.pack("<HI", GENERATION, serial)
     settings = struct.pack("<HBB", MAGIC, VERSION, len(body)) + body
-    return settings + struct.pack("<H", binascii.crc_hqx(settings, 0))
+    return settings + struct.pack("<I", zlib.crc32(settings))
 
 
 def hex_record(address: int, kind: int, data: bytes = b"") -> str:

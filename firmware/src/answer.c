@@ -16,7 +16,7 @@
 #include "unit.h"
 #include "version.h"
 
-#define LONGEST_FRAME 34 // STATUS
+#define LONGEST_FRAME 40 // STATUS
 
 static __xdata uint8_t frame[LONGEST_FRAME];
 static __xdata uint8_t length;
@@ -53,10 +53,10 @@ static void begin(uint8_t type)
 
 static void end(void)
 {
-    uint16_t crc = 0;
+    uint32_t crc = CRC_EMPTY;
     for (uint8_t i = 0; i < length; i++)
         crc = crc_add(crc, frame[i]);
-    put16(crc);
+    put32(crc_end(crc));
     cobs_encode_begin(frame, length, frame, frame + sizeof frame);
 }
 
@@ -76,6 +76,7 @@ void answer_hello(uint8_t request)
     put8(VERSION_PATCH);
     put16(this_boot);
     put8(reset_cause());
+    put8(0);
     put16(RING_CAPACITY);
     end();
 }
@@ -97,6 +98,8 @@ void answer_status(uint8_t request)
     put16(counters.frames_unknown);
     put16(uart_bytes_lost());
     put16(counters.echo_faults);
+    put16(TEMPERATURE_NOT_MEASURED);
+    put8(0);
     put_tick(timebase_now());
     end();
 }

@@ -4,6 +4,7 @@
 #include <stdbool.h>
 
 #include "delivery.h"
+#include "little_endian.h"
 #include "plan.h"
 #include "protocol.h"
 #include "unit.h"
@@ -18,13 +19,8 @@ static __xdata struct {
     uint8_t type;
     uint8_t result;
     uint8_t age; // requests since
-    uint16_t crc;
+    uint32_t crc;
 } last;
-
-static uint16_t get16(const __xdata uint8_t *bytes)
-{
-    return bytes[0] | (uint16_t)bytes[1] << 8;
-}
 
 // The length of a frame of this type, without its CRC.
 static uint8_t length_of(uint8_t type)
@@ -44,7 +40,7 @@ static uint8_t length_of(uint8_t type)
     case FRAME_ACK:
         return 7;
     case FRAME_CONFIGURE:
-        return 15;
+        return 16;
     default:
         return LENGTH_UNKNOWN;
     }
@@ -60,6 +56,7 @@ static uint8_t configure(const __xdata uint8_t *payload)
     wanted.top_speed = get16(payload + 7);
     wanted.ramp_ms = get16(payload + 9);
     wanted.settle_ms = get16(payload + 11);
+    wanted.pings = payload[13];
     return unit_configure(&wanted);
 }
 
@@ -81,13 +78,13 @@ static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
     }
 }
 
-static bool is_repeat(uint8_t type, uint8_t request, uint16_t crc)
+static bool is_repeat(uint8_t type, uint8_t request, uint32_t crc)
 {
     return request != 0 && request == last.request && type == last.type && crc == last.crc &&
            last.age < REPEATS_WITHIN;
 }
 
-static void run_once(const __xdata uint8_t *frame, uint16_t crc)
+static void run_once(const __xdata uint8_t *frame, uint32_t crc)
 {
     uint8_t type = frame[0];
     uint8_t request = frame[1];
@@ -108,7 +105,7 @@ static void greet(uint8_t request)
     transmit_hello(request);
 }
 
-uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint16_t crc, uint32_t received)
+uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc, uint32_t received)
 {
     uint8_t type = frame[0];
     uint8_t request = frame[1];
@@ -130,7 +127,7 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint16_t crc,
         transmit_clock(request, received);
         break;
     case FRAME_ACK:
-        delivery_acknowledge(get16(frame + 1), get16(frame + 3) | (uint32_t)get16(frame + 5) << 16);
+        delivery_acknowledge(get16(frame + 1), get32(frame + 3));
         break;
     default:
         run_once(frame, crc);

@@ -8,6 +8,6 @@
 
 // Answers a frame whose CRC holds: `type` and payload, `length` bytes in all, which came in at `received`. The caller
 // makes sure that an answer may be given (transmit_is_free), and rejects the frame for the enum reason returned.
-uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint16_t crc, uint32_t received);
+uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc, uint32_t received);
 
 #endif

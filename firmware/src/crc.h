@@ -1,10 +1,16 @@
-// CRC-16/XMODEM: polynomial 0x1021, initial value 0, nothing reflected (Python's binascii.crc_hqx).
+// CRC-32 (IEEE 802.3, zlib's crc32), byte by byte.
 #ifndef CRC_H
 #define CRC_H
 
 #include <stdint.h>
 
-// The CRC of the bytes so far and one more; the CRC of no bytes is 0.
-uint16_t crc_add(uint16_t crc, uint8_t byte);
+#define CRC_BYTES 4
+#define CRC_EMPTY 0xFFFFFFFFUL
+
+// The running value of the bytes so far and one more; that of no bytes is CRC_EMPTY.
+uint32_t crc_add(uint32_t running, uint8_t byte);
+
+// The CRC of all bytes so far.
+uint32_t crc_end(uint32_t running);
 
 #endif

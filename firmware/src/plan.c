@@ -12,6 +12,7 @@ const __code struct plan plan_default = {
     .top_speed = 600,
     .ramp_ms = 100,
     .settle_ms = 20,
+    .pings = 1,
 };
 
 bool plan_is_possible(const __xdata struct plan *plan)
@@ -21,7 +22,8 @@ bool plan_is_possible(const __xdata struct plan *plan)
     int32_t last_bearing = plan->first_bearing + (int32_t)plan->bearing_step * (plan->count - 1);
     return plan->first_bearing >= -OUTERMOST && last_bearing <= OUTERMOST && plan->ping_interval_ms >= 29 &&
            plan->ping_interval_ms <= 1000 && plan->top_speed >= 50 && plan->top_speed <= 1000 &&
-           plan->ramp_ms <= 1000 && plan->settle_ms <= 1000;
+           plan->ramp_ms <= 1000 && plan->settle_ms <= 1000 &&
+           (plan->pings == 1 || plan->pings == 3 || plan->pings == 5);
 }
 
 int16_t plan_bearing(const __xdata struct plan *plan, uint8_t reading)

@@ -15,6 +15,7 @@ struct plan {
     uint16_t top_speed; // half steps/s
     uint16_t ramp_ms;
     uint16_t settle_ms;
+    uint8_t pings; // a reading
 };
 
 extern const __code struct plan plan_default;

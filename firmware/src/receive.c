@@ -9,13 +9,13 @@
 #include "command.h"
 #include "counters.h"
 #include "crc.h"
+#include "little_endian.h"
 #include "memory.h"
 #include "protocol.h"
 #include "transmit.h"
 
-#define CRC_BYTES 2
 #define SHORTEST_FRAME (1 + CRC_BYTES)
-#define LONGEST_FRAME (15 + CRC_BYTES) // CONFIGURE
+#define LONGEST_FRAME (16 + CRC_BYTES) // CONFIGURE
 
 static __xdata uint8_t frame[LONGEST_FRAME];
 static __xdata uint8_t length;
@@ -50,10 +50,11 @@ static uint8_t take_frame(uint32_t received)
     if (!cobs_decode_is_complete() || length < SHORTEST_FRAME)
         return REASON_UNREADABLE;
     uint8_t content = length - CRC_BYTES;
-    uint16_t crc = 0;
+    uint32_t crc = CRC_EMPTY;
     for (uint8_t i = 0; i < content; i++)
         crc = crc_add(crc, frame[i]);
-    if (frame[content] != (uint8_t)crc || frame[content + 1] != (uint8_t)(crc >> 8))
+    crc = crc_end(crc);
+    if (crc != get32(frame + content))
         return REASON_UNREADABLE;
     return command_take(frame, content, crc, received);
 }

@@ -5,19 +5,18 @@
 
 #define RING_BYTES (RING_BLOCKS * RING_BLOCK_BYTES)
 #define HEADER_BYTES 3
-#define CRC_BYTES 2
 #define MARK_FRAME 0x5A
 #define MARK_DROPPED 0xA5
 
 // The top of XRAM; the Makefile keeps the compiler's own variables below (XRAM_SIZE).
-static volatile __xdata __at(0x03E0) struct {
+static volatile __xdata __at(0x0400) struct {
     uint8_t magic[4];
     uint8_t oldest; // block numbers
     uint8_t next;
 } control;
-static __xdata __at(0x03F0) uint8_t memory[RING_BYTES];
+static __xdata __at(0x040C) uint8_t memory[RING_BYTES];
 
-static const __code uint8_t magic[4] = {'N', 'o', 'c', '1'};
+static const __code uint8_t magic[4] = {'N', 'o', 'c', '2'};
 
 static uint8_t frames;
 static __xdata uint16_t written; // bytes of the slot in the making, header included
@@ -54,25 +53,29 @@ static uint8_t slot_blocks(uint8_t block)
     return blocks_for(HEADER_BYTES + frame_length(block));
 }
 
-static uint16_t crc_of(uint8_t block, uint16_t content_bytes)
+static uint32_t crc_of(uint8_t block, uint16_t content_bytes)
 {
     const __xdata uint8_t *at = locate(block, HEADER_BYTES);
     const __xdata uint8_t *end = memory + RING_BYTES;
-    uint16_t crc = 0;
+    uint32_t crc = CRC_EMPTY;
     while (content_bytes-- != 0) {
         crc = crc_add(crc, *at);
         if (++at == end)
             at = memory;
     }
-    return crc;
+    return crc_end(crc);
 }
 
 static bool crc_holds(uint8_t block)
 {
     uint16_t content = frame_length(block) - CRC_BYTES;
-    uint16_t crc = crc_of(block, content);
-    return *locate(block, HEADER_BYTES + content) == (uint8_t)crc &&
-           *locate(block, HEADER_BYTES + content + 1) == (uint8_t)(crc >> 8);
+    uint32_t crc = crc_of(block, content);
+    for (uint8_t i = 0; i < CRC_BYTES; i++) {
+        if (*locate(block, HEADER_BYTES + content + i) != (uint8_t)crc)
+            return false;
+        crc >>= 8;
+    }
+    return true;
 }
 
 static void skip_dropped(void)
@@ -148,9 +151,11 @@ void ring_amend(uint16_t offset, uint8_t byte)
 
 void ring_commit(void)
 {
-    uint16_t crc = crc_of(control.next, written - HEADER_BYTES);
-    ring_put((uint8_t)crc);
-    ring_put(crc >> 8);
+    uint32_t crc = crc_of(control.next, written - HEADER_BYTES);
+    for (uint8_t i = 0; i < CRC_BYTES; i++) {
+        ring_put((uint8_t)crc);
+        crc >>= 8;
+    }
     uint16_t length = written - HEADER_BYTES;
     *locate(control.next, 0) = MARK_FRAME;
     *locate(control.next, 1) = (uint8_t)length;

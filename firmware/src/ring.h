@@ -1,7 +1,7 @@
 // The ring of frames that wait in XRAM until they are acknowledged. It outlives every reset but a power-up: its memory
 // lies outside what the C start-up clears, and it changes only by single bytes, so that no reset finds it half changed.
 //
-// A slot is `mark:u8 length:u16 content crc:u16`, rounded up to whole blocks; the content and its CRC are a frame as it
+// A slot is `mark:u8 length:u16 content crc:u32`, rounded up to whole blocks; the content and its CRC are a frame as it
 // goes out, so the one CRC guards it here and on the wire.
 #ifndef RING_H
 #define RING_H
@@ -11,8 +11,8 @@
 
 #include "memory.h"
 
-#define RING_BLOCK_BYTES 16
-#define RING_BLOCKS 193 // one stays free, so that a full ring does not look empty
+#define RING_BLOCK_BYTES 12
+#define RING_BLOCKS 255 // one stays free, so that a full ring does not look empty
 #define RING_CAPACITY ((RING_BLOCKS - 1) * RING_BLOCK_BYTES)
 
 void ring_clear(void);

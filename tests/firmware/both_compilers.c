@@ -101,8 +101,8 @@ static void walk_ring(void)
         ring_recover();
         cobs_encode_begin(ring_oldest(), ring_oldest_length(), ring_memory(), ring_memory_end());
         cobs_decode_begin();
-        uint16_t encoded = 0;
-        uint16_t decoded = 0;
+        uint32_t encoded = CRC_EMPTY;
+        uint32_t decoded = CRC_EMPTY;
         for (uint8_t byte = cobs_encode(); byte != COBS_DELIMITER; byte = cobs_encode()) {
             int16_t original = cobs_decode(byte);
             encoded = crc_add(encoded, byte);

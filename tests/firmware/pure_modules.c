@@ -70,10 +70,10 @@ static void decode(const char *hex)
 static void crc(const char *hex)
 {
     size_t length = parse_hex(hex);
-    uint16_t value = 0;
+    uint32_t value = CRC_EMPTY;
     for (size_t i = 0; i < length; i++)
         value = crc_add(value, bytes[i]);
-    printf("%u\n", value);
+    printf("%lu\n", (unsigned long)crc_end(value));
 }
 
 static void ramp(const char *arguments)
@@ -89,10 +89,10 @@ static void ramp(const char *arguments)
 static void is_possible(const char *arguments)
 {
     int first;
-    unsigned step, count, interval, speed, ramp_ms, settle;
-    sscanf(arguments, "%d %u %u %u %u %u %u", &first, &step, &count, &interval, &speed, &ramp_ms, &settle);
+    unsigned step, count, interval, speed, ramp_ms, settle, pings;
+    sscanf(arguments, "%d %u %u %u %u %u %u %u", &first, &step, &count, &interval, &speed, &ramp_ms, &settle, &pings);
     struct plan plan = {(int16_t)first,  (uint16_t)step,    (uint8_t)count,  (uint16_t)interval,
-                        (uint16_t)speed, (uint16_t)ramp_ms, (uint16_t)settle};
+                        (uint16_t)speed, (uint16_t)ramp_ms, (uint16_t)settle, (uint8_t)pings};
     printf("%d\n", plan_is_possible(&plan));
 }
 

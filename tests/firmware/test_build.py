@@ -1,9 +1,9 @@
 """The firmware's Makefile: a clean build, nothing stale, and a unit's own settings page."""
 
-import binascii
 import shutil
 import struct
 import subprocess
+import zlib
 from pathlib import Path
 
 import pytest
@@ -56,9 +56,9 @@ def test_a_change_of_any_source_builds_anew(built, changed):
 def test_a_unit_image_is_the_application_and_its_settings_page(built):
     make(built, "unit", "SERIAL=66051", check=True)
     memory = memory_of(built / "build" / "unit-66051.hex")
-    # firmware/README.md, Flash: magic 0x4E43, version 1, length 4, serial, CRC of what is before it
-    settings = bytes.fromhex("434e 01 04 03020100")
-    page = settings + binascii.crc_hqx(settings, 0).to_bytes(2, "little")
+    # firmware/README.md, Flash: magic 0x4E43, version 2, length 6, generation 0, serial, CRC of what is before it
+    settings = bytes.fromhex("434e 02 06 0000 03020100")
+    page = settings + zlib.crc32(settings).to_bytes(4, "little")
     assert bytes(memory.pop(0xF600 + offset) for offset in range(len(page))) == page
     assert memory == memory_of(built / "build" / "noctule.ihx")
 

@@ -62,7 +62,16 @@ def test_no_interval_is_longer_than_the_timer_can_run(pure_modules, top_speed, r
 
 
 def plan(**changes: int) -> list[int]:
-    fields = {"first": -24576, "step": 4096, "count": 13, "interval": 60, "speed": 600, "ramp": 100, "settle": 20}
+    fields = {
+        "first": -24576,
+        "step": 4096,
+        "count": 13,
+        "interval": 60,
+        "speed": 600,
+        "ramp": 100,
+        "settle": 20,
+        "pings": 1,
+    }
     return list((fields | changes).values())
 
 

@@ -1,11 +1,11 @@
 """The unit's side of the serial protocol (firmware/README.md, Frames): the real firmware, run by noctule-sim."""
 
-import binascii
 import json
 import re
 import socket
 import struct
 import subprocess
+import zlib
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +24,7 @@ IDLE, HOMING, WAITING_FOR_ROOM = 0, 2, 3
 SWEEP_HEADER_BYTES = 19
 
 # 64 readings in one place: the quickest way to the largest sweeps.
-STARE = struct.pack("<hHBHHHH", 0, 0, 64, 29, 600, 100, 0)
+STARE = struct.pack("<hHBHHHHB", 0, 0, 64, 29, 600, 100, 0, 1)
 
 
 class Status(NamedTuple):
@@ -59,8 +59,8 @@ class Unit:
 
     def send(self, kind: int, payload: bytes = b"", spoil: int = 0) -> None:
         content = bytes([kind]) + payload
-        crc = binascii.crc_hqx(content, 0) ^ spoil
-        self.send_bytes(cobs.encode(content + crc.to_bytes(2, "little")) + b"\0")
+        crc = zlib.crc32(content) ^ spoil
+        self.send_bytes(cobs.encode(content + crc.to_bytes(4, "little")) + b"\0")
 
     def receive(self, *kinds: int) -> bytes:
         """The next frame of these types, type byte first, without its CRC; others are passed over."""
@@ -69,9 +69,9 @@ class Unit:
                 self._received += self._connection.recv(4096)
             line, _, self._received = self._received.partition(b"\0")
             frame = cobs.decode(bytes(line))
-            assert frame == b"" or binascii.crc_hqx(frame[:-2], 0) == int.from_bytes(frame[-2:], "little")
+            assert frame == b"" or zlib.crc32(frame[:-4]) == int.from_bytes(frame[-4:], "little")
             if frame and frame[0] in kinds:
-                return frame[:-2]
+                return frame[:-4]
 
     def ask(self, kind: int, answer: int, payload: bytes = b"") -> bytes:
         """The answer to a new request."""
@@ -199,7 +199,7 @@ def test_a_number_that_comes_round_again_is_a_new_request(unit):
 
 
 def test_the_plan_is_changed_between_sweeps_only(unit):
-    assert unit.command(CONFIGURE, struct.pack("<hHBHHHH", -27000, 0, 1, 60, 600, 100, 20)) == OUT_OF_RANGE
+    assert unit.command(CONFIGURE, struct.pack("<hHBHHHHB", -27000, 0, 1, 60, 600, 100, 20, 1)) == OUT_OF_RANGE
     assert unit.command(SINGLE) == DONE
     assert unit.command(CONFIGURE, STARE) == BUSY
     unit.wait_for_state(IDLE)
@@ -245,7 +245,7 @@ def test_sweeps_go_to_and_fro(unit):
 
 def test_a_plan_of_long_ramps_does_not_spoil_homing(unit):
     # Such a ramp of 500 half steps is 44 degrees long; the cable ends 15 degrees past the home switch.
-    plans = [struct.pack("<hHBHHHH", -24576, 4096, 13, 60, 1000, ramp_ms, 20) for ramp_ms in (100, 1000)]
+    plans = [struct.pack("<hHBHHHHB", -24576, 4096, 13, 60, 1000, ramp_ms, 20, 1) for ramp_ms in (100, 1000)]
     ranges_m = []
     for plan in plans:
         assert unit.command(CONFIGURE, plan) == DONE

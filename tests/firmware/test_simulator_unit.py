@@ -6,7 +6,7 @@ import signal
 import socket
 import struct
 import subprocess
-from binascii import crc_hqx
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -59,7 +59,7 @@ class Cable:
 
     def tell(self, kind: int, payload: bytes) -> None:
         body = bytes([kind]) + payload
-        self._write(cobs.encode(body + struct.pack("<H", crc_hqx(body, 0))) + b"\0")
+        self._write(cobs.encode(body + struct.pack("<I", zlib.crc32(body))) + b"\0")
 
     def hear(self, *kinds: int) -> tuple[int, bytes]:
         """The next frame of one of these types, its CRC checked."""
@@ -72,13 +72,13 @@ class Cable:
             if not line:
                 continue
             frame = cobs.decode(bytes(line))
-            assert crc_hqx(frame[:-2], 0) == int.from_bytes(frame[-2:], "little")
+            assert zlib.crc32(frame[:-4]) == int.from_bytes(frame[-4:], "little")
             if frame[0] in kinds:
-                return frame[0], frame[1:-2]
+                return frame[0], frame[1:-4]
 
     def ask_hello(self) -> tuple[int, int]:
         """The unit's serial number and boot number; a unit that is still starting says them by itself."""
-        self.tell(HELLO, bytes([77, 1]))
+        self.tell(HELLO, bytes([77, 2]))
         _, payload = self.hear(HELLO_ANSWER)
         number, _, boot = struct.unpack_from("<I3sH", payload, 2)
         return number, boot

@@ -93,7 +93,7 @@ class ModelUnit:
     def _answer(self, frame: frames.Frame, now_s: float) -> frames.Frame:
         match frame:
             case frames.AskHello():
-                return frames.Hello(frame.request, frames.PROTOCOL, self.serial, 0, 1, 0, self.boot, 0x02, 3000)
+                return frames.Hello(frame.request, frames.PROTOCOL, self.serial, 0, 1, 0, self.boot, 0x02, 0, 3000)
             case frames.AskClock():
                 return frames.Clock(frame.request, self.tick(now_s), self.tick(now_s))
             case frames.AskStatus():
@@ -137,5 +137,7 @@ class ModelUnit:
             frames_unknown=0,
             bytes_lost=0,
             echo_faults=0,
+            temperature=frames.NO_TEMPERATURE,
+            stack_free=40,
             tick=self.tick(now_s),
         )

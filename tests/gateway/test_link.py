@@ -166,10 +166,10 @@ def test_another_protocol_is_refused() -> None:
     link.connected(0.0)
     request = link.output(0.0)
     assert request
-    answer = frames.Hello(1, 2, SERIAL, 0, 1, 0, 1, 0, 3000)
+    answer = frames.Hello(1, 3, SERIAL, 0, 1, 0, 1, 0, 0, 3000)
     (event,) = link.receive(encode(answer), 0.01)
     assert isinstance(event, Refused)
-    assert "protocol 2" in str(event.error)
+    assert "protocol 3" in str(event.error)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -301,7 +301,7 @@ def test_a_clock_exchange_brackets_the_units_stamps_with_the_bytes_own_time_take
     link = Link(SERIAL, AT_REST, 0)
     link.connected(0.0)
     link.output(0.0)
-    link.receive(encode(frames.Hello(1, 1, SERIAL, 0, 1, 0, 1, 0, 3000)), 1.0)
+    link.receive(encode(frames.Hello(1, 2, SERIAL, 0, 1, 0, 1, 0, 0, 3000)), 1.0)
     assert len(link.output(1.0)) == 6
     (event,) = of_type(link.receive(encode(frames.Clock(2, 4_000_000, 4_000_400)), 1.01), ClockRead)
     # 6 bytes there and 18 back, at 10 bits a byte and 115200 bit/s.

@@ -37,6 +37,10 @@ pub struct Arguments {
     #[arg(long, conflicts_with_all = ["tcp", "pty"])]
     pub acknowledge: bool,
 
+    /// Run in step with the program at standard input and output: one request a line, as JSON, and its answer
+    #[arg(long, conflicts_with_all = ["tcp", "pty", "acknowledge", "duration", "speed"])]
+    pub control: bool,
+
     /// Where all randomness comes from: noise, power-up states
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,

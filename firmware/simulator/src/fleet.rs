@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 /// Simulated time between two looks at the serial lines when nothing is paced.
-const FREE_SLICE: Tick = 5 * TICKS_PER_MS;
+pub const FREE_SLICE: Tick = 5 * TICKS_PER_MS;
 /// Real time between two looks at the serial lines when it is.
 const PACED_SLICE: Duration = Duration::from_millis(1);
 /// What may wait on the wire to a unit before its client is left to wait itself.
@@ -31,6 +31,8 @@ pub enum FleetError {
 pub enum Peer {
     Line(Line),
     Host(Host),
+    /// The program that runs the simulation step by step takes and gives the bytes.
+    Control,
 }
 
 pub struct Member {
@@ -76,9 +78,22 @@ pub fn run(fleet: &mut [Member], schedule: &Schedule, stop: &AtomicBool) -> Resu
 }
 
 impl Member {
-    fn run_until(&mut self, end: Tick) -> Result<(), FleetError> {
+    /// Runs the unit until `end`, then hands over what the line and the flash's file are to have.
+    pub fn run_until(&mut self, end: Tick) -> Result<(), FleetError> {
         let serial = self.serial;
         self.unit.run_until(end).map_err(|fault| FleetError::Fault { serial, fault })?;
+        self.settle()
+    }
+
+    /// As `run_until`, but stops at the end of a frame of the unit's.
+    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), FleetError> {
+        let serial = self.serial;
+        self.unit.run_until_frame(end).map_err(|fault| FleetError::Fault { serial, fault })?;
+        self.settle()
+    }
+
+    fn settle(&mut self) -> Result<(), FleetError> {
+        let serial = self.serial;
         if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
             store.save(flash).map_err(|source| FleetError::Store { serial, source })?;
         }
@@ -97,6 +112,7 @@ impl Member {
                     self.unit.feed(&buffer[..received]);
                 }
             }
+            Peer::Control => {}
             Peer::Host(host) => {
                 if !self.unit.sent().is_empty() {
                     let answer = host.answer(self.unit.sent());

@@ -1,12 +1,10 @@
 //! Frames on the serial line: `COBS(type, payload, crc) 0x00` (firmware/README.md, "Frames").
 
-use crate::crc::crc16_xmodem;
-
 /// A frame's type and payload as bytes on the line.
 pub fn encode(kind: u8, payload: &[u8]) -> Vec<u8> {
     let mut body = vec![kind];
     body.extend(payload);
-    body.extend(crc16_xmodem(&body).to_le_bytes());
+    body.extend(crc32fast::hash(&body).to_le_bytes());
     let mut line = vec![0];
     let mut code_at = 0;
     for byte in body {
@@ -40,8 +38,8 @@ pub fn decode(line: &[u8]) -> Option<Vec<u8>> {
             body.push(0);
         }
     }
-    let (crc, frame) = body.split_last_chunk::<2>().map(|(frame, crc)| (*crc, frame))?;
-    (!frame.is_empty() && crc16_xmodem(frame) == u16::from_le_bytes(crc)).then(|| frame.to_vec())
+    let (crc, frame) = body.split_last_chunk::<4>().map(|(frame, crc)| (*crc, frame))?;
+    (!frame.is_empty() && crc32fast::hash(frame) == u32::from_le_bytes(crc)).then(|| frame.to_vec())
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! What is in a unit's flash before its first power-up: the firmware's Intel hex file and the settings page.
 
 use crate::chip::flash::FLASH_SIZE;
-use crate::crc::crc16_xmodem;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// firmware/README.md, "Flash".
 const SETTINGS_PAGE: usize = 0xF600;
 const SETTINGS_MAGIC: u16 = 0x4E43;
-const SETTINGS_VERSION: u8 = 1;
+const SETTINGS_VERSION: u8 = 2;
+const GENERATION: u16 = 0;
 
 #[derive(Debug, Error)]
 pub enum ImageError {
@@ -80,9 +80,10 @@ pub fn flash_firmware(flash: &mut [u8; FLASH_SIZE], records: &[Record]) {
 /// Flashes the settings page that gives the unit its serial number.
 pub fn flash_settings(flash: &mut [u8; FLASH_SIZE], serial: u32) {
     let mut page = SETTINGS_MAGIC.to_le_bytes().to_vec();
-    page.extend([SETTINGS_VERSION, size_of_val(&serial) as u8]);
+    page.extend([SETTINGS_VERSION, (size_of_val(&GENERATION) + size_of_val(&serial)) as u8]);
+    page.extend(GENERATION.to_le_bytes());
     page.extend(serial.to_le_bytes());
-    page.extend(crc16_xmodem(&page).to_le_bytes());
+    page.extend(crc32fast::hash(&page).to_le_bytes());
     flash[SETTINGS_PAGE..SETTINGS_PAGE + page.len()].copy_from_slice(&page);
 }
 
@@ -102,8 +103,8 @@ mod tests {
     fn the_settings_page_is_laid_out_as_the_firmware_reads_it() {
         let mut flash = erased();
         flash_settings(&mut flash, 7);
-        let page = &flash[SETTINGS_PAGE..SETTINGS_PAGE + 10];
-        assert_eq!(page[..8], [0x43, 0x4E, 1, 4, 7, 0, 0, 0]);
-        assert_eq!(u16::from_le_bytes([page[8], page[9]]), crc16_xmodem(&page[..8]));
+        let page = &flash[SETTINGS_PAGE..SETTINGS_PAGE + 14];
+        assert_eq!(page[..10], [0x43, 0x4E, 2, 6, 0, 0, 7, 0, 0, 0]);
+        assert_eq!(page[10..], crc32fast::hash(&page[..10]).to_le_bytes());
     }
 }

@@ -2,8 +2,8 @@
 
 mod chip;
 mod cli;
+mod control;
 mod cpu;
-mod crc;
 mod cycles;
 mod echo;
 #[cfg(test)]
@@ -26,6 +26,7 @@ mod world;
 
 use clap::Parser;
 use cli::Arguments;
+use control::ControlError;
 use echo::Scene;
 use flash_store::FlashStore;
 use fleet::{FleetError, Member, Peer, Schedule};
@@ -52,6 +53,8 @@ enum SimulatorError {
     Image(#[from] ImageError),
     #[error(transparent)]
     Fleet(#[from] FleetError),
+    #[error(transparent)]
+    Control(#[from] ControlError),
     #[error("{what}: {source}")]
     Io { what: String, source: io::Error },
 }
@@ -81,6 +84,9 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     let mut fleet = (1..=arguments.units)
         .map(|serial| member(arguments, serial, &records, &scene))
         .collect::<Result<Vec<_>, _>>()?;
+    if arguments.control {
+        return Ok(control::run(&mut fleet, io::stdin().lock(), io::stdout().lock())?);
+    }
     announce(arguments, &scene, &fleet);
 
     let began = Instant::now();
@@ -124,6 +130,9 @@ fn member(
 }
 
 fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
+    if arguments.control {
+        return Ok(Peer::Control);
+    }
     if arguments.acknowledge {
         return Ok(Peer::Host(Host::default()));
     }
@@ -155,6 +164,7 @@ fn announce(arguments: &Arguments, scene: &Scene, fleet: &[Member]) {
         let address = match &member.peer {
             Peer::Line(line) => line.address(),
             Peer::Host(_) => "acknowledged by the simulator".to_owned(),
+            Peer::Control => "run step by step".to_owned(),
         };
         let firmware = arguments.firmware.display();
         say(&format!(
@@ -170,7 +180,7 @@ fn summarise(fleet: &[Member], simulated_s: f64, real_s: f64) {
         let unit = &member.unit;
         let swept = match &member.peer {
             Peer::Line(_) if unit.path_is_done() => ", path done".to_owned(),
-            Peer::Line(_) => String::new(),
+            Peer::Line(_) | Peer::Control => String::new(),
             Peer::Host(host) => format!(
                 ", {} sweeps acknowledged, {} resent, {} missed, {} bad frames",
                 host.sweeps, host.resent, host.missed, host.bad_frames

@@ -117,14 +117,35 @@ impl Unit {
     /// A [`Fault`] if the firmware does what the chip forbids or what is not modelled.
     pub fn run_until(&mut self, end: Tick) -> Result<(), Fault> {
         while self.chip.now < end {
-            self.advance(end).map_err(|violation| Fault {
-                violation,
-                pc: self.accessed_at,
-                tick: self.chip.now,
-                flash_outrun: self.chip.flash.is_outrun(),
-            })?;
+            self.advance(end).map_err(|violation| self.fault(violation))?;
         }
         Ok(())
+    }
+
+    /// As `run_until`, but stops as soon as a 0x00 has been sent: the end of a frame.
+    ///
+    /// # Errors
+    /// As `run_until`.
+    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), Fault> {
+        let before = self.chip.uart.outgoing.len();
+        while self.chip.now < end {
+            self.advance(end).map_err(|violation| self.fault(violation))?;
+            let sent = &self.chip.uart.outgoing;
+            if sent.len() > before && sent.last() == Some(&0) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn fault(&self, violation: Violation) -> Fault {
+        let flash_outrun = self.chip.flash.is_outrun();
+        Fault { violation, pc: self.accessed_at, tick: self.chip.now, flash_outrun }
+    }
+
+    /// Simulated time since power-up.
+    pub fn now(&self) -> Tick {
+        self.chip.now
     }
 
     fn advance(&mut self, end: Tick) -> Result<(), Violation> {

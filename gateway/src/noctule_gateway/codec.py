@@ -1,18 +1,18 @@
 """Frames to bytes and back, ``COBS(type, payload, crc) 0x00``, and the reader that lives through a bad line."""
 
-import binascii
+import zlib
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 from cobs import cobs
 
 from noctule_gateway.errors import FrameError
-from noctule_gateway.frames import MAX_READINGS, Frame, Reading, Sweep, Wire
+from noctule_gateway.frames import MAX_PUT_BYTES, MAX_READINGS, Frame, Put, Reading, Sweep, Wire
 
 MAX_FRAME_BYTES = 540  # before COBS
 _MAX_ENCODED_BYTES = MAX_FRAME_BYTES + -(-MAX_FRAME_BYTES // 254)  # COBS adds a byte for each 254 begun
 _DELIMITER = b"\x00"
-_CRC_BYTES = 2
+_CRC_BYTES = 4
 
 
 class _Field(NamedTuple):
@@ -24,7 +24,7 @@ def _layout(frame_type: type) -> tuple[_Field, ...]:
     """The integers of a frame in the order of the wire."""
     hints = get_type_hints(frame_type, include_extras=True)
     layout = [(field.name, hints[field.name]) for field in fields(frame_type)]
-    return tuple(_Field(name, get_args(hint)[1]) for name, hint in layout if get_origin(hint) is not tuple)
+    return tuple(_Field(name, get_args(hint)[1]) for name, hint in layout if get_origin(hint) is Annotated)
 
 
 _TYPES: dict[int, type[Frame]] = {frame_type.TYPE: frame_type for frame_type in get_args(Frame)}
@@ -34,12 +34,7 @@ _READING_BYTES = sum(field.wire.size_bytes for field in _LAYOUTS[Reading])
 
 def encode(frame: Frame) -> bytes:
     """The bytes of ``frame`` on the line with the 0x00 that ends it. Raises FrameError if a field is out of range."""
-    payload = _pack(frame)
-    if isinstance(frame, Sweep):
-        if len(frame.readings) > MAX_READINGS:
-            raise FrameError(f"a sweep of {len(frame.readings)} readings does not fit a frame: at most {MAX_READINGS}")
-        payload += bytes([len(frame.readings)]) + b"".join(map(_pack, frame.readings))
-    body = bytes([frame.TYPE]) + payload
+    body = bytes([frame.TYPE]) + _pack(frame) + _pack_tail(frame)
     return cobs.encode(body + _crc(body)) + _DELIMITER
 
 
@@ -65,7 +60,7 @@ class UnknownFrameError(FrameError):
 
 
 def _crc(body: bytes) -> bytes:
-    return binascii.crc_hqx(body, 0).to_bytes(_CRC_BYTES, "little")
+    return zlib.crc32(body).to_bytes(_CRC_BYTES, "little")
 
 
 def _pack(frame: Frame | Reading) -> bytes:
@@ -76,6 +71,20 @@ def _pack(frame: Frame | Reading) -> bytes:
         )
     except OverflowError as error:
         raise FrameError(f"a field does not fit its place in the frame: {frame}") from error
+
+
+def _pack_tail(frame: Frame) -> bytes:
+    """What has no fixed length, at a frame's end."""
+    match frame:
+        case Sweep(readings=readings):
+            if len(readings) > MAX_READINGS:
+                raise FrameError(f"a sweep of {len(readings)} readings does not fit a frame: at most {MAX_READINGS}")
+            return bytes([len(readings)]) + b"".join(map(_pack, readings))
+        case Put(data=data):
+            if not 1 <= len(data) <= MAX_PUT_BYTES:
+                raise FrameError(f"{len(data)} bytes do not fit a PUT: from 1 to {MAX_PUT_BYTES} do")
+            return data
+    return b""
 
 
 def _unpack(frame_type: type, payload: bytes) -> dict[str, Any]:
@@ -96,6 +105,9 @@ def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
         size = start + count * _READING_BYTES
         blocks = (payload[at : at + _READING_BYTES] for at in range(start, size, _READING_BYTES))
         values["readings"] = tuple(Reading(**_unpack(Reading, block)) for block in blocks)
+    elif frame_type is Put and size < len(payload) <= size + MAX_PUT_BYTES:
+        values["data"] = payload[size:]
+        size = len(payload)
     if len(payload) != size:
         raise FrameError(f"{frame_type.__name__} of {len(payload)} bytes instead of {size}")
     return frame_type(**values)

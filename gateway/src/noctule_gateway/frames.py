@@ -22,13 +22,14 @@ U24 = Annotated[int, Wire(3)]
 U32 = Annotated[int, Wire(4)]
 U48 = Annotated[int, Wire(6)]
 
-PROTOCOL = 1
+PROTOCOL = 2
 NO_SERIAL = 0xFFFFFFFF
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
 FIRST_NO_ECHO = 0xFFFFF0  # from here on an echo field names a kind of no echo
 MAX_READINGS = 64
 MAX_REQUEST = 255
+MAX_PUT_BYTES = 128
 
 
 class NoEcho(IntEnum):
@@ -49,6 +50,22 @@ class State(IntEnum):
     WAITING = 3
     FAULT = 4
     PAUSING = 5
+    TURNING = 6
+
+
+class HomeKind(IntEnum):
+    """What a unit finds its bearings by."""
+
+    SWITCH = 0
+    STOP = 1
+
+
+class Stay(IntEnum):
+    """Why a loader does not start the application."""
+
+    ASKED = 0
+    NO_APPLICATION = 1
+    NOT_CONFIRMED = 2
 
 
 class Outcome(IntEnum):
@@ -58,6 +75,9 @@ class Outcome(IntEnum):
     BUSY = 1
     OUT_OF_RANGE = 2
     NOT_HOMED = 3
+    FLASH_FAILED = 4
+    BAD_CRC = 5
+    NOT_FOR_THIS_UNIT = 6
 
 
 # ---- Host to unit --------------------------------------------------------------------------------
@@ -93,6 +113,7 @@ class Configure:
     top_speed: U16  # half steps/s
     ramp_ms: U16
     settle_ms: U16
+    pings: U8  # a reading: 1, 3 or 5
 
 
 @dataclass(frozen=True)
@@ -128,10 +149,90 @@ class SetWaypoint:
 
 
 @dataclass(frozen=True)
+class GoTo:
+    TYPE: ClassVar = 0x0A
+    request: U8
+    bearing: I16
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    TYPE: ClassVar = 0x0B
+    request: U8
+    half_steps_per_turn: U32  # in 1/256
+    backlash: U8  # half steps
+    home: U8  # a HomeKind
+    home_bearing: I16
+
+
+@dataclass(frozen=True)
+class TrimTemperature:
+    TYPE: ClassVar = 0x0C
+    request: U8
+    temperature: I16  # 0.01 degrees C
+
+
+@dataclass(frozen=True)
+class Store:
+    TYPE: ClassVar = 0x0D
+    request: U8
+
+
+@dataclass(frozen=True)
+class Reset:
+    TYPE: ClassVar = 0x0E
+    request: U8
+
+
+@dataclass(frozen=True)
+class AskSettings:
+    TYPE: ClassVar = 0x0F
+    request: U8
+
+
+@dataclass(frozen=True)
 class Ack:
     TYPE: ClassVar = 0x10
     boot: U16
     sequence: U32
+
+
+@dataclass(frozen=True)
+class Update:
+    TYPE: ClassVar = 0x11
+    request: U8
+    serial: U32
+
+
+# ---- Host to loader ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Put:
+    TYPE: ClassVar = 0x20
+    request: U8
+    offset: U16
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Program:
+    TYPE: ClassVar = 0x21
+    request: U8
+    page: U8
+    crc: U32
+
+
+@dataclass(frozen=True)
+class Install:
+    TYPE: ClassVar = 0x22
+    request: U8
+
+
+@dataclass(frozen=True)
+class Run:
+    TYPE: ClassVar = 0x23
+    request: U8
 
 
 # ---- Unit to host --------------------------------------------------------------------------------
@@ -148,6 +249,7 @@ class Hello:
     version_patch: U8
     boot: U16
     reset_cause: U8
+    reset_note: U8
     ring_capacity: U16
 
     @property
@@ -173,6 +275,8 @@ class Status:
     frames_unknown: U16
     bytes_lost: U16
     echo_faults: U16
+    temperature: I16  # 0.01 degrees C, of the chip
+    stack_free: U8  # bytes
     tick: U48
 
     @property
@@ -210,6 +314,40 @@ class Rejected:
 
 
 @dataclass(frozen=True)
+class Settings:
+    TYPE: ClassVar = 0x86
+    request: U8
+    stored: U8
+    first_bearing: I16
+    bearing_step: U16
+    count: U8
+    ping_interval_ms: U16
+    top_speed: U16
+    ramp_ms: U16
+    settle_ms: U16
+    pings: U8
+    half_steps_per_turn: U32  # in 1/256
+    backlash: U8
+    home: U8
+    home_bearing: I16
+    temperature_trim: I16  # 0.01 K
+
+
+@dataclass(frozen=True)
+class Loader:
+    TYPE: ClassVar = 0x8A
+    request: U8
+    protocol: U8
+    serial: U32
+    hardware: U8
+    loader: U8
+    reason: U8  # a Stay
+    application_major: U8
+    application_minor: U8
+    application_patch: U8
+
+
+@dataclass(frozen=True)
 class Reading:
     bearing: I16
     offset: U24
@@ -228,8 +366,25 @@ class Sweep:
     readings: tuple[Reading, ...]
 
 
-Enquiry = AskHello | AskStatus | AskClock
-Order = Configure | Start | Stop | Single | Home | SetWaypoint
+Enquiry = AskHello | AskStatus | AskClock | AskSettings
+Order = (
+    Configure
+    | Start
+    | Stop
+    | Single
+    | Home
+    | SetWaypoint
+    | GoTo
+    | Calibrate
+    | TrimTemperature
+    | Store
+    | Reset
+    | Update
+    | Put
+    | Program
+    | Install
+    | Run
+)
 HostFrame = Enquiry | Order | Ack
-UnitFrame = Hello | Status | Clock | Result | Rejected | Sweep
+UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | Sweep
 Frame = HostFrame | UnitFrame

@@ -19,6 +19,7 @@ DEFAULT_PLAN = Configure(
     top_speed=600,
     ramp_ms=100,
     settle_ms=20,
+    pings=1,
 )
 
 T = TypeVar("T", bound=Order)

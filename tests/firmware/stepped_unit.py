@@ -1,0 +1,121 @@
+"""The real firmware in noctule-sim, run step by step on simulated time: nothing here waits for a clock."""
+
+import json
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from noctule_gateway.codec import FrameReader, encode
+from noctule_gateway.frames import (
+    Ack,
+    AskHello,
+    Enquiry,
+    Frame,
+    Hello,
+    HostFrame,
+    Order,
+    Result,
+    Status,
+    Sweep,
+)
+
+IMAGE = Path(__file__).parents[2] / "firmware" / "build" / "noctule.ihx"
+
+F = TypeVar("F", bound=Frame)
+
+
+class SilenceError(AssertionError):
+    """What was awaited did not come in time."""
+
+
+class SteppedUnit:
+    """One unit and the cable to it; ``now_s`` is the simulated time since power-up."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self._reader = FrameReader()
+        self._heard: list[Frame] = []
+        self._request = 0
+        self.now_s = 0.0
+
+    def step(self, **request: Any) -> bytes:
+        """One request of ``noctule-sim --control``; what the unit has sent."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        self._process.stdin.write(json.dumps(request) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        assert line, f"the simulator has ended with status {self._process.wait(10)}"
+        answer = json.loads(line)
+        self.now_s = answer["now_s"]
+        return bytes.fromhex(answer["sent"][0])
+
+    def run(self, duration_s: float) -> bytes:
+        """Let time pass; what the unit has sent meanwhile is kept for receive() too."""
+        sent = self.step(until_s=self.now_s + duration_s)
+        self._heard += self._reader.feed(sent)
+        return sent
+
+    def send_bytes(self, data: bytes) -> None:
+        """Put bytes on the cable, from now on."""
+        self.step(feed=[data.hex()])
+
+    def send(self, frame: HostFrame) -> None:
+        """Put a frame on the cable, as it is."""
+        self.send_bytes(encode(frame))
+
+    def receive(self, frame_type: type[F], within_s: float = 10.0) -> F:
+        """The next frame of this type; those before it are passed over."""
+        end_s = self.now_s + within_s
+        while True:
+            for place, frame in enumerate(self._heard):
+                if isinstance(frame, frame_type):
+                    del self._heard[: place + 1]
+                    return frame
+            self._heard.clear()
+            if self.now_s >= end_s:
+                raise SilenceError(f"no {frame_type.__name__} within {within_s} s of simulated time")
+            self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))
+
+    def ask(self, frame: Enquiry | Order, answer: type[F], within_s: float = 2.0) -> F:
+        """The answer to a new request, which is numbered here."""
+        self._request = self._request % 255 + 1
+        self.send(replace(frame, request=self._request))
+        end_s = self.now_s + within_s
+        while True:
+            found: Any = self.receive(answer, end_s - self.now_s)
+            if found.request == self._request:
+                return found
+
+    def command(self, order: Order, within_s: float = 2.0) -> int:
+        """What the unit says has become of ``order``, an Outcome."""
+        return self.ask(order, Result, within_s).result
+
+    def greet(self) -> Hello:
+        """Wait for the unit to have started, and say hello."""
+        self.receive(Hello)
+        return self.ask(AskHello(0), Hello)
+
+    def wait_for_state(self, state: int, within_s: float = 60.0) -> Status:
+        """The STATUS of the unit's own accord that says it is in ``state``."""
+        end_s = self.now_s + within_s
+        while (status := self.receive(Status, end_s - self.now_s)).state != state:
+            pass
+        return status
+
+    def acknowledge(self, sweep: Sweep) -> None:
+        """Tell the unit that it may forget ``sweep``."""
+        self.send(Ack(sweep.boot, sweep.sequence))
+
+
+@contextmanager
+def stepped_unit(*options: str, image: Path = IMAGE) -> Iterator[SteppedUnit]:
+    """A unit that has just been given power, in noctule-sim with these ``options``."""
+    command = ["noctule-sim", "--control", "--firmware", str(image), *options]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        yield SteppedUnit(process)
+        assert process.stdin is not None
+        process.stdin.close()
+        assert process.wait(10) == 0
