@@ -18,6 +18,7 @@ mod image;
 mod line;
 mod opcode;
 mod path;
+mod readiness;
 mod room;
 mod sensor;
 mod time;
