@@ -149,7 +149,9 @@ impl Chip {
 
     /// Brings the peripherals up to now.
     pub fn service(&mut self) {
-        self.timers.sync(self.now);
+        if self.interrupts.enables(interrupts::TIMER0) || self.interrupts.enables(interrupts::TIMER1) {
+            self.timers.sync(self.now);
+        }
         self.timer2.sync(self.now);
         self.timer3.sync(self.now);
         self.pca.sync(self.now);
