@@ -2,7 +2,6 @@
 #include "answer.h"
 
 #include "../hal/reset.h"
-#include "../hal/stepper.h"
 #include "../hal/timebase.h"
 #include "../hal/uart.h"
 #include "bearing.h"
@@ -10,6 +9,7 @@
 #include "counters.h"
 #include "crc.h"
 #include "memory.h"
+#include "motor.h"
 #include "protocol.h"
 #include "ring.h"
 #include "settings.h"
@@ -89,7 +89,7 @@ void answer_status(uint8_t request)
     put8(unit_flags());
     put8(unit_fault());
     put16(unit_waypoint());
-    put16(bearing_of_half_step(stepper_position()));
+    put16(bearing_of_half_step(motor_half_step()));
     put16(ring_used());
     put8(ring_frames());
     put32(counters.sweeps_made);

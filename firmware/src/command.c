@@ -3,6 +3,7 @@
 
 #include <stdbool.h>
 
+#include "calibration.h"
 #include "delivery.h"
 #include "little_endian.h"
 #include "plan.h"
@@ -36,9 +37,12 @@ static uint8_t length_of(uint8_t type)
         return 3;
     case FRAME_START:
     case FRAME_SET_WAYPOINT:
+    case FRAME_GO_TO:
         return 4;
     case FRAME_ACK:
         return 7;
+    case FRAME_CALIBRATE:
+        return 10;
     case FRAME_CONFIGURE:
         return 16;
     default:
@@ -60,6 +64,16 @@ static uint8_t configure(const __xdata uint8_t *payload)
     return unit_configure(&wanted);
 }
 
+static uint8_t calibrate(const __xdata uint8_t *payload)
+{
+    static __xdata struct calibration wanted;
+    wanted.half_steps_per_turn = get32(payload);
+    wanted.backlash = payload[4];
+    wanted.home = payload[5];
+    wanted.home_bearing = get16(payload + 6);
+    return unit_calibrate(&wanted);
+}
+
 static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
 {
     switch (type) {
@@ -73,6 +87,10 @@ static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
         return unit_single();
     case FRAME_HOME:
         return unit_home();
+    case FRAME_GO_TO:
+        return unit_go_to(get16(payload));
+    case FRAME_CALIBRATE:
+        return calibrate(payload);
     default:
         return unit_set_waypoint(get16(payload));
     }

@@ -2,7 +2,6 @@
 #include "sweep.h"
 
 #include "../hal/round.h"
-#include "../hal/stepper.h"
 #include "bearing.h"
 #include "echo.h"
 #include "motor.h"
@@ -29,7 +28,7 @@ static void keep_reading(void)
 {
     if (readings == 0)
         record_begin(echo_triggered(), waypoint, decreasing);
-    record_reading(bearing_of_half_step(stepper_position()), echo_triggered(), echo_value());
+    record_reading(bearing_of_half_step(motor_half_step()), echo_triggered(), echo_value());
     readings++;
 }
 
@@ -48,7 +47,7 @@ void sweep_begin(const __xdata struct plan *wanted, uint16_t number)
     waypoint = number;
     ramp_set(wanted->top_speed, wanted->ramp_ms);
     settle_rounds = ROUNDS(wanted->settle_ms);
-    decreasing = 2 * stepper_position() > first + last;
+    decreasing = 2 * motor_half_step() > first + last;
     cut_short = false;
     readings = 0;
     turn_to_reading();
