@@ -10,12 +10,12 @@
 #include "little_endian.h"
 #include "plan.h"
 #include "protocol.h"
+#include "request.h"
 #include "settings.h"
 #include "thermometer.h"
 #include "transmit.h"
 #include "unit.h"
 
-#define LENGTH_UNKNOWN 0
 #define REPEATS_WITHIN 32 // requests; a host that counts them comes back to a number only after 255
 
 // The last command that was run: it is known again by its CRC, and its number alone may have been used anew.
@@ -26,37 +26,6 @@ static __xdata struct {
     uint8_t age; // requests since
     uint32_t crc;
 } last;
-
-// The length of a frame of this type, without its CRC.
-static uint8_t length_of(uint8_t type)
-{
-    switch (type) {
-    case FRAME_STATUS:
-    case FRAME_CLOCK:
-    case FRAME_STOP:
-    case FRAME_SINGLE:
-    case FRAME_HOME:
-    case FRAME_STORE:
-    case FRAME_RESET:
-    case FRAME_SETTINGS:
-        return 2;
-    case FRAME_HELLO:
-        return 3;
-    case FRAME_START:
-    case FRAME_SET_WAYPOINT:
-    case FRAME_GO_TO:
-    case FRAME_TRIM_TEMPERATURE:
-        return 4;
-    case FRAME_ACK:
-        return 7;
-    case FRAME_CALIBRATE:
-        return 10;
-    case FRAME_CONFIGURE:
-        return 16;
-    default:
-        return LENGTH_UNKNOWN;
-    }
-}
 
 static uint8_t configure(const __xdata uint8_t *payload)
 {
@@ -144,8 +113,8 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
 {
     uint8_t type = frame[0];
     uint8_t request = frame[1];
-    uint8_t expected = length_of(type);
-    if (expected == LENGTH_UNKNOWN)
+    uint8_t expected = request_length(type);
+    if (expected == REQUEST_UNKNOWN)
         return REASON_UNKNOWN_TYPE;
     if (length != expected)
         return REASON_WRONG_LENGTH;
