@@ -23,12 +23,14 @@ def with_flash(image: Path, contents: dict[int, bytes], place: Path) -> Path:
     return place
 
 
-def built_with_fault(folder: Path, source: str, sound: str, faulty: str) -> Path:
-    """The image of a copy of the firmware in ``folder`` in whose ``source`` ``faulty`` stands in place of ``sound``."""
+def built_with_fault(folder: Path, source: str, *changes: tuple[str, str]) -> Path:
+    """The image of a copy of the firmware in ``folder``; in its ``source`` each first text gives way to the second."""
     copy = folder / "firmware"
     shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "simulator"))
     text = (copy / source).read_text()
-    assert text.count(sound) == 1, f"{source} has {sound!r} {text.count(sound)} times"
-    (copy / source).write_text(text.replace(sound, faulty))
+    for sound, faulty in changes:
+        assert text.count(sound) == 1, f"{source} has {sound!r} {text.count(sound)} times"
+        text = text.replace(sound, faulty)
+    (copy / source).write_text(text)
     subprocess.run(["make", "-C", copy], check=True, capture_output=True)
     return copy / "build" / IMAGE.name

@@ -125,7 +125,7 @@ def test_the_clock_goes_on_over_a_store(seed):
 
 def test_the_watchdog_is_on_again_after_a_store(tmp_path):
     hangs = "        watchdog_feed();\n        if (unit_waypoint() == 666)\n            for (;;)\n                ;\n"
-    image = built_with_fault(tmp_path, "src/main.c", "        watchdog_feed();\n", hangs)
+    image = built_with_fault(tmp_path, "src/main.c", ("        watchdog_feed();\n", hangs))
     with stepped_unit("--laps", "0", image=image) as unit:
         unit.greet()
         assert unit.command(Store(0)) == Outcome.DONE
@@ -144,7 +144,7 @@ def test_nothing_is_stored_while_the_motor_turns():
 
 def test_a_flash_that_takes_nothing_is_told_and_the_old_settings_hold(tmp_path):
     # A wrong first key locks flash until the next reset (datasheet, chapter "Flash Memory").
-    image = built_with_fault(tmp_path, "hal/flash.c", "FLKEY = 0xA5;", "FLKEY = 0xA6;")
+    image = built_with_fault(tmp_path, "hal/flash.c", ("FLKEY = 0xA5;", "FLKEY = 0xA6;"))
     with stepped_unit("--laps", "0", image=image) as unit:
         unit.greet()
         assert unit.command(PLAN) == Outcome.DONE
