@@ -32,7 +32,7 @@ class SilenceError(AssertionError):
 
 
 class SteppedUnit:
-    """One unit and the cable to it; ``now_s`` is the simulated time since power-up."""
+    """One unit and the cable to it. ``now_s`` is the simulated time since power-up, ``truth`` how the world is then."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -40,6 +40,7 @@ class SteppedUnit:
         self._heard: list[Frame] = []
         self._request = 0
         self.now_s = 0.0
+        self.truth: dict[str, Any] = {}
 
     def step(self, **request: Any) -> bytes:
         """One request of ``noctule-sim --control``; what the unit has sent."""
@@ -50,6 +51,7 @@ class SteppedUnit:
         assert line, f"the simulator has ended with status {self._process.wait(10)}"
         answer = json.loads(line)
         self.now_s = answer["now_s"]
+        self.truth = answer["truth"][0]
         return bytes.fromhex(answer["sent"][0])
 
     def run(self, duration_s: float) -> bytes:
@@ -57,6 +59,10 @@ class SteppedUnit:
         sent = self.step(until_s=self.now_s + duration_s)
         self._heard += self._reader.feed(sent)
         return sent
+
+    def befall(self, kind: str, **details: Any) -> None:
+        """Let something go wrong from now on (firmware/simulator/README.md, Faults)."""
+        self.step(fault={"kind": kind, **details})
 
     def send_bytes(self, data: bytes) -> None:
         """Put bytes on the cable, from now on."""
@@ -78,6 +84,12 @@ class SteppedUnit:
             if self.now_s >= end_s:
                 raise SilenceError(f"no {frame_type.__name__} within {within_s} s of simulated time")
             self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))
+
+    def take(self, frame_type: type[F]) -> list[F]:
+        """The frames of this type that have come by now; the others are forgotten."""
+        taken = [frame for frame in self._heard if isinstance(frame, frame_type)]
+        self._heard.clear()
+        return taken
 
     def ask(self, frame: Enquiry | Order, answer: type[F], within_s: float = 2.0) -> F:
         """The answer to a new request, which is numbered here."""
