@@ -26,7 +26,7 @@ static __xdata bool homed;
 static __xdata bool started; // goes on until STOP
 static __xdata bool single; // one sweep is asked for
 
-static bool is_at_rest(void)
+bool unit_is_at_rest(void)
 {
     return activity == RESTING || activity == AWAITING_ROOM || activity == PAUSING;
 }
@@ -135,7 +135,7 @@ uint8_t unit_configure(const __xdata struct plan *wanted)
 {
     if (!plan_is_possible(wanted))
         return RESULT_OUT_OF_RANGE;
-    if (!is_at_rest())
+    if (!unit_is_at_rest())
         return RESULT_BUSY;
     plan = *wanted;
     return RESULT_DONE;
@@ -145,7 +145,7 @@ uint8_t unit_calibrate(const __xdata struct calibration *wanted)
 {
     if (!calibration_is_possible(wanted))
         return RESULT_OUT_OF_RANGE;
-    if (!is_at_rest())
+    if (!unit_is_at_rest())
         return RESULT_BUSY;
     calibration = *wanted;
     follow_calibration();
@@ -172,7 +172,7 @@ uint8_t unit_stop(void)
     } else if (activity == HOMING) {
         motor_end_after(0);
         activity = ABANDONING; // no news: for the host that is homing too
-    } else if (is_at_rest()) {
+    } else if (unit_is_at_rest()) {
         go_on();
     }
     return RESULT_DONE;
@@ -189,7 +189,7 @@ uint8_t unit_single(void)
 
 uint8_t unit_home(void)
 {
-    if (!is_at_rest())
+    if (!unit_is_at_rest())
         return RESULT_BUSY;
     begin_homing();
     return RESULT_DONE;

@@ -25,6 +25,9 @@ uint8_t unit_calibrate(const __xdata struct calibration *calibration);
 const __xdata struct plan *unit_plan(void);
 const __xdata struct calibration *unit_calibration(void);
 
+// Whether the motor rests and no sweep is under way, in states 0, 3, 4 and 5.
+bool unit_is_at_rest(void);
+
 // What STATUS says.
 uint8_t unit_state(void); // enum state
 uint8_t unit_flags(void);

@@ -7,7 +7,22 @@ from pathlib import Path
 import pytest
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-PURE = ["backlash", "bearing", "calibration", "cobs", "crc", "gesture", "median", "plan", "ramp", "ring"]
+PURE = [
+    "backlash",
+    "bearing",
+    "calibration",
+    "cobs",
+    "crc",
+    "gesture",
+    "incoming",
+    "layout",
+    "little_endian",
+    "median",
+    "plan",
+    "ramp",
+    "request",
+    "ring",
+]
 
 
 class PureModules:
