@@ -33,7 +33,7 @@ class SilenceError(AssertionError):
 
 
 class SteppedUnit:
-    """One unit and the cable to it. ``now_s`` is the simulated time since power-up, ``truth`` how the world is then."""
+    """One unit and the cable to it; ``now_s`` is the simulated time since power-up, ``truth`` how things are then."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process

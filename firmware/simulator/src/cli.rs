@@ -13,7 +13,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.ihx", default_value = "firmware/build/noctule.ihx")]
     pub firmware: PathBuf,
 
-    /// The room: paper, l-shaped, or a TOML file
+    /// The room: paper, l-shaped, lounge, or a TOML file
     #[arg(long, value_name = "ROOM", default_value = "paper")]
     pub room: String,
 
@@ -60,6 +60,14 @@ pub struct Arguments {
     /// Simulated seconds until the end; without it, until SIGINT or SIGTERM
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
+
+    /// Tell at the end how deep each unit's stack went, how long its interrupts waited, how much it slept
+    #[arg(long)]
+    pub measure: bool,
+
+    /// Print the chip's modelled registers as Markdown, and end
+    #[arg(long)]
+    pub registers: bool,
 
     /// Keep the units' flash memories here from run to run
     #[arg(long, value_name = "DIR")]
