@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -39,6 +40,7 @@ HOMED_DEG = 1.5 * HALF_STEP_DEG
 DEFAULT_TURN = round(HALF_STEPS_PER_TURN * 256)
 DEFAULT_HOME = -27307
 DEFAULT_PLAN = Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)
+RESTFUL_PLAN = replace(DEFAULT_PLAN, settle_ms=200)
 SAMPLE_S = 0.005
 
 Place = Callable[[str], SteppedUnit]
@@ -105,7 +107,7 @@ def watch_sweep(unit: SteppedUnit) -> tuple[Sweep, list[float]]:
         sampled.append((unit.now_s, looks_at_deg(unit)))
     (made,) = swept
     unit.acknowledge(made)
-    # a reading's sensor rests from 20 ms before its trigger to the end of its echo
+    # the sensor has rested for long when it pings, so the time before the unit started its clock makes no difference
     looked = []
     for reading in made.readings:
         trigger_s = (made.start + reading.offset * TICKS_PER_OFFSET) / TICKS_PER_S
@@ -155,7 +157,7 @@ def test_bearings_are_the_sensors_by_its_own_gears(placed, motor_turn, backlash)
     unit = placed(f"half_steps_per_turn = {motor_turn}\nbacklash_deg = {backlash * 360 / motor_turn}")
     calibrate(unit, motor_turn, backlash)
     home(unit)
-    assert unit.command(DEFAULT_PLAN) == DONE
+    assert unit.command(RESTFUL_PLAN) == DONE
     directions = set()
     for _ in range(4):
         made, looked = watch_sweep(unit)
