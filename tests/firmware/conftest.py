@@ -43,6 +43,13 @@ class PureModules:
 
 
 @pytest.fixture(scope="session")
+def firmware() -> Path:
+    """The image of the unit's firmware, built."""
+    subprocess.run(["make", "-C", FIRMWARE], check=True, capture_output=True)
+    return FIRMWARE / "build" / "noctule.ihx"
+
+
+@pytest.fixture(scope="session")
 def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModules]:
     program = tmp_path_factory.mktemp("firmware") / "pure_modules"
     sources = [Path(__file__).with_name("pure_modules.c"), *(FIRMWARE / "src" / f"{name}.c" for name in PURE)]
