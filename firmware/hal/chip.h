@@ -40,6 +40,7 @@
 #define PSCTL_PSEE 0x02
 #define VDM0CN_VDMEN 0x80
 #define RSTSRC_PORSF 0x02
+#define RSTSRC_SWRSF 0x10
 #define PCON_IDLE 0x01
 
 // UART and crossbar

@@ -15,24 +15,47 @@ enum frame_type {
     FRAME_HOME = 0x08,
     FRAME_SET_WAYPOINT = 0x09,
     FRAME_ACK = 0x10,
+    FRAME_UPDATE = 0x11,
+
+    FRAME_PUT = 0x20, // from here on to the loader only
+    FRAME_PROGRAM = 0x21,
+    FRAME_INSTALL = 0x22,
+    FRAME_RUN = 0x23,
 
     FRAME_HELLO_ANSWER = 0x81,
     FRAME_STATUS_ANSWER = 0x82,
     FRAME_CLOCK_ANSWER = 0x83,
     FRAME_RESULT = 0x84,
     FRAME_REJECTED = 0x85,
+    FRAME_LOADER = 0x8A,
     FRAME_SWEEP = 0x90,
 };
 
 #define REQUEST_NONE 0 // what the unit sends of its own accord
 
-enum result { RESULT_DONE, RESULT_BUSY, RESULT_OUT_OF_RANGE, RESULT_NOT_HOMED };
+enum result {
+    RESULT_DONE,
+    RESULT_BUSY,
+    RESULT_OUT_OF_RANGE,
+    RESULT_NOT_HOMED,
+    RESULT_FLASH_FAILED,
+    RESULT_BAD_CRC,
+    RESULT_NOT_FOR_THIS_UNIT,
+};
 
 enum reason { REASON_NONE, REASON_UNREADABLE, REASON_UNKNOWN_TYPE, REASON_WRONG_LENGTH, REASON_TOO_LONG };
 
 enum state { STATE_IDLE, STATE_SWEEPING, STATE_HOMING, STATE_WAITING, STATE_FAULT, STATE_PAUSING };
 
 enum fault { FAULT_NONE, FAULT_NO_HOME_SWITCH };
+
+// Why the loader does not start the application.
+enum stay { STAY_ASKED, STAY_NO_APPLICATION, STAY_NOT_CONFIRMED, STAY_FLASH_FAILED, STAY_NONE };
+
+// Why the firmware reset the chip.
+enum note { NOTE_NONE, NOTE_RESET, NOTE_CANARY, NOTE_UPDATE, NOTE_LOADER };
+
+#define PUT_BYTES 128 // at most
 
 #define STATUS_HOMED 0x01
 #define STATUS_STARTED 0x02
