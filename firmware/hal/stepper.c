@@ -8,7 +8,7 @@
 #define CLOCKS_PER_US 4
 
 // Half steps of a rising bearing: IN1, IN1+IN2, IN2, IN2+IN3, IN3, IN3+IN4, IN4, IN4+IN1.
-static const __code uint8_t coils[8] = {0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9};
+static const __code uint8_t coils[STEPPER_PHASES] = {0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9};
 
 // A run of the timer, and how things stand when it ends.
 struct run {
@@ -56,7 +56,7 @@ static void push_run(uint16_t run_us)
 {
     next->start = -(run_us * CLOCKS_PER_US);
     next->position = last_position;
-    next->coils = COILS_OFF | coils[last_phase % 8];
+    next->coils = COILS_OFF | coils[last_phase % STEPPER_PHASES];
     if (++next == runs + QUEUE_SIZE)
         next = runs;
     queued++;
@@ -65,7 +65,7 @@ static void push_run(uint16_t run_us)
 void stepper_push(uint16_t interval_us)
 {
     if (!turning)
-        PORT_COILS = COILS_OFF | coils[last_phase % 8]; // holds the motor for the first interval
+        PORT_COILS = COILS_OFF | coils[last_phase % STEPPER_PHASES]; // holds the motor for the first interval
     if (interval_us > LONGEST_RUN_US) {
         interval_us /= 2;
         push_run(interval_us); // the motor stands still until the next
@@ -108,6 +108,11 @@ void stepper_set_position(int16_t half_steps)
 {
     position = half_steps;
     last_position = half_steps;
+}
+
+uint8_t stepper_phase(void)
+{
+    return last_phase % STEPPER_PHASES;
 }
 
 void stepper_watch_home(void)

@@ -7,6 +7,8 @@
 
 #include "irq.h"
 
+#define STEPPER_PHASES 8 // of the coils: the rotor looks the same every so many half steps
+
 void stepper_start(void);
 
 // Sets the turning direction of the half steps queued from now on; only while stepper_is_turning() is false.
@@ -26,6 +28,9 @@ void stepper_release(void);
 // The position in half steps. It is the caller's to set while the motor rests.
 int16_t stepper_position(void);
 void stepper_set_position(int16_t half_steps);
+
+// The phase of the coils in which the motor rests, rising with the position.
+uint8_t stepper_phase(void);
 
 // Looks for the home switch, before every half step, from now on.
 void stepper_watch_home(void);

@@ -1,4 +1,4 @@
-// The chip as the loader runs it (datasheet chapters "Oscillators", "Reset Sources", "Programmable Counter Array").
+// The chip as the loader runs it (datasheet chapters "Oscillators", "Programmable Counter Array").
 #include "chip.h"
 
 #include "../hal/chip.h"
@@ -11,15 +11,10 @@ void chip_start(void)
     OSCICN = OSCICN_12_MHZ;
 }
 
-void chip_guard_supply(void)
-{
-    reset_start();
-}
-
 void chip_stay(void)
 {
     pins_start();
-    reset_start();
+    reset_guard_supply();
     watchdog_start();
 }
 
@@ -29,9 +24,4 @@ bool chip_has_counted(void)
         return false;
     CF = 0;
     return true;
-}
-
-void chip_reset(void)
-{
-    RSTSRC = RSTSRC_SWRSF | RSTSRC_PORSF;
 }

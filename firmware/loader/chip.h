@@ -7,17 +7,11 @@
 // Takes SYSCLK from the 1.5 MHz of reset to 12 MHz, and touches nothing else.
 void chip_start(void);
 
-// Makes flash writable (../hal/flash.h), but for the watchdog that nothing has started.
-void chip_guard_supply(void);
-
-// Makes flash writable, gives the board its pins, and starts the watchdog for good: it allows 65 ms, and an erase takes 20.
+// Makes flash writable (../hal/flash.h), gives the board its pins, and starts the watchdog for good: it allows 65 ms, and an erase takes 20.
 void chip_stay(void);
 
 // Whether 65.536 ms have passed since this was last true.
 bool chip_has_counted(void);
 #define CHIP_COUNTS_PER_S 15
-
-// Resets the chip by software.
-void chip_reset(void);
 
 #endif

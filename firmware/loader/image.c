@@ -1,8 +1,8 @@
 // What an image says of itself: its description, by the table in ../README.md, Flash.
 #include "image.h"
 
+#include "../hal/flash.h"
 #include "checksum.h"
-#include "flash_words.h"
 
 #define CHECKED_BYTES (DESCRIPTION_ATTEMPTS - DESCRIPTION)
 

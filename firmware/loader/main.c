@@ -1,11 +1,11 @@
 // The loader: after every reset it starts the application, finishes a copy that was cut off, or stays at the line.
 #include <stdint.h>
 
+#include "../hal/reset.h"
 #include "../src/protocol.h"
 #include "application.h"
 #include "chip.h"
 #include "install.h"
-#include "letter.h"
 #include "serve.h"
 #include "vectors.h"
 
@@ -14,17 +14,15 @@ static uint8_t restore(void)
 {
     chip_stay();
     uint8_t result = install();
-    if (result == RESULT_DONE) {
-        letter_write_updated();
-        chip_reset();
-    }
+    if (result == RESULT_DONE)
+        reset_now(NOTE_LOADER);
     return result == RESULT_FLASH_FAILED ? STAY_FLASH_FAILED : STAY_NO_APPLICATION;
 }
 
 void main(void)
 {
     chip_start();
-    if (letter_asks_to_stay()) {
+    if (reset_take_note(NOTE_UPDATE)) {
         chip_stay();
         serve(STAY_ASKED);
     }

@@ -7,7 +7,6 @@
 #include "../hal/flash.h"
 #include "../src/protocol.h"
 #include "checksum.h"
-#include "flash_words.h"
 
 #define FIRST_PAGE 0xF600
 #define SECOND_PAGE 0xF800

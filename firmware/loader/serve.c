@@ -1,6 +1,7 @@
 // The loader at the line, by the table in ../README.md, Update. Each frame may come again: it is answered alike.
 #include "serve.h"
 
+#include "../hal/reset.h"
 #include "../hal/watchdog.h"
 #include "../src/little_endian.h"
 #include "../src/protocol.h"
@@ -9,7 +10,6 @@
 #include "chip.h"
 #include "image.h"
 #include "install.h"
-#include "letter.h"
 #include "line.h"
 #include "page.h"
 #include "serial.h"
@@ -105,12 +105,6 @@ static uint8_t may_run(void)
     }
 }
 
-static void run(void)
-{
-    letter_write_updated();
-    chip_reset();
-}
-
 static uint8_t obey(uint8_t type)
 {
     switch (type) {
@@ -162,7 +156,7 @@ static void take_frame(void)
         idle = 0;
         tell_result(request, type, result);
         if (type == FRAME_RUN && result == RESULT_DONE)
-            run();
+            reset_now(NOTE_LOADER);
     }
 }
 
@@ -175,7 +169,7 @@ static void count_time(void)
     if (++idle == LEAVE_AFTER) {
         idle = 0;
         if (obstacle == STAY_NONE)
-            run();
+            reset_now(NOTE_LOADER);
     }
 }
 

@@ -2,19 +2,35 @@
 #include "motor.h"
 
 #include "../hal/stepper.h"
+#include "backlash.h"
 #include "ramp.h"
 
 static uint16_t to_go; // half steps not planned yet
 static uint16_t level; // half steps that it would take to stop
 static uint16_t interval_us;
 
-void motor_go(int16_t half_step)
+void motor_turn(int16_t half_steps)
 {
-    int16_t distance = half_step - stepper_position();
-    stepper_set_direction(distance < 0);
-    to_go = distance < 0 ? -distance : distance;
+    stepper_set_direction(half_steps < 0);
+    to_go = half_steps < 0 ? -half_steps : half_steps;
     level = 0;
     interval_us = RAMP_SLOWEST_US;
+}
+
+void motor_go(int16_t half_step)
+{
+    int16_t position = stepper_position();
+    motor_turn(backlash_motor(position, half_step) - position);
+}
+
+int16_t motor_half_step(void)
+{
+    return backlash_sensor(stepper_position());
+}
+
+void motor_set_half_step(int16_t half_step)
+{
+    stepper_set_position(backlash_motor_after_fall(half_step));
 }
 
 void motor_end_after(uint16_t half_steps)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-PURE = ["bearing", "cobs", "crc", "gesture", "plan", "ramp", "ring"]
+PURE = ["backlash", "bearing", "calibration", "cobs", "crc", "gesture", "median", "plan", "ramp", "ring"]
 
 
 class PureModules:

@@ -3,10 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "backlash.h"
 #include "bearing.h"
+#include "calibration.h"
 #include "cobs.h"
 #include "crc.h"
 #include "gesture.h"
+#include "median.h"
 #include "plan.h"
 #include "ramp.h"
 #include "ring.h"
@@ -86,6 +89,58 @@ static void ramp(const char *arguments)
     printf("%u\n", ramp_cruise_us());
 }
 
+// The half steps of a turn in 1/256, and what to turn into the other.
+static void half_step(const char *arguments)
+{
+    unsigned long turn;
+    int bearing;
+    sscanf(arguments, "%lu %d", &turn, &bearing);
+    bearing_set_turn((uint32_t)turn);
+    printf("%d\n", bearing_to_half_step((int16_t)bearing));
+}
+
+static void bearing(const char *arguments)
+{
+    unsigned long turn;
+    int position;
+    sscanf(arguments, "%lu %d", &turn, &position);
+    bearing_set_turn((uint32_t)turn);
+    printf("%d\n", bearing_of_half_step((int16_t)position));
+}
+
+// The play, where the motor is after a fall, and the half steps that the sensor shall look at one after the other;
+// answers where the motor goes for each.
+static void backlash(const char *arguments)
+{
+    char *rest;
+    backlash_set((uint8_t)strtol(arguments, &rest, 10));
+    int16_t motor = backlash_motor_after_fall((int16_t)strtol(rest, &rest, 10));
+    while (*rest != '\0') {
+        motor = backlash_motor(motor, (int16_t)strtol(rest, &rest, 10));
+        printf("%d ", motor);
+    }
+    printf("%d\n", backlash_sensor(motor));
+}
+
+static void median(const char *arguments)
+{
+    char *rest = (char *)arguments;
+    median_begin();
+    while (*rest != '\0')
+        median_add((uint32_t)strtoul(rest, &rest, 10));
+    printf("%lu\n", (unsigned long)median_value());
+}
+
+static void is_possible_calibration(const char *arguments)
+{
+    unsigned long turn;
+    unsigned play, home;
+    int home_bearing;
+    sscanf(arguments, "%lu %u %u %d", &turn, &play, &home, &home_bearing);
+    struct calibration calibration = {(uint32_t)turn, (uint8_t)play, (uint8_t)home, (int16_t)home_bearing};
+    printf("%d\n", calibration_is_possible(&calibration));
+}
+
 static void is_possible(const char *arguments)
 {
     int first;
@@ -160,13 +215,19 @@ static void answer(const char *command, const char *arguments)
     else if (strcmp(command, "decode") == 0)
         decode(arguments);
     else if (strcmp(command, "half_step") == 0)
-        printf("%d\n", bearing_to_half_step((int16_t)atoi(arguments)));
+        half_step(arguments);
     else if (strcmp(command, "bearing") == 0)
-        printf("%d\n", bearing_of_half_step((int16_t)atoi(arguments)));
+        bearing(arguments);
     else if (strcmp(command, "ramp") == 0)
         ramp(arguments);
     else if (strcmp(command, "plan") == 0)
         is_possible(arguments);
+    else if (strcmp(command, "backlash") == 0)
+        backlash(arguments);
+    else if (strcmp(command, "calibration") == 0)
+        is_possible_calibration(arguments);
+    else if (strcmp(command, "median") == 0)
+        median(arguments);
     else if (strcmp(command, "gestures") == 0)
         gestures(arguments);
     else if (strcmp(command, "ring_clear") == 0)

@@ -17,9 +17,17 @@ pub struct Arguments {
     #[arg(long, value_name = "ROOM", default_value = "paper")]
     pub room: String,
 
-    /// How many units; their serial numbers count from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub units: u32,
+    /// How many units, with serial numbers from 1: one, or as many as the room has places for
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub units: Option<u32>,
+
+    /// What goes wrong and when, a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub faults: Option<PathBuf>,
+
+    /// Draw the room and do nothing else
+    #[arg(long, value_name = "FILE.svg")]
+    pub svg: Option<PathBuf>,
 
     /// Simulated seconds per second, or max
     #[arg(long, value_name = "N|max", default_value = "1")]
@@ -59,6 +67,16 @@ pub struct Arguments {
 }
 
 impl Arguments {
+    /// How the run goes on, in words.
+    pub fn pace(&self) -> String {
+        let speed = match self.speed {
+            Speed::Max => "as fast as it can".to_owned(),
+            Speed::Times(times) => format!("{times} simulated seconds a second"),
+        };
+        let end = self.duration.map_or_else(String::new, |seconds| format!(" for {seconds} s"));
+        format!("seed {}, {speed}{end}", self.seed)
+    }
+
     /// The address that unit 1 listens on.
     ///
     /// # Errors

@@ -7,10 +7,20 @@ use crate::chip::memory::XRAM_SIZE;
 use crate::chip::reset::Cause;
 use crate::cpu::Cpu;
 use crate::fault::{Fault, Violation};
+use crate::mishap::Mishap;
 use crate::time::Tick;
-use crate::world::{ECHO, World};
+use crate::world::{self, ECHO, World};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+/// What is true of a unit, for tests to compare with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Truth {
+    #[serde(flatten)]
+    pub world: world::Truth,
+    pub resets: u32,
+}
 
 pub struct Unit {
     cpu: Cpu,
@@ -61,6 +71,17 @@ impl Unit {
         self.resets
     }
 
+    /// How things are with this unit, whatever its firmware makes of them.
+    pub fn truth(&self) -> Truth {
+        Truth { world: self.world.truth(self.chip.now), resets: self.resets }
+    }
+
+    /// Something happens to a part of the unit, until then if it lasts.
+    pub fn befall(&mut self, mishap: &Mishap, until: Tick) {
+        self.world.apply(mishap, until, self.chip.now);
+        self.next_event = 0;
+    }
+
     pub fn path_is_done(&self) -> bool {
         self.world.path_is_done()
     }
@@ -91,6 +112,8 @@ impl Unit {
     /// # Errors
     /// A [`Fault`] if the firmware does what the chip forbids or what is not modelled.
     pub fn run_until(&mut self, end: Tick) -> Result<(), Fault> {
+        // Other units may have sent sound on its way here since.
+        self.next_event = self.next_event.min(self.world.next_event());
         while self.chip.now < end {
             self.advance(end).map_err(|violation| self.fault(violation))?;
         }
@@ -234,7 +257,7 @@ mod tests {
         let mut flash = erased();
         flash.fill(0);
         flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
-        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 1, 1), 1)
+        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 0, None, 1, 1), 1)
     }
 
     #[test]
