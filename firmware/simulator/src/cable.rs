@@ -37,13 +37,13 @@ impl Cable {
     }
 
     /// What arrives at the unit of bytes that the host sends now.
-    pub fn to_unit(&mut self, bytes: &mut Vec<u8>, now: Tick) {
+    pub fn deliver_to_unit(&mut self, bytes: &mut Vec<u8>, now: Tick) {
         let probability = self.noise.filter(|noise| now < noise.until).map_or(0.0, |noise| noise.to_unit);
         self.pass(bytes, probability, now);
     }
 
     /// What arrives at the host of bytes that the unit has sent until now.
-    pub fn to_host(&mut self, bytes: &mut Vec<u8>, now: Tick) {
+    pub fn deliver_to_host(&mut self, bytes: &mut Vec<u8>, now: Tick) {
         let probability = self.noise.filter(|noise| now < noise.until).map_or(0.0, |noise| noise.to_host);
         self.pass(bytes, probability, now);
     }
@@ -68,7 +68,7 @@ mod tests {
 
     fn sent_to_host(cable: &mut Cable, now: Tick) -> Vec<u8> {
         let mut bytes = vec![0x55; 10_000];
-        cable.to_host(&mut bytes, now);
+        cable.deliver_to_host(&mut bytes, now);
         bytes
     }
 
@@ -89,7 +89,7 @@ mod tests {
         assert!((60..140).contains(&wrong.len()), "{}", wrong.len());
         assert!(wrong.iter().all(|byte| (byte ^ 0x55).count_ones() == 1));
         let mut other_way = vec![0x55; 10_000];
-        cable.to_unit(&mut other_way, 0);
+        cable.deliver_to_unit(&mut other_way, 0);
         assert_eq!(other_way, [0x55; 10_000]);
         assert_eq!(sent_to_host(&mut cable, 100), [0x55; 10_000]);
     }

@@ -61,6 +61,14 @@ pub struct Arguments {
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
 
+    /// Tell at the end how deep each unit's stack went, how long its interrupts waited, how much it slept
+    #[arg(long)]
+    pub measure: bool,
+
+    /// Print the chip's modelled registers as Markdown, and end
+    #[arg(long)]
+    pub registers: bool,
+
     /// Keep the units' flash memories here from run to run
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,

@@ -87,6 +87,10 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
+    if arguments.registers {
+        say(&[chip::register_page::markdown().trim_end().to_owned()]);
+        return Ok(());
+    }
     let scene = Rc::new(Scene::new(Room::load(&arguments.room)?));
     if let Some(file) = &arguments.svg {
         return std::fs::write(file, svg::drawing(scene.room()))
@@ -173,7 +177,10 @@ fn member(
     });
     image::flash_firmware(&mut flash, records);
     let seed = seed(arguments, index);
-    let unit = Unit::power_up(flash, world, seed);
+    let mut unit = Unit::power_up(flash, world, seed);
+    if arguments.measure {
+        unit.measure();
+    }
     Ok(Member { serial, unit, cable: Cable::new(seed), peer: peer(arguments, serial)?, store, frames: 0 })
 }
 

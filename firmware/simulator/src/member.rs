@@ -61,7 +61,7 @@ impl Member {
 
     /// Puts bytes on the cable to the unit.
     pub fn feed(&mut self, mut bytes: Vec<u8>, now: Tick) {
-        self.cable.to_unit(&mut bytes, now);
+        self.cable.deliver_to_unit(&mut bytes, now);
         self.unit.feed(&bytes);
     }
 
@@ -71,6 +71,11 @@ impl Member {
         match blow.mishap {
             Mishap::CablePulled {} => self.cable.pull(until),
             Mishap::CableCorrupts { to_unit, to_host } => self.cable.garble(to_unit, to_host, until),
+            Mishap::PowerCut {} => self.unit.power_cut(until - now),
+            Mishap::BrownOut {} => self.unit.brown_out(),
+            Mishap::PowerCutAtFlashOperation { number } => {
+                self.unit.cut_power_at_flash_operation(number.into());
+            }
             Mishap::Mended {} => self.cable.mend(),
             _ => {}
         }
@@ -90,7 +95,7 @@ impl Member {
     fn exchange(&mut self, now: Tick) {
         let sent = self.unit.sent();
         self.frames += sent.iter().filter(|byte| **byte == 0).count() as u64;
-        self.cable.to_host(sent, now);
+        self.cable.deliver_to_host(sent, now);
         match &mut self.peer {
             Peer::Line(line) => {
                 let mut buffer = [0; WIRE];

@@ -55,9 +55,12 @@ pub fn end(fleet: &Fleet, real: Duration) -> Vec<String> {
         };
         let mips = member.unit.instructions() as f64 / simulated_s / 1e6;
         let resets = member.unit.resets();
-        format!("unit {}: {mips:.3} million instructions/s, {resets} resets{swept}", member.serial)
+        let serial = member.serial;
+        let whole = format!("unit {serial}: {mips:.3} million instructions/s, {resets} resets{swept}");
+        let measured = member.unit.measured().map(|measured| format!("unit {serial}: {measured}"));
+        [Some(whole), measured].into_iter().flatten()
     };
-    let mut lines: Vec<String> = fleet.members.iter().map(unit).collect();
+    let mut lines: Vec<String> = fleet.members.iter().flat_map(unit).collect();
     let real_s = real.as_secs_f64();
     let ratio = simulated_s / real_s;
     let all = ratio * fleet.members.len() as f64;
@@ -112,7 +115,8 @@ impl Progress {
     }
 }
 
-fn counted(count: usize, what: &str) -> String {
+/// A number with its noun.
+pub fn counted(count: usize, what: &str) -> String {
     match count {
         0 => format!("no {what}s"),
         1 => format!("1 {what}"),

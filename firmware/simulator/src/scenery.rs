@@ -42,9 +42,9 @@ impl Wall {
         self.path.len() > 1
     }
 
-    /// Where it goes, in order; nothing if it stands.
-    pub fn places(&self) -> Vec<Segment> {
-        self.path.iter().map(|place| Segment { from: place.from_m, to: place.to_m }).collect()
+    /// Where it is when, in order; nothing if it stands.
+    pub fn places(&self) -> Vec<(f64, Segment)> {
+        self.path.iter().map(|place| (place.at_s, Segment { from: place.from_m, to: place.to_m })).collect()
     }
 
     /// The first thing wrong with it.
@@ -97,9 +97,9 @@ impl Cylinder {
         self.path.len() > 1
     }
 
-    /// Where it goes, in order; nothing if it stands.
-    pub fn places_m(&self) -> Vec<Point> {
-        self.path.iter().map(|place| place.center_m).collect()
+    /// Where it is when, in order; nothing if it stands.
+    pub fn places(&self) -> Vec<(f64, Point)> {
+        self.path.iter().map(|place| (place.at_s, place.center_m)).collect()
     }
 
     /// The first thing wrong with it.

@@ -1,17 +1,15 @@
 //! A room as a drawing: walls, cylinders, what swallows sound, what moves, the path and the units' places.
 
 mod paper;
+mod shapes;
 
-use crate::geometry::{Point, Segment};
-use crate::room::{Pose, Room};
+use crate::geometry::Point;
+use crate::report::counted;
+use crate::room::Room;
 use crate::scenery::{Cylinder, Wall};
 use paper::{MARGIN_PX, Paper};
-use std::f64::consts::PI;
 use std::fmt::Write;
 
-/// Every so many waypoints bear their number.
-const NUMBERED: usize = 5;
-const HEADING_PX: f64 = 9.0;
 const STYLE: &str = "
     text { font-family: 'Helvetica Neue', Helvetica, Arial, 'Liberation Sans', sans-serif; fill: #33414e; }
     .title { font-size: 20px; font-weight: 600; }
@@ -22,11 +20,15 @@ const STYLE: &str = "
     .cylinder { stroke: #33414e; stroke-width: 2; fill: #c9d2da; }
     .soft-wall { stroke: #c0722c; stroke-width: 7; stroke-dasharray: 3 3; fill: none; }
     .soft-cylinder { stroke: #c0722c; stroke-width: 3; stroke-dasharray: 3 3; fill: #f3dcc6; }
+    .floor { fill: #fff; stroke: none; }
+    .share { font-size: 11px; fill: #c0722c; text-anchor: middle; dominant-baseline: central;
+        paint-order: stroke; stroke: #fdfdfb; stroke-width: 4px; }
+    .time { font-size: 10px; fill: #6b7884; text-anchor: middle; dominant-baseline: central;
+        paint-order: stroke; stroke: #fdfdfb; stroke-width: 3px; }
     .ghost { opacity: 0.3; }
     .track { stroke: #33414e; stroke-width: 1.5; stroke-dasharray: 2 5; fill: none; }
     .path { stroke: #8fb7dd; stroke-width: 2; stroke-linejoin: round; fill: none; }
-    .heading { stroke: #1f6fb5; stroke-width: 1.5; stroke-linecap: round; }
-    .waypoint { fill: #1f6fb5; stroke: #fff; stroke-width: 1; }
+    .waypoint { fill: #1f6fb5; stroke: #fff; stroke-width: 1; stroke-linejoin: round; }
     .number { font-size: 10px; fill: #1f6fb5; }
     .unit { fill: #b3263c; stroke: #fff; stroke-width: 1.5; stroke-linejoin: round; }
     .unit-name { font-size: 12px; font-weight: 600; fill: #b3263c; }
@@ -38,25 +40,33 @@ pub fn drawing(room: &Room) -> String {
     let paper = Paper::around(&everything(room));
     let mut svg = paper.begin(&format!("Room {}", room.name), STYLE);
     write_title(&mut svg, room);
+    shapes::write_floor(&mut svg, &paper, room);
     paper.write_grid(&mut svg);
-    write_tracks(&mut svg, &paper, room);
-    room.walls.iter().for_each(|wall| write_wall(&mut svg, &paper, wall));
-    room.cylinders.iter().for_each(|cylinder| write_cylinder(&mut svg, &paper, cylinder));
-    write_path(&mut svg, &paper, &room.waypoints(), room.path.as_ref().is_some_and(|path| path.closed));
-    write_units(&mut svg, &paper, room);
+    shapes::write_tracks(&mut svg, &paper, room);
+    room.walls.iter().for_each(|wall| shapes::write_wall(&mut svg, &paper, wall));
+    room.cylinders.iter().for_each(|cylinder| shapes::write_cylinder(&mut svg, &paper, cylinder));
+    shapes::write_path(
+        &mut svg,
+        &paper,
+        &room.waypoints(),
+        room.path.as_ref().is_some_and(|path| path.closed),
+    );
+    shapes::write_units(&mut svg, &paper, room);
     write_legend(&mut svg, &paper, room);
     svg + "</svg>\n"
 }
 
 /// Points that span the drawing.
 fn everything(room: &Room) -> Vec<Point> {
-    let walls = room.walls.iter().flat_map(|wall| wall.places().into_iter().chain([wall.segment(0.0)]));
+    let walls = room
+        .walls
+        .iter()
+        .flat_map(|wall| wall.places().into_iter().map(|(_, place)| place).chain([wall.segment(0.0)]));
     let cylinders = room.cylinders.iter().flat_map(|cylinder| {
-        let centers = cylinder.places_m().into_iter().chain([cylinder.center_m(0.0)]);
-        centers.flat_map(|center| {
-            [1.0, -1.0].map(|side| {
-                Point::new(center.x + side * cylinder.radius_m, center.y + side * cylinder.radius_m)
-            })
+        let places = cylinder.places().into_iter().map(|(_, place)| place);
+        let radius_m = cylinder.radius_m;
+        places.chain([cylinder.center_m(0.0)]).flat_map(move |center| {
+            [radius_m, -radius_m].map(|reach_m| Point::new(center.x + reach_m, center.y + reach_m))
         })
     });
     let poses = room.waypoints().into_iter().chain(room.places());
@@ -73,85 +83,12 @@ fn write_title(svg: &mut String, room: &Room) {
 }
 
 fn summary(room: &Room) -> String {
-    let mut parts =
-        vec![format!("{} walls", room.walls.len()), format!("{} cylinders", room.cylinders.len())];
-    match room.waypoints().len() {
-        0 => {}
-        waypoints => parts.push(format!("{waypoints} waypoints")),
+    let mut parts = vec![counted(room.walls.len(), "wall"), counted(room.cylinders.len(), "cylinder")];
+    if room.path.is_some() {
+        parts.push(counted(room.waypoints().len(), "waypoint"));
     }
     parts.push(format!("air at {:.1} °C", room.air_temperature_c(0.0)));
     parts.join(" · ")
-}
-
-/// The ways of what moves, and where it will be.
-fn write_tracks(svg: &mut String, paper: &Paper, room: &Room) {
-    for wall in room.walls.iter().filter(|wall| wall.moves()) {
-        let places = wall.places();
-        for place in &places[1..] {
-            let _ = writeln!(svg, r#"<g class="ghost">{}</g>"#, line("wall", paper, place));
-        }
-        let middles: Vec<Point> = places.iter().map(|place| place.from.toward(place.to, 0.5)).collect();
-        let _ = writeln!(svg, r#"<path class="track" d="{}"/>"#, paper.polyline(&middles, false));
-    }
-    for cylinder in room.cylinders.iter().filter(|cylinder| cylinder.moves()) {
-        let places = cylinder.places_m();
-        for &place in &places[1..] {
-            let _ = writeln!(
-                svg,
-                r#"<g class="ghost">{}</g>"#,
-                circle("cylinder", paper, place, cylinder.radius_m)
-            );
-        }
-        let _ = writeln!(svg, r#"<path class="track" d="{}"/>"#, paper.polyline(&places, false));
-    }
-}
-
-fn write_wall(svg: &mut String, paper: &Paper, wall: &Wall) {
-    let class = if wall.absorption > 0.0 { "soft-wall" } else { "wall" };
-    let _ = writeln!(svg, "{}", line(class, paper, &wall.segment(0.0)));
-}
-
-fn write_cylinder(svg: &mut String, paper: &Paper, cylinder: &Cylinder) {
-    let class = if cylinder.absorption > 0.0 { "soft-cylinder" } else { "cylinder" };
-    let _ = writeln!(svg, "{}", circle(class, paper, cylinder.center_m(0.0), cylinder.radius_m));
-}
-
-fn write_path(svg: &mut String, paper: &Paper, waypoints: &[Pose], closed: bool) {
-    if waypoints.is_empty() {
-        return;
-    }
-    let places: Vec<Point> = waypoints.iter().map(|pose| pose.position_m).collect();
-    let _ = writeln!(svg, r#"<path class="path" d="{}"/>"#, paper.polyline(&places, closed));
-    for (number, pose) in waypoints.iter().enumerate() {
-        let (x, y) = paper.at(pose.position_m);
-        let (tip_x, tip_y) = moved((x, y), pose.heading_rad, HEADING_PX);
-        let _ = writeln!(svg, r#"<path class="heading" d="M{x:.1} {y:.1}L{tip_x:.1} {tip_y:.1}"/>"#);
-        let _ = writeln!(svg, r#"<circle class="waypoint" cx="{x:.1}" cy="{y:.1}" r="3.2"/>"#);
-        if number % NUMBERED == 0 {
-            // To the right of the way, clear of the arrow.
-            let (x, y) = moved((x, y), pose.heading_rad - PI / 2.0, 12.0);
-            let _ = writeln!(
-                svg,
-                r#"<text class="number" x="{x:.1}" y="{y:.1}" text-anchor="middle" dominant-baseline="central">{number}</text>"#
-            );
-        }
-    }
-}
-
-fn write_units(svg: &mut String, paper: &Paper, room: &Room) {
-    for (index, pose) in room.places().into_iter().enumerate() {
-        let center = paper.at(pose.position_m);
-        let corner = |turn_rad: f64, length: f64| moved(center, pose.heading_rad + turn_rad, length);
-        let corners = [corner(0.0, 14.0), corner(2.5, 10.0), corner(PI, 4.0), corner(-2.5, 10.0)];
-        let points: Vec<String> = corners.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
-        let _ = writeln!(svg, r#"<polygon class="unit" points="{}"/>"#, points.join(" "));
-        let (x, y) = (center.0, center.1 + 26.0);
-        let name = format!("unit {}", index + 1);
-        let _ = writeln!(
-            svg,
-            r#"<text class="unit-name" x="{x:.1}" y="{y:.1}" text-anchor="middle">{name}</text>"#
-        );
-    }
 }
 
 /// The scale, and what the signs mean of which there are any.
@@ -175,21 +112,6 @@ fn write_legend(svg: &mut String, paper: &Paper, room: &Room) {
     }
 }
 
-fn line(class: &str, paper: &Paper, segment: &Segment) -> String {
-    format!(r#"<path class="{class}" d="{}"/>"#, paper.polyline(&[segment.from, segment.to], false))
-}
-
-fn circle(class: &str, paper: &Paper, center: Point, radius_m: f64) -> String {
-    let (x, y) = paper.at(center);
-    let radius_px = paper.length(radius_m);
-    format!(r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="{radius_px:.1}"/>"#)
-}
-
-/// The point on paper so many pixels away in a direction of the room.
-fn moved((x, y): (f64, f64), bearing_rad: f64, length_px: f64) -> (f64, f64) {
-    (x + length_px * bearing_rad.cos(), y - length_px * bearing_rad.sin())
-}
-
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -209,9 +131,9 @@ mod tests {
         assert_eq!(count(&svg, r#"class="wall""#), 6);
         assert_eq!(count(&svg, r#"class="cylinder""#), 1);
         assert_eq!(count(&svg, r#"class="waypoint""#), 44);
-        assert_eq!(count(&svg, r#"class="heading""#), 44);
         assert!(svg.contains(">paper</text>") && svg.contains(">1 m</text>"));
-        assert!(!svg.contains("soft"));
+        assert_eq!(count(&svg, r#"class="floor""#), 1);
+        assert_eq!(count(&svg, r#"class="soft"#), 0);
     }
 
     #[test]
@@ -224,6 +146,8 @@ mod tests {
         assert_eq!(count(&svg, r#"class="soft-wall""#), 2);
         assert_eq!(count(&svg, r#"class="ghost""#), 1);
         assert_eq!(count(&svg, r#"class="unit""#), 2);
-        assert!(svg.contains(">unit 2</text>"));
+        assert!(
+            svg.contains(">unit 2</text>") && svg.contains(">70 %</text>") && svg.contains(">9 s</text>")
+        );
     }
 }

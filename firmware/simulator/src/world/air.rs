@@ -83,7 +83,7 @@ impl Air {
     }
 
     fn ways(&self, scenery: &Scenery, look: &Look, ear: Point, at: Tick) -> Vec<Arrival> {
-        let straight = scenery.sees(look.from, ear).then(|| Way {
+        let straight = scenery.sees(look.from, ear).then_some(Way {
             first: ear,
             last: look.from,
             image: look.from,
