@@ -95,7 +95,8 @@ uint32_t checksum_of_flash(uint16_t address, uint16_t length)
     checksum_begin();
     at = (const __code uint8_t *)address;
     for (left = length; left != 0; left--) {
-        watchdog_feed();
+        if ((uint8_t)left == 0)
+            watchdog_feed();
         checksum_add(*at++);
     }
     return checksum();
