@@ -41,6 +41,7 @@ class SteppedUnit:
         self._heard: list[Frame] = []
         self._request = 0
         self.now_s = 0.0
+        self.truth: dict[str, Any] = {}  # how things are, as the simulator knows them
 
     def step(self, **request: Any) -> bytes:
         """One request of ``noctule-sim --control``; what the unit has sent."""
@@ -51,6 +52,7 @@ class SteppedUnit:
         assert line, f"the simulator has ended with status {self._process.wait(10)}"
         answer = json.loads(line)
         self.now_s = answer["now_s"]
+        self.truth = answer["truth"][0]
         return bytes.fromhex(answer["sent"][0])
 
     def run(self, duration_s: float) -> bytes:
