@@ -25,6 +25,7 @@ from noctule_gateway.frames import (
 IMAGE = Path(__file__).parents[2] / "firmware" / "build" / "noctule.ihx"
 
 F = TypeVar("F", bound=Frame)
+G = TypeVar("G", bound=Frame)
 
 
 class SilenceError(AssertionError):
@@ -40,7 +41,7 @@ class SteppedUnit:
         self._heard: list[Frame] = []
         self._request = 0
         self.now_s = 0.0
-        self.truth: dict[str, Any] = {}
+        self.truth: dict[str, Any] = {}  # how things are, as the simulator knows them
 
     def step(self, **request: Any) -> bytes:
         """One request of ``noctule-sim --control``; what the unit has sent."""
@@ -60,6 +61,10 @@ class SteppedUnit:
         self._heard += self._reader.feed(sent)
         return sent
 
+    def befall(self, kind: str, **details: Any) -> None:
+        """Have a fault of the simulator's README happen to the unit, now."""
+        self.step(fault={"kind": kind, **details})
+
     def send_bytes(self, data: bytes) -> None:
         """Put bytes on the cable, from now on."""
         self.step(feed=[data.hex()])
@@ -70,16 +75,27 @@ class SteppedUnit:
 
     def receive(self, frame_type: type[F], within_s: float = 10.0) -> F:
         """The next frame of this type; those before it are passed over."""
+        return self.receive_either(frame_type, frame_type, within_s)
+
+    def receive_either(self, one: type[F], other: type[G], within_s: float = 10.0) -> F | G:
+        """The next frame of one of two types; those before it are passed over."""
         end_s = self.now_s + within_s
         while True:
             for place, frame in enumerate(self._heard):
-                if isinstance(frame, frame_type):
+                if isinstance(frame, (one, other)):
                     del self._heard[: place + 1]
                     return frame
             self._heard.clear()
             if self.now_s >= end_s:
-                raise SilenceError(f"no {frame_type.__name__} within {within_s} s of simulated time")
+                names = " or ".join({one.__name__, other.__name__})
+                raise SilenceError(f"no {names} within {within_s} s of simulated time")
             self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))
+
+    def take(self, frame_type: type[F]) -> list[F]:
+        """The frames of this type that have come by now; the others are forgotten."""
+        taken = [frame for frame in self._heard if isinstance(frame, frame_type)]
+        self._heard.clear()
+        return taken
 
     def ask(self, frame: Enquiry | Order, answer: type[F], within_s: float = 2.0) -> F:
         """The answer to a new request, which is numbered here."""
