@@ -1,6 +1,7 @@
 """What resets a unit, what it says of it, and what outlives it: the sweeps in the ring, above all."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from firmware.images import built_with_fault
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.frames import (
+    AskHello,
     AskStatus,
     Configure,
     Hello,
@@ -59,6 +61,19 @@ def test_reset_is_answered_first_and_says_that_it_was_asked_for():
         unit.befall("power_cut", for_s=0.2)
         hello = unit.receive(Hello)
         assert (hello.boot, hello.reset_cause, hello.reset_note) == (3, POWER, NO_NOTE)
+
+
+def test_the_answer_to_reset_waits_for_a_long_sweep_before_it_and_still_goes_out():
+    with stepped_unit("--laps", "0") as unit:
+        unit.greet()
+        assert unit.command(replace(QUICK, count=64)) == Outcome.DONE
+        sweep = sweep_once(unit)
+        # HELLO has the sweep sent at once; 540 bytes take 47 ms of the line.
+        unit.ask(AskHello(0), Hello)
+        unit.send(Reset(17))
+        assert unit.receive_either(Sweep, Result) == sweep
+        assert unit.receive_either(Result, Hello) == Result(17, Reset.TYPE, Outcome.DONE)
+        assert unit.receive(Hello).reset_note == NOTE_RESET
 
 
 def test_a_unit_resets_in_the_midst_of_a_sweep_too():

@@ -163,6 +163,22 @@ def test_a_power_cut_is_followed_by_a_power_up(tmp_path):
         assert unit.truth["resets"] == 1
 
 
+def test_a_dip_of_the_supply_resets_the_chip_by_its_monitor(tmp_path):
+    with unit_in(tmp_path, WALL + UNIT) as unit:
+        unit.step(fault={"kind": "brown_out"})
+        # RSTSRC.PORSF (C8051F34x data sheet, SFR definition of RSTSRC)
+        assert unit.receive(Hello, 10).reset_cause & 0x02
+
+
+def test_the_power_may_go_in_the_midst_of_a_flash_operation(tmp_path):
+    faults = tmp_path / "faults.toml"
+    faults.write_text('[[fault]]\nat_s = 0\nkind = "power_cut_at_flash_operation"\nnumber = 1\n')
+    with unit_in(tmp_path, WALL + UNIT, "--faults", str(faults)) as unit:
+        # The first boot's was its boot number; it ended there, and the second one went on.
+        assert unit.truth["resets"] == 1
+        assert unit.truth["flash_operations"] >= 2
+
+
 def test_faults_of_a_schedule_come_and_go_at_their_times(tmp_path):
     faults = tmp_path / "faults.toml"
     faults.write_text('[[fault]]\nat_s = 3\nunit = 1\nkind = "button_held"\nfor_s = 0.5\n')
