@@ -179,6 +179,7 @@ def test_each_reading_says_why_there_is_no_echo_and_the_link_goes_on(facing, mis
     faults = unit.ask(AskStatus(0), Status).echo_faults
     assert faults == (0 if echo == NO_ECHO else len(made.readings))
 
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     for reading in one_sweep(unit, plan).readings:
         assert abs(width_error_s(reading, 1.0)) <= 1e-6

@@ -223,6 +223,7 @@ def test_a_broken_switch_is_told_and_stops_nothing_else(placed, mishap, fault):
     assert (status.fault, status.homed) == (fault, False)
     assert unit.command(GoTo(0, 0)) == NOT_HOMED
     assert not unit.truth["coils_on"]
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     assert unit.command(Single(0)) == DONE
     assert unit.receive(Sweep, within_s=60)
@@ -239,6 +240,7 @@ def test_a_stuck_motor_does_not_stop_the_link(placed):
         unit.acknowledge(unit.receive(Sweep, within_s=60))
     assert unit.command(Stop(0)) == DONE
     unit.wait_for_state(IDLE)
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     home(unit)
     assert go_to(unit, 20.0) == pytest.approx(20.0, abs=HOMED_DEG)
