@@ -6,8 +6,10 @@ from contextlib import ExitStack
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from random import Random
 
 import pytest
+from firmware.flood import flood
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.frames import (
@@ -15,6 +17,7 @@ from noctule_gateway.frames import (
     Calibrate,
     Configure,
     GoTo,
+    Hello,
     Home,
     Single,
     Start,
@@ -188,6 +191,20 @@ def test_bearings_do_not_drift(placed):
     assert [go_to(unit, there) for there in (30.0, -30.0)] == pytest.approx(before, abs=1e-9)
 
 
+def test_no_load_on_the_line_loses_a_half_step(placed):
+    unit = placed()
+    home(unit)
+    before = [go_to(unit, there) for there in (30.0, -30.0)]
+    # the fastest: 50 half steps/s more, and the simulator's motor loses them
+    assert unit.command(Configure(0, bearing(-140), bearing(35), 9, 29, 1000, 100, 20, 1)) == DONE
+    assert unit.command(Start(0, 0)) == DONE
+    assert len(flood(unit, 60.0, Random(2))) > 10
+    unit.run(1.0)
+    assert unit.command(Stop(0)) == DONE
+    unit.wait_for_state(IDLE)
+    assert [go_to(unit, there) for there in (30.0, -30.0)] == pytest.approx(before, abs=1e-9)
+
+
 @pytest.mark.parametrize("backlash", [0, 9])
 def test_an_end_stop_is_found_again_where_it_was(placed, backlash):
     unit = placed(f'home = "none"\nstop_deg = 160.0\nbacklash_deg = {backlash * HALF_STEP_DEG}')
@@ -201,6 +218,19 @@ def test_an_end_stop_is_found_again_where_it_was(placed, backlash):
         home(unit)
         assert go_to(unit, 0.0) == pytest.approx(0.0, abs=HOMED_DEG)
         go_to(unit, start)
+
+
+def test_an_end_stop_is_found_again_after_a_power_cut(placed):
+    unit = placed('home = "none"\nstop_deg = 160.0')
+    looked = []
+    for turned_to in (-40.0, 55.5, 3.3):
+        calibrate(unit, kind=1, home_deg=-160.0)
+        home(unit)
+        looked.append(go_to(unit, 0.0))
+        go_to(unit, turned_to)
+        unit.befall("power_cut", for_s=1.0)
+        unit.receive(Hello)
+    assert looked == pytest.approx([looked[0]] * 3, abs=1e-9)
 
 
 def test_a_switch_elsewhere_is_taken_at_its_calibrated_bearing(placed):
@@ -223,6 +253,7 @@ def test_a_broken_switch_is_told_and_stops_nothing_else(placed, mishap, fault):
     assert (status.fault, status.homed) == (fault, False)
     assert unit.command(GoTo(0, 0)) == NOT_HOMED
     assert not unit.truth["coils_on"]
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     assert unit.command(Single(0)) == DONE
     assert unit.receive(Sweep, within_s=60)
@@ -239,6 +270,7 @@ def test_a_stuck_motor_does_not_stop_the_link(placed):
         unit.acknowledge(unit.receive(Sweep, within_s=60))
     assert unit.command(Stop(0)) == DONE
     unit.wait_for_state(IDLE)
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     home(unit)
     assert go_to(unit, 20.0) == pytest.approx(20.0, abs=HOMED_DEG)
