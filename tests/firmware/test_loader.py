@@ -53,9 +53,9 @@ def new(tmp_path_factory) -> Image:
 
 @pytest.fixture(scope="module")
 def hanging(tmp_path_factory) -> Image:
-    """The firmware with an endless loop where its own begins."""
+    """The firmware that hangs where its main loop begins."""
     folder = tmp_path_factory.mktemp("hanging")
-    image = built_with_fault(folder, "src/main.c", ("    start();\n", "    start();\n    for (;;)\n        ;\n"))
+    image = built_with_fault(folder, "src/main.c", ("        watchdog_feed();\n", "        while (stack_is_sound())\n            ;\n"))
     return load(image.with_name("update.hex"))
 
 

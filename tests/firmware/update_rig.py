@@ -9,6 +9,7 @@ from noctule_gateway.update_image import Image
 from noctule_gateway.update_steps import Current, Step, Updated
 
 SERIAL = 1  # noctule-sim's first unit
+TICK_S = 1e-6  # so that what is due then is, whatever the simulator's rounding
 
 
 class Update:
@@ -32,8 +33,10 @@ class Update:
     def _exchange(self) -> None:
         unit, updater = self._unit, self._updater
         updater.advance(unit.now_s)
+        if updater.outcome is not None:
+            return
         feed = updater.output(unit.now_s).hex()
-        sent = unit.step(feed=[feed], until_s=max(updater.next_s, unit.now_s), stop_at_frame=True)
+        sent = unit.step(feed=[feed], until_s=max(updater.next_s, unit.now_s) + TICK_S, stop_at_frame=True)
         updater.receive(sent, unit.now_s)
 
 
