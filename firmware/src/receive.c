@@ -9,6 +9,7 @@
 #include "command.h"
 #include "counters.h"
 #include "crc.h"
+#include "delivery.h"
 #include "little_endian.h"
 #include "memory.h"
 #include "protocol.h"
@@ -56,6 +57,7 @@ static uint8_t take_frame(uint32_t received)
     crc = crc_end(crc);
     if (crc != get32(frame + content))
         return REASON_UNREADABLE;
+    delivery_host_is_heard();
     return command_take(frame, content, crc, received);
 }
 
