@@ -16,6 +16,7 @@ from noctule_gateway.frames import (
     Frame,
     Hello,
     HostFrame,
+    LoaderOrder,
     Order,
     Result,
     Status,
@@ -79,7 +80,7 @@ class SteppedUnit:
                 raise SilenceError(f"no {frame_type.__name__} within {within_s} s of simulated time")
             self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))
 
-    def ask(self, frame: Enquiry | Order, answer: type[F], within_s: float = 2.0) -> F:
+    def ask(self, frame: Enquiry | Order | LoaderOrder, answer: type[F], within_s: float = 2.0) -> F:
         """The answer to a new request, which is numbered here."""
         self._request = self._request % 255 + 1
         self.send(replace(frame, request=self._request))
@@ -89,7 +90,7 @@ class SteppedUnit:
             if found.request == self._request:
                 return found
 
-    def command(self, order: Order, within_s: float = 2.0) -> int:
+    def command(self, order: Order | LoaderOrder, within_s: float = 2.0) -> int:
         """What the unit says has become of ``order``, an Outcome."""
         return self.ask(order, Result, within_s).result
 
