@@ -107,13 +107,33 @@ def test_hello_comes_first_then_eight_quick_clocks_the_settings_and_the_status()
 
 def test_the_settings_are_read_once_and_again_after_an_order_that_changes_them() -> None:
     rig = Rig(ModelUnit(SERIAL))
-    rig.run(20.0)
-    rig.link.order(replace(DEFAULT_PLAN, count=9))
+    seen = []
+    for order in (None, replace(DEFAULT_PLAN, count=9), frames.Store(0)):
+        if order is not None:
+            rig.link.order(order)
+        assert len(of_type(rig.run(20.0), SettingsRead)) == 1
+        assert rig.link.settings is not None
+        seen.append((rig.link.settings.count, rig.link.settings.stored))
+    assert seen == [(13, 1), (9, 0), (9, 1)]
+
+
+def test_nothing_is_sent_to_a_unit_that_stores_its_settings_until_it_answers() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit)
     rig.run(1.0)
+    sweep = unit.make_sweep(rig.now_s)
     rig.link.order(frames.Store(0))
-    rig.run(20.0)
-    read = [event.settings for event in of_type(rig.events, SettingsRead)]
-    assert [(settings.count, settings.stored) for settings in read] == [(13, 1), (9, 0), (9, 1)]
+    store = rig.link.output(rig.now_s)
+    rig.link.committed(sweep)
+    assert rig.link.output(rig.now_s + 0.02) == b""
+    rig.link.receive(_answer(unit, store, rig.now_s), rig.now_s + 0.02)
+    unit.receive(rig.link.output(rig.now_s + 0.02), rig.now_s + 0.02)
+    assert not unit.ring
+
+
+def _answer(unit: ModelUnit, request: bytes, now_s: float) -> bytes:
+    unit.receive(request, now_s)
+    return unit.output(now_s)
 
 
 def test_clock_and_status_go_on_about_once_a_second() -> None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from noctule_gateway.clock import Exchange
 from noctule_gateway.errors import CommandError, WrongUnitError
-from noctule_gateway.frames import Hello, Loader, Order, Settings, Status, Sweep
+from noctule_gateway.frames import Hello, Loader, Order, Status, Sweep
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,7 @@ class StatusRead:
 
 @dataclass(frozen=True)
 class SettingsRead:
-    """The unit's plan and calibration, as they are after it was identified and after each order that changes them."""
-
-    settings: Settings
+    """Link.settings are known: after the unit was identified, and again after each order that changes them."""
 
 
 @dataclass(frozen=True)

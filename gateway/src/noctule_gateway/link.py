@@ -5,10 +5,6 @@ setup.py to order, and what the caller orders. A unit in its loader is asked not
 when the caller says that it is committed, and again each time it comes again, or may have.
 """
 
-from collections import deque
-from dataclasses import dataclass
-from math import inf
-
 from noctule_gateway import frames
 from noctule_gateway.agenda import Agenda
 from noctule_gateway.clock import TICK_S, Exchange
@@ -19,7 +15,6 @@ from noctule_gateway.events import (
     Event,
     Identified,
     InLoader,
-    OrderSettled,
     Refused,
     SettingsRead,
     Silent,
@@ -28,9 +23,10 @@ from noctule_gateway.events import (
 )
 from noctule_gateway.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
 from noctule_gateway.identity import mismatch
+from noctule_gateway.order_queue import OrderQueue
 from noctule_gateway.receipts import Receipts, Standing
 from noctule_gateway.requests import Requests
-from noctule_gateway.setup import Setup, Wanted, describe
+from noctule_gateway.setup import Setup, Wanted
 
 REFUSED_RETRY_S = 5.0
 LOADER_RETRY_S = 5.0
@@ -42,14 +38,6 @@ _BYTE_S = 10 / 115200  # 8N1
 _CLOCK_ANSWER_S = len(encode(Clock(1, 0, 0))) * _BYTE_S
 _SLACK_TICKS = 400_000  # frames may pass one another within the unit, but not by 0.1 s
 _CHANGES_SETTINGS = (frames.Configure, frames.Calibrate, frames.TrimTemperature, frames.Store)
-
-
-@dataclass(frozen=True)
-class _Given:
-    """An order on its way; ticket 0 is the setup's."""
-
-    order: Order
-    ticket: int
 
 
 class Link:
@@ -64,6 +52,7 @@ class Link:
         self.receipts = Receipts()
         self.timeouts = 0
         self.identified = False
+        self.settings: Settings | None = None  # as the unit has them now, once they have been read
         self._serial = serial
         self._agenda = Agenda()
         self._requests = Requests(first_request)
@@ -73,10 +62,8 @@ class Link:
         self._acknowledge_again_s = 0.0
         self._setup_waits = False
         self._doubted_boots: set[int] = set()
-        self._orders: deque[_Given] = deque()
-        self._given: _Given | None = None
-        self._tickets = 0
-        self._asked_s = self._asked_through_s = 0.0
+        self._orders = OrderQueue(self.setup)
+        self._asked_s = self._asked_through_s = self._hushed_until_s = 0.0
         self._greet(0.0, "")
 
     def connected(self, now_s: float) -> list[Event]:
@@ -106,13 +93,17 @@ class Link:
         if again is not None:
             self._out += again
             return []
-        return self._settle(None, now_s) if self._given else []
+        return self._settle(None, now_s) if self._orders.given else []
 
     def output(self, now_s: float) -> bytes:
-        """What to write to the line, at once."""
+        """What to write to the line, at once. Nothing while a unit stores its settings, for then it hears nothing."""
+        if self._requests.pending and now_s < self._hushed_until_s:
+            return b""
         if not self._requests.pending and now_s >= self.next_s:
             self._out += self._requests.ask(self._next_request(now_s), now_s)
             self._asked_s, self._asked_through_s = now_s, now_s + len(self._out) * _BYTE_S
+        if isinstance(self._orders.given, frames.Store) and self._requests.due_s is not None:
+            self._hushed_until_s = self._requests.due_s
         written = bytes(self._out)
         self._out.clear()
         return written
@@ -124,15 +115,13 @@ class Link:
             return self._requests.due_s
         if not self.identified:
             return self._agenda.due_s
-        return -inf if self._orders else min(self._agenda.due_s, self.setup.due_s)
+        return min(self._agenda.due_s, self._orders.due_s)
 
     def order(self, order: Order) -> int:
         """Have the unit carry ``order`` out; OrderSettled comes with the ticket returned. Raises CommandError."""
         if not self.identified:
             raise CommandError("the unit is not connected")
-        self._tickets += 1
-        self._orders.append(_Given(order, self._tickets))
-        return self._tickets
+        return self._orders.add(order)
 
     def committed(self, sweep: Sweep) -> None:
         """``sweep`` is safe: the unit may forget it."""
@@ -147,22 +136,17 @@ class Link:
         urgent = self._agenda.urgent(now_s)
         if urgent is not None:
             return urgent
-        if self._orders or now_s >= self.setup.due_s:
-            self._given = self._orders.popleft() if self._orders else _Given(self.setup.order, 0)
-            return self._given.order
-        return self._agenda.routine(now_s)
+        return self._orders.give() if now_s >= self._orders.due_s else self._agenda.routine(now_s)
 
     def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
         """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
-        lost = [given for given in (self._given, *self._orders) if given is not None and given.ticket]
-        self._orders.clear()
-        self._given = None
         self._requests.abandon()
         self.identified = False
+        self.settings = None
         self._nothing_came = self._nothing_read = 0
         self._last_tick = 0
         self._agenda.greet(now_s + again_s)
-        return [OrderSettled(given.order, given.ticket, CommandError(why)) for given in lost]
+        return self._orders.fail(why)
 
     def _garbled(self, now_s: float) -> None:
         """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
@@ -188,8 +172,9 @@ class Link:
             case Clock() if self._requests.answered(frame):
                 return self._clock(frame, now_s)
             case Settings() if self._requests.answered(frame):
+                self.settings = frame
                 self._agenda.settings_came()
-                return [SettingsRead(frame)]
+                return [SettingsRead()]
             case Result() if self._requests.answered(frame):
                 return self._settle(frame, now_s)
         return []
@@ -202,7 +187,7 @@ class Link:
         if self.identified and not rebooted:
             self._agenda.identified(now_s, rebooted=False)
             return []
-        done = self._settle_reset() if rebooted else []
+        done = self._orders.unit_was_reset() if rebooted else []
         lost = self._greet(now_s, "the unit was reset")
         self._agenda.identified(now_s, rebooted)
         self.identified = True
@@ -246,27 +231,10 @@ class Link:
         return went_back
 
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
-        given, self._given = self._given, None
-        assert given is not None
-        if result is not None and isinstance(given.order, _CHANGES_SETTINGS):
+        if result is not None and isinstance(self._orders.given, _CHANGES_SETTINGS):
+            self.settings = None
             self._agenda.settings_changed(now_s)
-        if given.ticket == 0:
-            self.setup.settle(result, now_s)
-            return []
-        if result is None:
-            return [OrderSettled(given.order, given.ticket, CommandError("the unit did not answer"))]
-        if result.result != frames.Outcome.DONE:
-            return [OrderSettled(given.order, given.ticket, CommandError(describe(result)))]
-        self.setup.learn(given.order)
-        return [OrderSettled(given.order, given.ticket, None)]
-
-    def _settle_reset(self) -> list[Event]:
-        """An order to reset is carried out when the unit shows that it was reset, whether it has answered or not."""
-        given = self._given
-        if given is None or not isinstance(given.order, frames.Reset):
-            return []
-        self._given = None
-        return [OrderSettled(given.order, given.ticket, None)]
+        return self._orders.settle(result, now_s)
 
     def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
         if not self._agenda.time_is_known:
