@@ -183,15 +183,30 @@ def test_a_line_that_is_opened_again_does_not_disturb_the_unit() -> None:
     assert unit.carried_out == [PLAN, frames.Start(0, 250)]
 
 
-def test_a_line_that_is_opened_again_to_the_same_boot_takes_sweeps_before_any_clock_exchange() -> None:
+def test_a_line_that_is_opened_again_to_the_same_boot_takes_sweeps_after_one_clock_exchange() -> None:
     unit = ModelUnit(SERIAL)
     rig = Rig(unit)
     rig.run(2.0)
     rig.cut(5.0)
-    unit.make_sweep(rig.now_s)
     rig.link.connected(rig.now_s)
-    kinds = [type(event) for event in rig.run(2.0)]
-    assert kinds.index(SweepRead) < kinds.index(ClockRead)
+    kinds = [type(event) for event in rig.run(0.3)]
+    assert kinds == [Identified, ClockRead, SettingsRead, StatusRead, ClockRead]
+
+
+def test_a_unit_that_was_given_power_under_the_same_boot_number_is_told_by_its_ticks() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, SWEEPING)
+    rig.run(20.0)
+    rig.cut(5.0)
+    anew = ModelUnit(SERIAL, born_s=rig.now_s)  # as a simulated one is whose flash is not kept
+    anew.make_sweep(rig.now_s)
+    rig.unit = anew
+    rig.link.connected(rig.now_s)
+    events = rig.run(3.0)
+    assert [event.rebooted for event in of_type(events, Identified)] == [False, True]
+    rebooted = [type(event) for event in events].index(Identified, 1)
+    assert not of_type(events[:rebooted], SweepRead)
+    assert anew.carried_out == [PLAN, frames.Start(0, 250)]
 
 
 def test_a_plan_that_the_unit_refuses_is_told_and_nothing_is_started() -> None:

@@ -69,6 +69,8 @@ class Agenda:
         """The unit has said who it is, under another boot than last time if ``rebooted``."""
         if not self._identified:
             self._clock_due_s = self._status_due_s = self._settings_due_s = now_s
+            # One at least: only its ticks show a unit that was given power anew and forgot how often that has been.
+            self._clocks_to_begin_with = max(self._clocks_to_begin_with, 1)
         if rebooted:
             self._clocks_to_begin_with = QUICK_CLOCKS
         self._identified = True

@@ -60,6 +60,8 @@ class Link:
         self._boot: int | None = None
         self._acknowledged: Sweep | None = None
         self._acknowledge_again_s = 0.0
+        self._last_tick = 0
+        self._ticks_went_back = False
         self._setup_waits = False
         self._doubted_boots: set[int] = set()
         self._orders = OrderQueue(self.setup)
@@ -144,7 +146,6 @@ class Link:
         self.identified = False
         self.settings = None
         self._nothing_came = self._nothing_read = 0
-        self._last_tick = 0
         self._agenda.greet(now_s + again_s)
         return self._orders.fail(why)
 
@@ -183,7 +184,7 @@ class Link:
         error = mismatch(hello, self._serial)
         if error is not None:
             return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
-        rebooted = hello.boot != self._boot
+        rebooted = hello.boot != self._boot or self._ticks_went_back
         if self.identified and not rebooted:
             self._agenda.identified(now_s, rebooted=False)
             return []
@@ -193,6 +194,7 @@ class Link:
         self.identified = True
         self._boot = hello.boot
         if rebooted:
+            self._last_tick, self._ticks_went_back = 0, False
             self.setup.drop()
             self._setup_waits = True
         return [*done, *lost, Identified(hello, rebooted)]
@@ -226,9 +228,10 @@ class Link:
         return []
 
     def _went_back(self, tick: int) -> bool:
-        went_back = tick + _SLACK_TICKS < self._last_tick
+        if tick + _SLACK_TICKS < self._last_tick:
+            self._ticks_went_back = True
         self._last_tick = tick
-        return went_back
+        return self._ticks_went_back
 
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
         if result is not None and isinstance(self._orders.given, _CHANGES_SETTINGS):
