@@ -106,6 +106,29 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
     assert unheard.time_offset_s == pytest.approx(0.06 / second)  # 15000 times 4 us
 
 
+def test_an_oscillator_that_is_one_percent_fast_is_taken_out_of_a_sweeps_times(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic(), drift=0.01)
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        got: list[Sweep] = []
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+
+            def corrected() -> bool:
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                return any(sweep.HasField("clock_drift") for sweep in got)
+
+            wait_until(corrected, "the drift did not become known", 60)
+    sweep = next(sweep for sweep in got if sweep.HasField("clock_drift"))
+    made = unit.made[sweep.sequence - 1]
+    # Three standard deviations of what the gateway asks of a drift: 200 ppm.
+    assert sweep.readings[0].time_of_flight_s == pytest.approx(made.readings[0].echo / 4e6 / 1.01, rel=6e-4)
+
+
 def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router: zenoh.Session) -> None:
     unit = ModelUnit(8, born_s=time.monotonic())
     unit.make_sweep(time.monotonic())
