@@ -11,6 +11,7 @@ from noctule_gateway import frames, resets, status
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.frames import Hello, Loader, State, Status, Stay
 from noctule_gateway.lateness import TOO_LATE_S, Lateness
+from noctule_gateway.line_quality import LineQuality
 from noctule_gateway.log import LogState
 
 UNIT = Unit("u1", 7, "socket://h:1", FixedPose(Pose2(0, 0, 0)), Sensor(), None, False, 0.0)
@@ -28,7 +29,7 @@ def says(frame: frames.Frame) -> Status:
 
 
 STATUS = says(frames.AskStatus(1))
-GOOD = status.Condition("", HELLO, None, STATUS, LogState(), "", lost_pose=False, late=False)
+GOOD = status.Condition("", HELLO, None, STATUS, LogState(), "", lost_pose=False, late=False, bad_line=False)
 
 
 def test_a_unit_that_turns_is_shown_as_turning_with_its_chips_temperature() -> None:
@@ -94,3 +95,23 @@ def test_a_delay_counts_for_ten_seconds_at_least_and_twenty_at_most() -> None:
             assert lateness.worst_s == 2 * TOO_LATE_S
         if second < 15 or second > 35:
             assert lateness.worst_s == 0.01
+
+
+def test_a_line_that_corrupts_a_tenth_is_told_until_it_is_good_again() -> None:
+    quality = LineQuality()
+    told = []
+    read = bad = 0
+    for one_in in (0, 5, 20, 0):
+        for frame in range(400):
+            hit = bool(one_in) and frame % one_in == 0
+            read, bad = read + (not hit), bad + hit
+            quality.note(read, bad)
+        told.append(quality.bad)
+    assert told == [False, True, True, False]
+    assert "check cable" in status.message(replace(GOOD, bad_line=True), UNIT).detail
+
+
+def test_a_single_frame_that_is_hit_is_not_worth_a_word() -> None:
+    quality = LineQuality()
+    quality.note(0, 1)
+    assert not quality.bad

@@ -31,6 +31,10 @@ _STAYS: dict[int, str] = {
 
 _LATE = "the gateway serves it late: the machine has too many units, or too slow a disk (counter late_ms)"
 
+_BAD_LINE = (
+    "much of what it sends can't be read: check cable, ground and adapter (counters frames_bad, unit_frames_bad)"
+)
+
 
 @dataclass(frozen=True)
 class Condition:
@@ -44,6 +48,7 @@ class Condition:
     setup_error: str
     lost_pose: bool  # the last sweep had none
     late: bool  # it is served later than it should be
+    bad_line: bool  # much of what it sends can't be read
 
 
 def detail(condition: Condition, unit: Unit) -> str:
@@ -61,6 +66,8 @@ def detail(condition: Condition, unit: Unit) -> str:
         return _waiting(condition)
     if condition.late:
         return _LATE
+    if condition.bad_line:
+        return _BAD_LINE
     return _lost_pose(unit) if condition.lost_pose else ""
 
 
@@ -118,6 +125,8 @@ def in_loader(loader: Loader) -> str:
 def _waiting(condition: Condition) -> str:
     if condition.late:
         return f"the unit's ring is full, and {_LATE}"
+    if condition.bad_line:
+        return f"the unit's ring is full, and {_BAD_LINE}"
     return (
         "the unit's ring is full: its sweeps come faster than the line to it carries them, or than the disk takes them"
     )

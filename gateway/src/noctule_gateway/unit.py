@@ -29,6 +29,7 @@ from noctule_gateway.execution import Execution
 from noctule_gateway.frames import MAX_REQUEST, Hello, Loader, Status, Sweep
 from noctule_gateway.lateness import TOO_LATE_S, Lateness
 from noctule_gateway.line import Line
+from noctule_gateway.line_quality import LineQuality
 from noctule_gateway.link import Link
 from noctule_gateway.log import SweepLog
 from noctule_gateway.log_file import Arrival, Committed
@@ -65,6 +66,7 @@ class UnitServer:
         self._clocks = BootClocks(site.clock == "unit", self._anchor)
         self._execution = Execution(self._link, self._status_message)
         self._lateness = Lateness()
+        self._line_quality = LineQuality()
         self._counters = dict.fromkeys(("sweeps_committed", "sweeps_without_pose", "lines_opened", "clocks_refused"), 0)
         self._trouble = "not connected yet"
         self._hello: Hello | None = None
@@ -133,6 +135,7 @@ class UnitServer:
         self._handle(self._link.advance(now_s))
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
+            self._line_quality.note(self._link.reader.frames_read, self._link.reader.frames_bad)
             report = self._status_message()
             self._tell(report.detail)
             self._report(report)
@@ -228,6 +231,7 @@ class UnitServer:
             setup_error=self._link.setup.error,
             lost_pose=self._lost_pose,
             late=self.late,
+            bad_line=self._line_quality.bad,
         )
         message = status.message(condition, self._unit)
         message.site = self._site.name
