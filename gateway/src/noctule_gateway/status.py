@@ -31,9 +31,7 @@ _STAYS: dict[int, str] = {
 
 _LATE = "the gateway serves it late: the machine has too many units, or too slow a disk (counter late_ms)"
 
-_BAD_LINE = (
-    "much of what it sends can't be read: check cable, ground and adapter (counters frames_bad)"
-)
+_BAD_LINE = "much of what it sends can't be read: check cable, ground and adapter (counters frames_bad)"
 
 
 @dataclass(frozen=True)
@@ -127,9 +125,7 @@ def _waiting(condition: Condition) -> str:
         return f"the unit's ring is full, and {_LATE}"
     if condition.bad_line:
         return f"the unit's ring is full, and {_BAD_LINE}"
-    return (
-        "the unit's ring is full: its sweeps come faster than the line carries them or the disk takes them"
-    )
+    return "the unit's ring is full: its sweeps come faster than the line carries them or the disk takes them"
 
 
 def _lost_pose(unit: Unit) -> str:
