@@ -8,7 +8,6 @@
 // PCA0MD, PCA0CPMn
 #define PCA0MD_SYSCLK_12 0x00
 #define PCA0MD_ECF 0x01
-#define PCA0MD_WDLCK 0x20
 #define PCA0MD_WDTE 0x40
 #define PCA0CPM_ECCF 0x01
 #define PCA0CPM_CAPN 0x10
@@ -40,7 +39,17 @@
 #define PSCTL_PSEE 0x02
 #define VDM0CN_VDMEN 0x80
 #define RSTSRC_PORSF 0x02
+#define RSTSRC_SWRSF 0x10
 #define PCON_IDLE 0x01
+
+// ADC and voltage reference
+#define ADC0CN_AD0EN 0x80
+#define ADC0CF_AD0SC_SHIFT 3
+#define AMX0P_TEMPERATURE 0x1E
+#define AMX0N_GROUND 0x1F
+#define REF0CN_TEMPE 0x04
+#define REF0CN_BIASE 0x02
+#define REF0CN_REFBE 0x01
 
 // UART and crossbar
 #define SCON0_REN0 0x10

@@ -1,4 +1,5 @@
-// Flash: single bytes are written and pages of 512 bytes erased, as few as possible and before anything else runs.
+// Flash: single bytes are written and pages of 512 bytes erased, as few as possible. The VDD monitor must be on, or the
+// chip resets itself.
 #ifndef FLASH_H
 #define FLASH_H
 
@@ -6,12 +7,15 @@
 
 #define FLASH_PAGE_BYTES 512
 
-// Clears those bits of a byte that are 0 in `value`. Interrupts must be off, the VDD monitor on, and the watchdog off.
-void flash_write(uint16_t address, uint8_t value);
-
-// Sets every bit of the page at `address`; stops the CPU for some 15 ms. Under the same conditions.
-void flash_erase(uint16_t address);
-
 uint8_t flash_read(uint16_t address);
+uint16_t flash_read16(uint16_t address);
+uint32_t flash_read32(uint16_t address);
+
+// Clears those bits of a byte, or of two, that are 0 in `value`; stops the CPU for some 55 us a byte.
+void flash_write(uint16_t address, uint8_t value);
+void flash_write16(uint16_t address, uint16_t value);
+
+// Sets every bit of the page at `address`. Stops the CPU for 10 to 20 ms, longer than the watchdog allows.
+void flash_erase(uint16_t address);
 
 #endif

@@ -5,15 +5,42 @@
 #include "clock.h"
 
 #define VDD_MONITOR_SETTLES_US 100
+#define LETTER_MAGIC_LOW 0x4E
+#define LETTER_MAGIC_HIGH 0x4F
 
 static __xdata uint8_t cause;
+static __xdata uint8_t found;
 
-void reset_start(void)
+// Memory that no start-up clears, the loader's neither: what one who resets the chip has to say to the next.
+static volatile __xdata __at(0x0406) struct {
+    uint8_t magic_low;
+    uint8_t magic_high;
+    uint8_t note;
+    uint8_t complement;
+} letter;
+
+bool reset_take_note(uint8_t note)
 {
-    cause = RSTSRC;
+    if (letter.magic_low != LETTER_MAGIC_LOW || letter.magic_high != LETTER_MAGIC_HIGH || letter.note != note ||
+        letter.complement != (uint8_t)~note)
+        return false;
+    letter.magic_low = 0;
+    return true;
+}
+
+void reset_guard_supply(void)
+{
     VDM0CN = VDM0CN_VDMEN;
     clock_wait_us(VDD_MONITOR_SETTLES_US); // selected sooner, it would reset the chip
     RSTSRC = RSTSRC_PORSF; // written whole: reading and writing back would set the bits read as causes
+}
+
+void reset_start(void)
+{
+    uint8_t note = letter.note;
+    cause = RSTSRC;
+    found = reset_take_note(note) ? note : NOTE_NONE;
+    reset_guard_supply();
 }
 
 uint8_t reset_cause(void)
@@ -21,7 +48,17 @@ uint8_t reset_cause(void)
     return cause;
 }
 
-bool reset_was_power_up(void)
+uint8_t reset_note(void)
 {
-    return (cause & RSTSRC_PORSF) != 0;
+    return found;
+}
+
+void reset_now(uint8_t note)
+{
+    letter.note = note;
+    letter.complement = ~note;
+    letter.magic_high = LETTER_MAGIC_HIGH;
+    letter.magic_low = LETTER_MAGIC_LOW;
+    for (;;)
+        RSTSRC = RSTSRC_PORSF | RSTSRC_SWRSF;
 }

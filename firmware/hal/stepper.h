@@ -7,6 +7,8 @@
 
 #include "irq.h"
 
+#define STEPPER_PHASES 8 // of the coils: the rotor looks the same every so many half steps
+
 void stepper_start(void);
 
 // Sets the turning direction of the half steps queued from now on; only while stepper_is_turning() is false.
@@ -14,8 +16,9 @@ void stepper_set_direction(bool decreasing);
 
 bool stepper_has_room(void);
 
-// Queues one half step, `interval_us` (at most 32,766) after the one before it; there must be room.
-void stepper_push(uint16_t interval_us);
+// Queues half steps (one, where the interval is over 16,383 us), each `interval_us` (at most 32,766) after the one
+// before it; there must be room.
+void stepper_push(uint16_t interval_us, uint8_t half_steps);
 
 // True until the last half step queued has been made.
 bool stepper_is_turning(void);
@@ -27,11 +30,14 @@ void stepper_release(void);
 int16_t stepper_position(void);
 void stepper_set_position(int16_t half_steps);
 
+// The phase of the coils in which the motor rests, rising with the position.
+uint8_t stepper_phase(void);
+
 // Looks for the home switch, before every half step, from now on.
 void stepper_watch_home(void);
 bool stepper_saw_home(void);
 
-// The position at which the switch was first found closed, once stepper_saw_home() is true.
+// The position at which the switch was first found closed, to be asked as soon as stepper_saw_home() is true.
 int16_t stepper_home_position(void);
 
 void stepper_isr(void) __interrupt(IRQ_TIMER3);

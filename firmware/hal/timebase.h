@@ -16,6 +16,9 @@ void timebase_start(void);
 // The count's low 32 bits, which wrap every 1,073 s: differences of shorter times are right.
 uint32_t timebase_now(void);
 
+// Waits, 8.2 ms at most, until 24 ms may pass with the CPU stopped and the count still be right.
+void timebase_await_early(void);
+
 // Bits 32 to 47 of the count at `tick`, a moment less than 537 s ago or ahead.
 uint16_t timebase_high(uint32_t tick);
 

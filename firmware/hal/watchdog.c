@@ -8,15 +8,20 @@
 // Runs before memory is cleared, which takes longer than the 2 ms that the watchdog of reset allows.
 uint8_t _sdcc_external_startup(void)
 {
-    PCA0MD &= ~PCA0MD_WDTE;
+    watchdog_stop();
     return 0;
 }
 
 void watchdog_start(void)
 {
     PCA0CPL4 = 0xFF; // the longest time-out: 65,280 to 65,536 ticks
-    PCA0MD |= PCA0MD_WDTE | PCA0MD_WDLCK;
+    PCA0MD |= PCA0MD_WDTE; // not locked: it must be stopped when flash is erased, and a lock lasts until the next reset
     watchdog_feed();
+}
+
+void watchdog_stop(void)
+{
+    PCA0MD &= ~PCA0MD_WDTE;
 }
 
 void watchdog_feed(void)

@@ -3,14 +3,20 @@
 
 #include <stdbool.h>
 
+#include "../hal/reset.h"
+#include "calibration.h"
 #include "delivery.h"
+#include "layout.h"
 #include "little_endian.h"
 #include "plan.h"
 #include "protocol.h"
-#include "unit.h"
+#include "request.h"
+#include "settings.h"
+#include "thermometer.h"
 #include "transmit.h"
+#include "unit.h"
+#include "update.h"
 
-#define LENGTH_UNKNOWN 0
 #define REPEATS_WITHIN 32 // requests; a host that counts them comes back to a number only after 255
 
 // The last command that was run: it is known again by its CRC, and its number alone may have been used anew.
@@ -22,42 +28,31 @@ static __xdata struct {
     uint32_t crc;
 } last;
 
-// The length of a frame of this type, without its CRC.
-static uint8_t length_of(uint8_t type)
-{
-    switch (type) {
-    case FRAME_STATUS:
-    case FRAME_CLOCK:
-    case FRAME_STOP:
-    case FRAME_SINGLE:
-    case FRAME_HOME:
-        return 2;
-    case FRAME_HELLO:
-        return 3;
-    case FRAME_START:
-    case FRAME_SET_WAYPOINT:
-        return 4;
-    case FRAME_ACK:
-        return 7;
-    case FRAME_CONFIGURE:
-        return 16;
-    default:
-        return LENGTH_UNKNOWN;
-    }
-}
-
 static uint8_t configure(const __xdata uint8_t *payload)
 {
     static __xdata struct plan wanted;
-    wanted.first_bearing = get16(payload);
-    wanted.bearing_step = get16(payload + 2);
-    wanted.count = payload[4];
-    wanted.ping_interval_ms = get16(payload + 5);
-    wanted.top_speed = get16(payload + 7);
-    wanted.ramp_ms = get16(payload + 9);
-    wanted.settle_ms = get16(payload + 11);
-    wanted.pings = payload[13];
+    layout_read_plan(&wanted, payload);
     return unit_configure(&wanted);
+}
+
+static uint8_t calibrate(const __xdata uint8_t *payload)
+{
+    static __xdata struct calibration wanted;
+    layout_read_calibration(&wanted, payload);
+    return unit_calibrate(&wanted);
+}
+
+static uint8_t store(void)
+{
+    if (!unit_is_at_rest())
+        return RESULT_BUSY;
+    return settings_store() ? RESULT_DONE : RESULT_FLASH_FAILED;
+}
+
+static uint8_t reset(void)
+{
+    transmit_then_reset(NOTE_RESET);
+    return RESULT_DONE;
 }
 
 static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
@@ -73,6 +68,18 @@ static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
         return unit_single();
     case FRAME_HOME:
         return unit_home();
+    case FRAME_GO_TO:
+        return unit_go_to(get16(payload));
+    case FRAME_CALIBRATE:
+        return calibrate(payload);
+    case FRAME_TRIM_TEMPERATURE:
+        return thermometer_learn(get16(payload));
+    case FRAME_STORE:
+        return store();
+    case FRAME_RESET:
+        return reset();
+    case FRAME_UPDATE:
+        return update_begin(get32(payload));
     default:
         return unit_set_waypoint(get16(payload));
     }
@@ -109,8 +116,8 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
 {
     uint8_t type = frame[0];
     uint8_t request = frame[1];
-    uint8_t expected = length_of(type);
-    if (expected == LENGTH_UNKNOWN)
+    uint8_t expected = request_length(type);
+    if (expected == REQUEST_UNKNOWN)
         return REASON_UNKNOWN_TYPE;
     if (length != expected)
         return REASON_WRONG_LENGTH;
@@ -125,6 +132,9 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         break;
     case FRAME_CLOCK:
         transmit_clock(request, received);
+        break;
+    case FRAME_SETTINGS:
+        transmit_settings(request);
         break;
     case FRAME_ACK:
         delivery_acknowledge(get16(frame + 1), get32(frame + 3));

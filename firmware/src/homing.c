@@ -1,66 +1,127 @@
-// Homing: the switch closes at -150 degrees on the way down. A unit that finds it closed goes up until it is open.
+// Homing. The switch closes on the way down; a unit that finds it closed goes up until it is open. An end stop is felt
+// by nobody: the motor turns down so far that it has met it wherever it came from, and so slowly that it may.
 #include "homing.h"
+
+#include <stdbool.h>
+#include <stdint.h>
 
 #include "../hal/pins.h"
 #include "../hal/stepper.h"
 #include "bearing.h"
-#include "memory.h"
 #include "motor.h"
 #include "ramp.h"
 
-#define HOME_HALF_STEP (-1699) // the first at or below -150 degrees (-1698.24 half steps)
-#define SEARCH_HALF_STEPS (HALF_STEPS_PER_TURN + HALF_STEPS_PER_TURN / 10)
 #define CLEAR_HALF_STEPS 32 // past the opening switch's bounce
 
 // Not the plan's speed and ramp: the motor must come to rest between the switch and the cable's end, 15 degrees on.
 #define TOP_SPEED 600
 #define RAMP_MS 100 // 30 half steps, 2.7 degrees
 
-static __xdata enum { LEAVING, SEEKING } phase;
+// The rotor falls back by a period of the coils each time that it slips: slowly, it does so without a blow.
+#define TOP_SPEED_AGAINST_STOP 250
+
+static __xdata enum { LEAVING_SWITCH, SEEKING_SWITCH, SEEKING_STOP } phase;
+static const __xdata struct calibration *__xdata calibration;
 static __xdata bool seen;
+static __xdata int16_t closed_at; // half step of the motor
 
-static void search(bool decreasing)
+static int16_t turn(void)
 {
+    return (int16_t)(calibration->half_steps_per_turn >> 8);
+}
+
+static void search(int16_t half_steps)
+{
+    seen = false;
     stepper_set_position(0);
-    motor_go(decreasing ? -SEARCH_HALF_STEPS : SEARCH_HALF_STEPS);
+    motor_turn(half_steps);
 }
 
-static void seek(void)
+static void leave_switch(void)
 {
-    phase = SEEKING;
-    seen = false;
+    phase = LEAVING_SWITCH;
+    search(turn() / 4);
+}
+
+static void seek_switch(void)
+{
+    phase = SEEKING_SWITCH;
     stepper_watch_home();
-    search(true);
+    search(-turn() - turn() / 10);
 }
 
-void homing_begin(void)
+// Ends in the same phase of the coils every time, and so leaves the rotor in the same place.
+static void seek_stop(void)
 {
-    seen = false;
-    ramp_set(TOP_SPEED, RAMP_MS);
-    if (!pins_home_is_closed()) {
-        seek();
-        return;
-    }
-    phase = LEAVING;
-    search(false);
+    phase = SEEKING_STOP;
+    search(-(turn() / STEPPER_PHASES + 1) * STEPPER_PHASES - stepper_phase());
 }
 
-enum homing_outcome homing_step(void)
+void homing_begin(const __xdata struct calibration *of_unit)
 {
-    bool reached = phase == LEAVING ? !pins_home_is_closed() : stepper_saw_home();
-    if (reached && !seen) {
+    calibration = of_unit;
+    ramp_set(of_unit->home == HOME_STOP ? TOP_SPEED_AGAINST_STOP : TOP_SPEED, RAMP_MS);
+    if (of_unit->home == HOME_STOP)
+        seek_stop();
+    else if (pins_home_is_closed())
+        leave_switch();
+    else
+        seek_switch();
+}
+
+// The first half step at which the switch is closed: at its bearing or below.
+static int16_t switch_half_step(void)
+{
+    int16_t nearest = bearing_to_half_step(calibration->home_bearing);
+    return bearing_of_half_step(nearest) > calibration->home_bearing ? nearest - 1 : nearest;
+}
+
+static enum homing_outcome leave_step(void)
+{
+    if (!seen && !pins_home_is_closed()) {
         seen = true;
-        motor_end_after(phase == LEAVING ? CLEAR_HALF_STEPS : 0);
+        motor_end_after(CLEAR_HALF_STEPS);
     }
     if (motor_is_moving())
         return HOMING_GOES_ON;
     if (!seen)
-        return HOMING_FAILED;
-    if (phase == LEAVING) {
-        seek();
-        return HOMING_GOES_ON;
+        return HOMING_SWITCH_STAYS_CLOSED;
+    seek_switch();
+    return HOMING_GOES_ON;
+}
+
+static enum homing_outcome switch_step(void)
+{
+    if (!seen && stepper_saw_home()) {
+        seen = true;
+        closed_at = stepper_home_position();
+        motor_end_after(0);
     }
+    if (motor_is_moving())
+        return HOMING_GOES_ON;
+    if (!seen)
+        return HOMING_NO_SWITCH;
     // The motor went on for its ramp after the switch was seen.
-    stepper_set_position(stepper_position() - stepper_home_position() + HOME_HALF_STEP);
+    motor_set_half_step(stepper_position() - closed_at + switch_half_step());
     return HOMING_FOUND;
+}
+
+static enum homing_outcome stop_step(void)
+{
+    if (motor_is_moving())
+        return HOMING_GOES_ON;
+    motor_set_half_step(bearing_to_half_step(calibration->home_bearing));
+    return HOMING_FOUND;
+}
+
+enum homing_outcome homing_step(void)
+{
+    switch (phase) {
+    case LEAVING_SWITCH:
+        return leave_step();
+    case SEEKING_SWITCH:
+        return switch_step();
+    default: // SEEKING_STOP
+        return stop_step();
+    }
 }

@@ -9,4 +9,6 @@
 uint16_t get16(const __xdata uint8_t *bytes);
 uint32_t get32(const __xdata uint8_t *bytes);
 
+void put16(__xdata uint8_t *bytes, uint16_t value);
+
 #endif

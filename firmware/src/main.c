@@ -6,6 +6,7 @@
 #include "../hal/pins.h"
 #include "../hal/reset.h"
 #include "../hal/round.h"
+#include "../hal/stack.h"
 #include "../hal/stepper.h"
 #include "../hal/timebase.h"
 #include "../hal/uart.h"
@@ -19,29 +20,33 @@
 #include "protocol.h"
 #include "receive.h"
 #include "record.h"
+#include "settings.h"
 #include "surveyor.h"
-#include "unit.h"
+#include "thermometer.h"
 #include "transmit.h"
+#include "unit.h"
 
 __xdata struct counters counters;
 
 static void start(void)
 {
+    stack_start();
     pins_start();
     clock_start();
     reset_start();
 
-    // Flash first: while it is written nothing else may run.
     uint16_t boot = boot_number_count();
     answer_start(boot);
-    record_start(boot, reset_was_power_up());
+    record_start(boot);
 
     timebase_start();
     round_start();
     stepper_start();
     uart_start();
     receive_start();
+    thermometer_start();
     unit_start_up();
+    settings_start();
     watchdog_start();
     cpu_allow_interrupts();
     transmit_hello(REQUEST_NONE);
@@ -52,12 +57,15 @@ void main(void)
     start();
     for (;;) {
         watchdog_feed();
+        if (!stack_is_sound())
+            reset_now(NOTE_STACK);
         receive_task();
         unit_task();
         echo_task();
         motor_task();
         surveyor_task();
         delivery_task();
+        thermometer_task();
         transmit_task();
         round_wait();
     }

@@ -2,7 +2,7 @@
 #include "plan.h"
 
 #define DEGREES(degrees) ((int16_t)((degrees) * 65536L / 360))
-#define OUTERMOST DEGREES(148) // short of the home switch at -150 degrees
+#define OUTERMOST DEGREES(148) // short of the home at -148 degrees or below
 
 const __code struct plan plan_default = {
     .first_bearing = DEGREES(-135),
@@ -24,6 +24,11 @@ bool plan_is_possible(const __xdata struct plan *plan)
            plan->ping_interval_ms <= 1000 && plan->top_speed >= 50 && plan->top_speed <= 1000 &&
            plan->ramp_ms <= 1000 && plan->settle_ms <= 1000 &&
            (plan->pings == 1 || plan->pings == 3 || plan->pings == 5);
+}
+
+bool plan_can_look_at(int16_t bearing)
+{
+    return bearing >= -OUTERMOST && bearing <= OUTERMOST;
 }
 
 int16_t plan_bearing(const __xdata struct plan *plan, uint8_t reading)

@@ -23,6 +23,9 @@ extern const __code struct plan plan_default;
 // Whether a unit can do it (the limits of CONFIGURE in ../README.md).
 bool plan_is_possible(const __xdata struct plan *plan);
 
+// Whether the sensor may look there: short of its home, and as far on the other side.
+bool plan_can_look_at(int16_t bearing);
+
 // The bearing of a reading, counted from 0 in the order of rising bearings.
 int16_t plan_bearing(const __xdata struct plan *plan, uint8_t reading);
 

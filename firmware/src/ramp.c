@@ -41,6 +41,19 @@ static uint16_t square_root(uint32_t square)
     return (uint16_t)root;
 }
 
+// half_first_us * inverse_root / 65536, from the products of the bytes, for the 8051 has no others.
+static uint16_t half_interval_us(uint16_t inverse_root)
+{
+    uint16_t first = half_first_us;
+    uint8_t first_low = (uint8_t)first;
+    uint8_t first_high = first >> 8;
+    uint8_t root_low = (uint8_t)inverse_root;
+    uint8_t root_high = inverse_root >> 8;
+    uint16_t middle = first_high * root_low + (uint8_t)(first_low * root_low >> 8);
+    uint16_t other_middle = first_low * root_high + (uint8_t)middle;
+    return first_high * root_high + (uint8_t)(middle >> 8) + (uint8_t)(other_middle >> 8);
+}
+
 void ramp_set(uint16_t top_speed, uint16_t ramp_ms)
 {
     uint32_t half_squared = HALF_MICROSECONDS_SQUARED / top_speed * ramp_ms; // T / (2 v), 2.5e9 at most
@@ -54,8 +67,7 @@ uint16_t ramp_interval_us(uint16_t level)
     if (level <= slow_levels)
         return RAMP_SLOWEST_US;
     uint16_t root = level <= TABLE_END ? inverse_roots[level - 1] : inverse_roots[(level + 2) / 4 - 1] / 2;
-    uint16_t half_us = (uint32_t)half_first_us * root >> 16;
-    uint16_t interval_us = half_us * 2;
+    uint16_t interval_us = half_interval_us(root) * 2;
     return interval_us > cruise_us ? interval_us : cruise_us;
 }
 

@@ -6,6 +6,7 @@
 #include "memory.h"
 #include "protocol.h"
 #include "ring.h"
+#include "thermometer.h"
 
 #define OFFSET_BOOT 1
 #define OFFSET_SEQUENCE 3
@@ -37,13 +38,10 @@ static void put32(uint32_t value)
     put16(value >> 16);
 }
 
-void record_start(uint16_t boot, bool memory_was_lost)
+void record_start(uint16_t boot)
 {
     this_boot = boot;
-    if (memory_was_lost)
-        ring_clear();
-    else
-        ring_recover();
+    ring_recover();
 }
 
 bool record_has_room(uint8_t count)
@@ -62,7 +60,7 @@ void record_begin(uint32_t start, uint16_t waypoint, bool decreasing)
     put32(start);
     put16(timebase_high(start));
     put16(waypoint);
-    put16(TEMPERATURE_NOT_MEASURED);
+    put16(thermometer_air());
     ring_put(decreasing ? SWEEP_DECREASING : 0);
     ring_put(0);
 }

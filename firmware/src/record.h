@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-// Sets the boot number that new sweeps carry, and takes up those of earlier boots, if memory has kept them.
-void record_start(uint16_t boot, bool memory_was_lost);
+// Sets the boot number that new sweeps carry, and takes up those of earlier boots that memory has kept.
+void record_start(uint16_t boot);
 
 // Whether the ring has room for a sweep of so many readings.
 bool record_has_room(uint8_t readings);

@@ -102,6 +102,21 @@ static bool control_is_sound(void)
     return control.oldest < RING_BLOCKS && control.next < RING_BLOCKS;
 }
 
+static bool holds_frame(uint8_t block)
+{
+    uint16_t length = frame_length(block);
+    return *locate(block, 0) == MARK_FRAME && length > CRC_BYTES && length <= RING_CAPACITY - HEADER_BYTES &&
+           slot_blocks(block) <= blocks_between(block, control.next) && crc_holds(block);
+}
+
+// Makes a block a slot of its own, with nothing in it.
+static void drop(uint8_t block)
+{
+    *locate(block, 0) = MARK_DROPPED;
+    *locate(block, 1) = 0;
+    *locate(block, 2) = 0;
+}
+
 void ring_recover(void)
 {
     if (!control_is_sound()) {
@@ -111,17 +126,13 @@ void ring_recover(void)
     frames = 0;
     uint8_t block = control.oldest;
     while (block != control.next) {
-        uint16_t length = frame_length(block);
-        if (length <= CRC_BYTES || length > RING_CAPACITY - HEADER_BYTES ||
-            slot_blocks(block) > blocks_between(block, control.next)) {
-            control.next = block; // no slot can be found behind one whose length is lost
-            break;
-        }
-        if (*locate(block, 0) == MARK_FRAME && crc_holds(block))
+        if (holds_frame(block)) {
             frames++;
-        else
-            *locate(block, 0) = MARK_DROPPED;
-        block = block_after(block, slot_blocks(block));
+            block = block_after(block, slot_blocks(block));
+        } else {
+            drop(block); // its length means nothing either: what comes next is looked for block by block
+            block = block_after(block, 1);
+        }
     }
     skip_dropped();
     ring_begin();

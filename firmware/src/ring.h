@@ -1,5 +1,5 @@
-// The ring of frames that wait in XRAM until they are acknowledged. It outlives every reset but a power-up: its memory
-// lies outside what the C start-up clears, and it changes only by single bytes, so that no reset finds it half changed.
+// The ring of frames that wait in XRAM until they are acknowledged. It outlives every reset, as far as its memory does:
+// that lies outside what the C start-up clears, and changes only by single bytes, so that no reset finds it half changed.
 //
 // A slot is `mark:u8 length:u16 content crc:u32`, rounded up to whole blocks; the content and its CRC are a frame as it
 // goes out, so the one CRC guards it here and on the wire.
@@ -17,7 +17,7 @@
 
 void ring_clear(void);
 
-// Takes up the ring as the last boot left it: drops the slots that fail their CRC, or everything if nothing is there.
+// Takes up the ring as the last boot left it: drops the slots that fail their CRC, or everything if no ring is there.
 void ring_recover(void);
 
 // Whether a frame of `length` bytes of content finds room now.

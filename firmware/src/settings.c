@@ -1,36 +1,173 @@
-// The settings page: `magic:u16 version:u8 length:u8 generation:u16 serial:u32 crc:u32`, the CRC over what is before it.
+// The settings pages, used by turns (../README.md, Flash). The page that does not hold is erased and written anew, its CRC
+// last: until that is whole the other one holds, and the power may fail at any moment.
 #include "settings.h"
 
 #include "../hal/flash.h"
+#include "../hal/timebase.h"
+#include "../hal/watchdog.h"
 #include "crc.h"
+#include "layout.h"
+#include "little_endian.h"
 #include "protocol.h"
+#include "thermometer.h"
+#include "unit.h"
 
-#define PAGE 0xF600
+#define FIRST_PAGE 0xF600
+#define SECOND_PAGE 0xF800
+#define NO_PAGE 0
 #define MAGIC 0x4E43
 #define VERSION 2
-#define HEADER_BYTES 4
-#define LEAST_BYTES 6
+#define OFFSET_LENGTH 3
+#define OFFSET_GENERATION 4
+#define OFFSET_SERIAL 6
+#define OFFSET_SETTINGS 10
+#define LENGTH (OFFSET_SETTINGS - OFFSET_GENERATION + SETTINGS_BYTES)
+#define SHORTEST_LENGTH (OFFSET_SETTINGS - OFFSET_GENERATION)
 
-static uint16_t read16(uint16_t address)
+#define OFFSET_CALIBRATION LAYOUT_PLAN_BYTES
+#define OFFSET_TRIM (LAYOUT_PLAN_BYTES + LAYOUT_CALIBRATION_BYTES)
+
+static __xdata uint16_t page; // the one that holds
+static __xdata uint8_t in_force[SETTINGS_BYTES];
+static __xdata uint8_t stored[SETTINGS_BYTES]; // what a power-up would find
+
+// Of the page being written.
+static __xdata uint16_t at;
+static __xdata uint32_t crc;
+
+static bool is_sound(uint16_t candidate)
 {
-    return flash_read(address) | (uint16_t)flash_read(address + 1) << 8;
+    uint8_t length = flash_read(candidate + OFFSET_LENGTH);
+    uint16_t end = candidate + OFFSET_GENERATION + length;
+    uint32_t sum = CRC_EMPTY;
+    if (flash_read16(candidate) != MAGIC || flash_read(candidate + 2) != VERSION || length < SHORTEST_LENGTH)
+        return false;
+    for (uint16_t address = candidate; address != end; address++)
+        sum = crc_add(sum, flash_read(address));
+    sum = crc_end(sum);
+    return flash_read16(end) == (uint16_t)sum && flash_read16(end + 2) == sum >> 16;
 }
 
-static uint32_t read32(uint16_t address)
+static uint16_t generation_of(uint16_t candidate)
 {
-    return read16(address) | (uint32_t)read16(address + 2) << 16;
+    return flash_read16(candidate + OFFSET_GENERATION);
+}
+
+static uint16_t page_that_holds(void)
+{
+    if (!is_sound(SECOND_PAGE))
+        return is_sound(FIRST_PAGE) ? FIRST_PAGE : NO_PAGE;
+    if (is_sound(FIRST_PAGE) && (int16_t)(generation_of(FIRST_PAGE) - generation_of(SECOND_PAGE)) > 0)
+        return FIRST_PAGE;
+    return SECOND_PAGE;
+}
+
+static void hand_out(void)
+{
+    static __xdata struct plan plan;
+    static __xdata struct calibration calibration;
+    layout_read_plan(&plan, in_force);
+    layout_read_calibration(&calibration, in_force + OFFSET_CALIBRATION);
+    unit_configure(&plan); // refuses what no unit can do, and goes on with what it has
+    unit_calibrate(&calibration);
+    thermometer_set_trim(get16(in_force + OFFSET_TRIM));
+}
+
+static void keep_in_mind(void)
+{
+    settings_bytes();
+    for (uint8_t i = 0; i < SETTINGS_BYTES; i++)
+        stored[i] = in_force[i];
+}
+
+void settings_start(void)
+{
+    page = page_that_holds();
+    settings_bytes();
+    if (page != NO_PAGE) {
+        uint8_t held = flash_read(page + OFFSET_LENGTH) - SHORTEST_LENGTH;
+        for (uint8_t i = 0; i < SETTINGS_BYTES && i < held; i++)
+            in_force[i] = flash_read(page + OFFSET_SETTINGS + i);
+    }
+    hand_out();
+    keep_in_mind();
 }
 
 uint32_t settings_serial(void)
 {
-    uint8_t length = flash_read(PAGE + 3);
-    uint16_t end = PAGE + HEADER_BYTES + length;
-    uint32_t crc = CRC_EMPTY;
-    if (read16(PAGE) != MAGIC || flash_read(PAGE + 2) != VERSION || length < LEAST_BYTES)
+    if (page == NO_PAGE)
         return SERIAL_NONE;
-    for (uint16_t address = PAGE; address != end; address++)
-        crc = crc_add(crc, flash_read(address));
-    if (crc_end(crc) != read32(end))
-        return SERIAL_NONE;
-    return read32(PAGE + 6);
+    return flash_read16(page + OFFSET_SERIAL) | (uint32_t)flash_read16(page + OFFSET_SERIAL + 2) << 16;
+}
+
+const __xdata uint8_t *settings_bytes(void)
+{
+    layout_write_plan(in_force, unit_plan());
+    layout_write_calibration(in_force + OFFSET_CALIBRATION, unit_calibration());
+    put16(in_force + OFFSET_TRIM, thermometer_trim());
+    return in_force;
+}
+
+bool settings_are_stored(void)
+{
+    settings_bytes();
+    for (uint8_t i = 0; i < SETTINGS_BYTES; i++)
+        if (in_force[i] != stored[i])
+            return false;
+    return true;
+}
+
+static void write8(uint8_t value)
+{
+    flash_write(at++, value);
+    crc = crc_add(crc, value);
+}
+
+static void write16(uint16_t value)
+{
+    write8((uint8_t)value);
+    write8(value >> 8);
+}
+
+static void write32(uint32_t value)
+{
+    write16((uint16_t)value);
+    write16(value >> 16);
+}
+
+static void write_page(uint16_t generation)
+{
+    uint32_t serial = settings_serial();
+    crc = CRC_EMPTY;
+    write16(MAGIC);
+    write8(VERSION);
+    write8(LENGTH);
+    write16(generation);
+    write32(serial);
+    for (uint8_t i = 0; i < SETTINGS_BYTES; i++)
+        write8(in_force[i]);
+    write32(crc_end(crc));
+}
+
+static void erase(uint16_t victim)
+{
+    watchdog_stop();
+    timebase_await_early(); // a wrap that has passed unseen would set the clock back by 16.4 ms
+    flash_erase(victim);
+    watchdog_start();
+}
+
+bool settings_store(void)
+{
+    uint16_t other = page == FIRST_PAGE ? SECOND_PAGE : FIRST_PAGE;
+    uint16_t generation = page == NO_PAGE ? 1 : generation_of(page) + 1;
+    settings_bytes();
+    erase(other);
+    at = other;
+    write_page(generation);
+    if (!is_sound(other) || generation_of(other) != generation)
+        return false;
+    page = other;
+    keep_in_mind();
+    return true;
 }

@@ -2,9 +2,9 @@
 #include "sweep.h"
 
 #include "../hal/round.h"
-#include "../hal/stepper.h"
 #include "bearing.h"
 #include "echo.h"
+#include "median.h"
 #include "motor.h"
 #include "ramp.h"
 #include "record.h"
@@ -17,6 +17,8 @@ static __xdata uint16_t settled; // rounds since the motor came to rest
 static __xdata bool decreasing;
 static __xdata bool cut_short;
 static __xdata uint8_t readings; // made by now
+static __xdata uint8_t pings; // of the present reading, made by now
+static __xdata uint32_t triggered; // its middle ping
 
 static void turn_to_reading(void)
 {
@@ -25,11 +27,27 @@ static void turn_to_reading(void)
     phase = TURNING;
 }
 
+static void begin_reading(void)
+{
+    median_begin();
+    pings = 0;
+    echo_ping(plan->ping_interval_ms);
+    phase = PINGING;
+}
+
+static void keep_ping(void)
+{
+    if (readings == 0 && pings == 0)
+        record_begin(echo_triggered(), waypoint, decreasing);
+    if (pings == plan->pings / 2)
+        triggered = echo_triggered();
+    median_add(echo_value()); // that there is none counts as farther than any
+    pings++;
+}
+
 static void keep_reading(void)
 {
-    if (readings == 0)
-        record_begin(echo_triggered(), waypoint, decreasing);
-    record_reading(bearing_of_half_step(stepper_position()), echo_triggered(), echo_value());
+    record_reading(bearing_of_half_step(motor_half_step()), triggered, median_value());
     readings++;
 }
 
@@ -48,7 +66,7 @@ void sweep_begin(const __xdata struct plan *wanted, uint16_t number)
     waypoint = number;
     ramp_set(wanted->top_speed, wanted->ramp_ms);
     settle_rounds = ROUNDS(wanted->settle_ms);
-    decreasing = 2 * stepper_position() > first + last;
+    decreasing = 2 * motor_half_step() > first + last;
     cut_short = false;
     readings = 0;
     turn_to_reading();
@@ -71,14 +89,17 @@ bool sweep_step(void)
         phase = SETTLING;
         return cut_short && finish();
     case SETTLING:
-        if (++settled >= settle_rounds) {
-            echo_ping(plan->ping_interval_ms);
-            phase = PINGING;
-        }
+        if (++settled >= settle_rounds)
+            begin_reading();
         return false;
     default: // PINGING
         if (!echo_is_over())
             return false;
+        keep_ping();
+        if (pings != plan->pings) {
+            echo_ping(plan->ping_interval_ms);
+            return false;
+        }
         keep_reading();
         if (cut_short || readings == plan->count)
             return finish();

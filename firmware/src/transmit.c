@@ -1,6 +1,7 @@
 // Everything the unit sends. A frame is encoded straight into the UART's ring, as far as there is room.
 #include "transmit.h"
 
+#include "../hal/reset.h"
 #include "../hal/timebase.h"
 #include "../hal/uart.h"
 #include "answer.h"
@@ -9,10 +10,11 @@
 #include "memory.h"
 #include "protocol.h"
 #include "unit.h"
+#include "update.h"
 
 #define CLOCK_LEAD_TICKS (500 * TICKS_PER_US) // longer than it takes to compose a CLOCK answer
 
-static enum { NOTHING, ANSWER, SWEEP } going_out;
+static enum { NOTHING, ANSWER, GREETING, SWEEP } going_out;
 
 static __xdata struct {
     uint8_t type; // 0: none waits
@@ -22,9 +24,11 @@ static __xdata struct {
     uint32_t received; // when the CLOCK request came
 } waiting;
 
+static __xdata uint8_t farewell; // the enum reset_note of the reset to come
+
 bool transmit_is_free(void)
 {
-    return waiting.type == 0;
+    return waiting.type == 0 && farewell == NOTE_NONE;
 }
 
 void transmit_hello(uint8_t request)
@@ -46,6 +50,12 @@ void transmit_clock(uint8_t request, uint32_t received)
     waiting.received = received;
 }
 
+void transmit_settings(uint8_t request)
+{
+    waiting.type = FRAME_SETTINGS_ANSWER;
+    waiting.request = request;
+}
+
 void transmit_result(uint8_t request, uint8_t command, uint8_t result)
 {
     waiting.type = FRAME_RESULT;
@@ -59,6 +69,11 @@ void transmit_rejected(uint8_t reason, uint8_t type)
     waiting.type = FRAME_REJECTED;
     waiting.subject = type;
     waiting.outcome = reason;
+}
+
+void transmit_then_reset(uint8_t note)
+{
+    farewell = note;
 }
 
 // A stamp that is sent must be fixed before its own frame is: so the frame is made early and held until then.
@@ -83,6 +98,9 @@ static void begin_answer(void)
             return;
         tell_clock();
         break;
+    case FRAME_SETTINGS_ANSWER:
+        answer_settings(waiting.request);
+        break;
     case FRAME_RESULT:
         answer_result(waiting.request, waiting.subject, waiting.outcome);
         break;
@@ -90,14 +108,17 @@ static void begin_answer(void)
         answer_rejected(waiting.outcome, waiting.subject);
         break;
     }
+    going_out = waiting.type == FRAME_HELLO_ANSWER && waiting.request != REQUEST_NONE ? GREETING : ANSWER;
     waiting.type = 0;
-    going_out = ANSWER;
 }
 
 static void begin_frame(void)
 {
     if (waiting.type != 0) {
         begin_answer();
+    } else if (farewell != NOTE_NONE) {
+        if (uart_is_silent())
+            reset_now(farewell);
     } else if (unit_take_news()) {
         answer_status(REQUEST_NONE);
         going_out = ANSWER;
@@ -116,6 +137,8 @@ static void send_encoded(void)
             continue;
         if (going_out == SWEEP)
             delivery_end();
+        else if (going_out == GREETING)
+            update_confirm();
         going_out = NOTHING;
     }
 }

@@ -5,15 +5,19 @@
 
 #include "../hal/round.h"
 #include "../hal/stepper.h"
+#include "backlash.h"
+#include "bearing.h"
 #include "homing.h"
 #include "motor.h"
 #include "protocol.h"
+#include "ramp.h"
 #include "record.h"
 #include "sweep.h"
 
-static enum activity { RESTING, HOMING, ABANDONING, SWEEPING, AWAITING_ROOM, PAUSING } activity;
+static enum activity { RESTING, HOMING, ABANDONING, SWEEPING, AWAITING_ROOM, PAUSING, TURNING } activity;
 static bool has_news; // the state or the waypoint has changed
 static __xdata struct plan plan;
+static __xdata struct calibration calibration;
 static __xdata uint16_t pause_rounds;
 static __xdata uint16_t paused; // rounds since the pause began
 static __xdata uint16_t waypoint;
@@ -22,7 +26,7 @@ static __xdata bool homed;
 static __xdata bool started; // goes on until STOP
 static __xdata bool single; // one sweep is asked for
 
-static bool is_at_rest(void)
+bool unit_is_at_rest(void)
 {
     return activity == RESTING || activity == AWAITING_ROOM || activity == PAUSING;
 }
@@ -38,7 +42,7 @@ static void begin_homing(void)
 {
     homed = false;
     fault = FAULT_NONE;
-    homing_begin();
+    homing_begin(&calibration);
     become(HOMING);
 }
 
@@ -63,7 +67,7 @@ static void end_homing(enum homing_outcome outcome)
 {
     homed = outcome == HOMING_FOUND;
     if (!homed) {
-        fault = FAULT_NO_HOME_SWITCH;
+        fault = outcome == HOMING_NO_SWITCH ? FAULT_NO_HOME_SWITCH : FAULT_HOME_STAYS_CLOSED;
         started = false;
         single = false;
     }
@@ -94,6 +98,7 @@ void unit_task(void)
             end_homing(outcome);
         break;
     case ABANDONING:
+    case TURNING:
         if (!motor_is_moving())
             go_on();
         break;
@@ -111,9 +116,18 @@ void unit_task(void)
     }
 }
 
+static void follow_calibration(void)
+{
+    bearing_set_turn(calibration.half_steps_per_turn);
+    backlash_set(calibration.backlash);
+    homed = false;
+}
+
 void unit_start_up(void)
 {
     plan = plan_default;
+    calibration = calibration_default;
+    follow_calibration();
     waypoint = WAYPOINT_NONE;
 }
 
@@ -121,9 +135,20 @@ uint8_t unit_configure(const __xdata struct plan *wanted)
 {
     if (!plan_is_possible(wanted))
         return RESULT_OUT_OF_RANGE;
-    if (!is_at_rest())
+    if (!unit_is_at_rest())
         return RESULT_BUSY;
     plan = *wanted;
+    return RESULT_DONE;
+}
+
+uint8_t unit_calibrate(const __xdata struct calibration *wanted)
+{
+    if (!calibration_is_possible(wanted))
+        return RESULT_OUT_OF_RANGE;
+    if (!unit_is_at_rest())
+        return RESULT_BUSY;
+    calibration = *wanted;
+    follow_calibration();
     return RESULT_DONE;
 }
 
@@ -142,10 +167,12 @@ uint8_t unit_stop(void)
     single = false;
     if (activity == SWEEPING) {
         sweep_cut_short();
+    } else if (activity == TURNING) {
+        motor_end_after(0);
     } else if (activity == HOMING) {
         motor_end_after(0);
         activity = ABANDONING; // no news: for the host that is homing too
-    } else if (is_at_rest()) {
+    } else if (unit_is_at_rest()) {
         go_on();
     }
     return RESULT_DONE;
@@ -162,9 +189,23 @@ uint8_t unit_single(void)
 
 uint8_t unit_home(void)
 {
-    if (!is_at_rest())
+    if (!unit_is_at_rest())
         return RESULT_BUSY;
     begin_homing();
+    return RESULT_DONE;
+}
+
+uint8_t unit_go_to(int16_t bearing)
+{
+    if (!plan_can_look_at(bearing))
+        return RESULT_OUT_OF_RANGE;
+    if (activity != RESTING)
+        return RESULT_BUSY;
+    if (!homed)
+        return RESULT_NOT_HOMED;
+    ramp_set(plan.top_speed, plan.ramp_ms);
+    motor_go(bearing_to_half_step(bearing));
+    become(TURNING);
     return RESULT_DONE;
 }
 
@@ -188,6 +229,8 @@ uint8_t unit_state(void)
         return STATE_SWEEPING;
     case AWAITING_ROOM:
         return STATE_WAITING;
+    case TURNING:
+        return STATE_TURNING;
     default:
         return STATE_PAUSING;
     }
@@ -213,4 +256,14 @@ uint8_t unit_fault(void)
 uint16_t unit_waypoint(void)
 {
     return waypoint;
+}
+
+const __xdata struct plan *unit_plan(void)
+{
+    return &plan;
+}
+
+const __xdata struct calibration *unit_calibration(void)
+{
+    return &calibration;
 }

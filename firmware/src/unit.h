@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "calibration.h"
 #include "memory.h"
 #include "plan.h"
 
@@ -17,6 +18,15 @@ uint8_t unit_stop(void);
 uint8_t unit_single(void);
 uint8_t unit_home(void);
 uint8_t unit_set_waypoint(uint16_t waypoint);
+uint8_t unit_go_to(int16_t bearing);
+uint8_t unit_calibrate(const __xdata struct calibration *calibration);
+
+// What the unit goes by.
+const __xdata struct plan *unit_plan(void);
+const __xdata struct calibration *unit_calibration(void);
+
+// Whether the motor rests and no sweep is under way, in states 0, 3, 4 and 5.
+bool unit_is_at_rest(void);
 
 // What STATUS says.
 uint8_t unit_state(void); // enum state

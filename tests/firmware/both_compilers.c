@@ -1,8 +1,11 @@
 // Walks through the firmware's pure modules and prints what they give, the same under gcc and on an 8051 built by SDCC,
 // whose int has 16 bits.
+#include "backlash.h"
 #include "bearing.h"
+#include "calibration.h"
 #include "cobs.h"
 #include "crc.h"
+#include "median.h"
 #include "plan.h"
 #include "ramp.h"
 #include "ring.h"
@@ -57,10 +60,52 @@ static uint8_t random_byte(void)
 
 static void walk_bearings(void)
 {
-    for (int32_t bearing = -32768; bearing <= 32767; bearing += 499)
-        show("half_step", (uint16_t)bearing_to_half_step((int16_t)bearing));
-    for (int16_t half_step = -2037; half_step <= 2037; half_step += 31)
-        show("bearing", (uint16_t)bearing_of_half_step(half_step));
+    for (uint32_t turn = 972800; turn <= 1126400; turn += 51199) {
+        bearing_set_turn(turn);
+        for (int32_t bearing = -32768; bearing <= 32767; bearing += 499)
+            show("half_step", (uint16_t)bearing_to_half_step((int16_t)bearing));
+        for (int16_t half_step = -2200; half_step <= 2200; half_step += 31)
+            show("bearing", (uint16_t)bearing_of_half_step(half_step));
+    }
+}
+
+static void walk_backlash(void)
+{
+    for (uint8_t play = 0; play <= 64; play += 16) {
+        backlash_set(play);
+        int16_t motor = backlash_motor_after_fall(-1699);
+        for (uint8_t move = 0; move < 40; move++) {
+            motor = backlash_motor(motor, (int16_t)(random_byte() - 128) * 16);
+            show("motor", (uint16_t)motor);
+            motor += random_byte() - 128;
+            show("sensor", (uint16_t)backlash_sensor(motor));
+        }
+    }
+}
+
+static void walk_calibrations(void)
+{
+    static __xdata struct calibration calibration;
+    calibration = calibration_default;
+    show("default", calibration_is_possible(&calibration));
+    show("turn", calibration.half_steps_per_turn);
+    show("home", (uint16_t)calibration.home_bearing);
+    for (uint8_t i = 0; i < 100; i++) {
+        calibration.half_steps_per_turn = 950000UL + random_byte() * 1000UL;
+        calibration.home_bearing = (int16_t)(random_byte() * -256L);
+        show("possible", calibration_is_possible(&calibration));
+    }
+}
+
+static void walk_medians(void)
+{
+    for (uint8_t count = 1; count <= 5; count += 2)
+        for (uint8_t round = 0; round < 20; round++) {
+            median_begin();
+            for (uint8_t i = 0; i < count; i++)
+                median_add((uint32_t)random_byte() << 16 | random_byte());
+            show("median", median_value());
+        }
 }
 
 static void walk_ramps(void)
@@ -122,6 +167,9 @@ static void walk_ring(void)
 int main(void)
 {
     walk_bearings();
+    walk_backlash();
+    walk_calibrations();
+    walk_medians();
     walk_ramps();
     walk_plans();
     walk_ring();

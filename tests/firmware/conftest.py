@@ -7,7 +7,22 @@ from pathlib import Path
 import pytest
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-PURE = ["bearing", "cobs", "crc", "gesture", "plan", "ramp", "ring"]
+PURE = [
+    "backlash",
+    "bearing",
+    "calibration",
+    "cobs",
+    "crc",
+    "gesture",
+    "incoming",
+    "layout",
+    "little_endian",
+    "median",
+    "plan",
+    "ramp",
+    "request",
+    "ring",
+]
 
 
 class PureModules:
@@ -25,6 +40,13 @@ class PureModules:
         answer = self._process.stdout.readline()
         assert answer, self._process.stderr.read()
         return answer.strip()
+
+
+@pytest.fixture(scope="session")
+def firmware() -> Path:
+    """The image of the unit's firmware, built."""
+    subprocess.run(["make", "-C", FIRMWARE], check=True, capture_output=True)
+    return FIRMWARE / "build" / "noctule.ihx"
 
 
 @pytest.fixture(scope="session")

@@ -3,12 +3,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "backlash.h"
 #include "bearing.h"
+#include "calibration.h"
 #include "cobs.h"
 #include "crc.h"
 #include "gesture.h"
+#include "incoming.h"
+#include "layout.h"
+#include "median.h"
 #include "plan.h"
+#include "protocol.h"
 #include "ramp.h"
+#include "request.h"
 #include "ring.h"
 
 #define MOST_BYTES 4096
@@ -67,6 +74,73 @@ static void decode(const char *hex)
     puts(cobs_decode_is_complete() ? " complete" : " incomplete");
 }
 
+// Why the frame that has come in is rejected, as receive.c and command.c find it.
+static uint8_t reason_to_reject(void)
+{
+    uint8_t reason = incoming_end();
+    if (reason != REASON_NONE)
+        return reason;
+    if (request_length(incoming.frame[0]) == REQUEST_UNKNOWN)
+        return REASON_UNKNOWN_TYPE;
+    return incoming.length == request_length(incoming.frame[0]) ? REASON_NONE : REASON_WRONG_LENGTH;
+}
+
+static void answer_frame(void)
+{
+    uint8_t reason = reason_to_reject();
+    if (reason != REASON_NONE)
+        printf("%u", reason);
+    else
+        for (uint8_t i = 0; i < incoming.length; i++)
+            printf("%02x", incoming.frame[i]);
+}
+
+// For each frame that ends in the stream: its content, or the reason for which it is rejected.
+static void receive(const char *hex)
+{
+    size_t length = parse_hex(hex);
+    incoming_begin();
+    for (size_t i = 0; i < length; i++) {
+        if (bytes[i] != COBS_DELIMITER) {
+            incoming_take(bytes[i]);
+            continue;
+        }
+        if (incoming_is_empty())
+            printf("nothing");
+        else
+            answer_frame();
+        printf(" ");
+        incoming_begin();
+    }
+    puts(".");
+}
+
+static void plan_layout(const char *hex)
+{
+    struct plan plan;
+    parse_hex(hex);
+    layout_read_plan(&plan, bytes);
+    printf("%d %u %u %u %u %u %u %u ", plan.first_bearing, plan.bearing_step, plan.count, plan.ping_interval_ms,
+           plan.top_speed, plan.ramp_ms, plan.settle_ms, plan.pings);
+    layout_write_plan(bytes, &plan);
+    for (size_t i = 0; i < LAYOUT_PLAN_BYTES; i++)
+        printf("%02x", bytes[i]);
+    puts("");
+}
+
+static void calibration_layout(const char *hex)
+{
+    struct calibration calibration;
+    parse_hex(hex);
+    layout_read_calibration(&calibration, bytes);
+    printf("%lu %u %u %d ", (unsigned long)calibration.half_steps_per_turn, calibration.backlash, calibration.home,
+           calibration.home_bearing);
+    layout_write_calibration(bytes, &calibration);
+    for (size_t i = 0; i < LAYOUT_CALIBRATION_BYTES; i++)
+        printf("%02x", bytes[i]);
+    puts("");
+}
+
 static void crc(const char *hex)
 {
     size_t length = parse_hex(hex);
@@ -84,6 +158,58 @@ static void ramp(const char *arguments)
     for (unsigned level = 1; level <= levels; level++)
         printf("%u ", ramp_interval_us((uint16_t)level));
     printf("%u\n", ramp_cruise_us());
+}
+
+// The half steps of a turn in 1/256, and what to turn into the other.
+static void half_step(const char *arguments)
+{
+    unsigned long turn;
+    int bearing;
+    sscanf(arguments, "%lu %d", &turn, &bearing);
+    bearing_set_turn((uint32_t)turn);
+    printf("%d\n", bearing_to_half_step((int16_t)bearing));
+}
+
+static void bearing(const char *arguments)
+{
+    unsigned long turn;
+    int position;
+    sscanf(arguments, "%lu %d", &turn, &position);
+    bearing_set_turn((uint32_t)turn);
+    printf("%d\n", bearing_of_half_step((int16_t)position));
+}
+
+// The play, where the motor is after a fall, and the half steps that the sensor shall look at one after the other;
+// answers where the motor goes for each.
+static void backlash(const char *arguments)
+{
+    char *rest;
+    backlash_set((uint8_t)strtol(arguments, &rest, 10));
+    int16_t motor = backlash_motor_after_fall((int16_t)strtol(rest, &rest, 10));
+    while (*rest != '\0') {
+        motor = backlash_motor(motor, (int16_t)strtol(rest, &rest, 10));
+        printf("%d ", motor);
+    }
+    printf("%d\n", backlash_sensor(motor));
+}
+
+static void median(const char *arguments)
+{
+    char *rest = (char *)arguments;
+    median_begin();
+    while (*rest != '\0')
+        median_add((uint32_t)strtoul(rest, &rest, 10));
+    printf("%lu\n", (unsigned long)median_value());
+}
+
+static void is_possible_calibration(const char *arguments)
+{
+    unsigned long turn;
+    unsigned play, home;
+    int home_bearing;
+    sscanf(arguments, "%lu %u %u %d", &turn, &play, &home, &home_bearing);
+    struct calibration calibration = {(uint32_t)turn, (uint8_t)play, (uint8_t)home, (int16_t)home_bearing};
+    printf("%d\n", calibration_is_possible(&calibration));
 }
 
 static void is_possible(const char *arguments)
@@ -159,14 +285,26 @@ static void answer(const char *command, const char *arguments)
         encode_wrapped(arguments);
     else if (strcmp(command, "decode") == 0)
         decode(arguments);
+    else if (strcmp(command, "receive") == 0)
+        receive(arguments);
+    else if (strcmp(command, "plan_layout") == 0)
+        plan_layout(arguments);
+    else if (strcmp(command, "calibration_layout") == 0)
+        calibration_layout(arguments);
     else if (strcmp(command, "half_step") == 0)
-        printf("%d\n", bearing_to_half_step((int16_t)atoi(arguments)));
+        half_step(arguments);
     else if (strcmp(command, "bearing") == 0)
-        printf("%d\n", bearing_of_half_step((int16_t)atoi(arguments)));
+        bearing(arguments);
     else if (strcmp(command, "ramp") == 0)
         ramp(arguments);
     else if (strcmp(command, "plan") == 0)
         is_possible(arguments);
+    else if (strcmp(command, "backlash") == 0)
+        backlash(arguments);
+    else if (strcmp(command, "calibration") == 0)
+        is_possible_calibration(arguments);
+    else if (strcmp(command, "median") == 0)
+        median(arguments);
     else if (strcmp(command, "gestures") == 0)
         gestures(arguments);
     else if (strcmp(command, "ring_clear") == 0)

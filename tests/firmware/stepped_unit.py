@@ -26,6 +26,7 @@ from noctule_gateway.frames import (
 IMAGE = Path(__file__).parents[2] / "firmware" / "build" / "noctule.ihx"
 
 F = TypeVar("F", bound=Frame)
+G = TypeVar("G", bound=Frame)
 
 
 class SilenceError(AssertionError):
@@ -33,7 +34,7 @@ class SilenceError(AssertionError):
 
 
 class SteppedUnit:
-    """One unit and the cable to it; ``now_s`` is the simulated time since power-up."""
+    """One unit and the cable to it; ``now_s`` is the simulated time since power-up, ``truth`` how things are then."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -41,6 +42,7 @@ class SteppedUnit:
         self._heard: list[Frame] = []
         self._request = 0
         self.now_s = 0.0
+        self.truth: dict[str, Any] = {}  # how things are, as the simulator knows them
 
     def step(self, **request: Any) -> bytes:
         """One request of ``noctule-sim --control``; what the unit has sent."""
@@ -51,6 +53,7 @@ class SteppedUnit:
         assert line, f"the simulator has ended with status {self._process.wait(10)}"
         answer = json.loads(line)
         self.now_s = answer["now_s"]
+        self.truth = answer["truth"][0]
         return bytes.fromhex(answer["sent"][0])
 
     def run(self, duration_s: float) -> bytes:
@@ -58,6 +61,10 @@ class SteppedUnit:
         sent = self.step(until_s=self.now_s + duration_s)
         self._heard += self._reader.feed(sent)
         return sent
+
+    def befall(self, kind: str, **details: Any) -> None:
+        """Have a fault of the simulator's README happen to the unit, now."""
+        self.step(fault={"kind": kind, **details})
 
     def send_bytes(self, data: bytes) -> None:
         """Put bytes on the cable, from now on."""
@@ -69,16 +76,27 @@ class SteppedUnit:
 
     def receive(self, frame_type: type[F], within_s: float = 10.0) -> F:
         """The next frame of this type; those before it are passed over."""
+        return self.receive_either(frame_type, frame_type, within_s)
+
+    def receive_either(self, one: type[F], other: type[G], within_s: float = 10.0) -> F | G:
+        """The next frame of one of two types; those before it are passed over."""
         end_s = self.now_s + within_s
         while True:
             for place, frame in enumerate(self._heard):
-                if isinstance(frame, frame_type):
+                if isinstance(frame, (one, other)):
                     del self._heard[: place + 1]
                     return frame
             self._heard.clear()
             if self.now_s >= end_s:
-                raise SilenceError(f"no {frame_type.__name__} within {within_s} s of simulated time")
+                names = " or ".join({one.__name__, other.__name__})
+                raise SilenceError(f"no {names} within {within_s} s of simulated time")
             self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))
+
+    def take(self, frame_type: type[F]) -> list[F]:
+        """The frames of this type that have come by now; the others are forgotten."""
+        taken = [frame for frame in self._heard if isinstance(frame, frame_type)]
+        self._heard.clear()
+        return taken
 
     def ask(self, frame: Enquiry | Order | LoaderOrder, answer: type[F], within_s: float = 2.0) -> F:
         """The answer to a new request, which is numbered here."""

@@ -1,6 +1,7 @@
-"""Where the motor goes and how fast: bearings in half steps, ramps, and the plans that are possible."""
+"""Where the motor goes and how fast: bearings, the gears' play, ramps, and what plans and calibrations are possible."""
 
 import math
+import statistics
 
 import pytest
 from hypothesis import assume, given
@@ -8,9 +9,11 @@ from hypothesis import strategies as st
 
 # The 28BYJ-48's gears, counted by many hands: 32/9 * 22/11 * 26/9 * 31/10, and 64 half steps for a turn of the rotor.
 HALF_STEPS_PER_TURN = 32 / 9 * 22 / 11 * 26 / 9 * 31 / 10 * 64
+DEFAULT_TURN = round(HALF_STEPS_PER_TURN * 256)
 
 bearings = st.integers(-32768, 32767)
-half_steps = st.integers(-2037, 2037)
+half_steps = st.integers(-1899, 1899)  # less than half of any turn
+turns = st.integers(3800 * 256, 4400 * 256)  # firmware/README.md, CALIBRATE
 
 
 def test_a_turn_has_4075_77_half_steps():
@@ -18,21 +21,54 @@ def test_a_turn_has_4075_77_half_steps():
     assert pytest.approx(4075.77, abs=0.005) == HALF_STEPS_PER_TURN
 
 
-@given(bearings)
-def test_a_bearing_goes_to_the_nearest_half_step(pure_modules, bearing):
-    exact = bearing * HALF_STEPS_PER_TURN / 65536
-    assert abs(int(pure_modules.ask("half_step", bearing)) - exact) <= 0.5 + 1e-9
+@given(turns, bearings)
+def test_a_bearing_goes_to_the_nearest_half_step(pure_modules, turn, bearing):
+    exact = bearing * turn / 256 / 65536
+    assert abs(int(pure_modules.ask("half_step", turn, bearing)) - exact) <= 0.5
 
 
-@given(half_steps)
-def test_a_half_step_has_the_nearest_bearing(pure_modules, half_step):
-    exact = half_step * 65536 / HALF_STEPS_PER_TURN
-    assert abs(int(pure_modules.ask("bearing", half_step)) - exact) <= 0.5 + 1e-9
+@given(turns, half_steps)
+def test_a_half_step_has_the_nearest_bearing(pure_modules, turn, half_step):
+    exact = half_step * 65536 / (turn / 256)
+    assert abs(int(pure_modules.ask("bearing", turn, half_step)) - exact) <= 0.5 + 1e-9
 
 
-@given(half_steps)
-def test_going_where_one_is_moves_nothing(pure_modules, half_step):
-    assert int(pure_modules.ask("half_step", pure_modules.ask("bearing", half_step))) == half_step
+@given(turns, half_steps)
+def test_going_where_one_is_moves_nothing(pure_modules, turn, half_step):
+    bearing = pure_modules.ask("bearing", turn, half_step)
+    assert int(pure_modules.ask("half_step", turn, bearing)) == half_step
+
+
+class Gears:
+    """Gears with a play: the sensor is dragged along once the motor has crossed it. Begins after a fall."""
+
+    def __init__(self, play: int, sensor: int):
+        self.play, self.motor, self.sensor = play, sensor - play, sensor
+
+    def turn_to(self, motor: int) -> None:
+        while self.motor != motor:
+            self.motor += 1 if motor > self.motor else -1
+            self.sensor = min(max(self.sensor, self.motor), self.motor + self.play)
+
+
+@given(st.integers(0, 64), half_steps, st.lists(half_steps, min_size=1, max_size=20))
+def test_the_play_is_taken_up_whatever_the_moves(pure_modules, play, start, wanted):
+    gears = Gears(play, start)
+    *motor, sensor = map(int, pure_modules.ask("backlash", play, start, *wanted).split())
+    for goes_to, looks_at in zip(motor, wanted, strict=True):
+        gears.turn_to(goes_to)
+        assert gears.sensor == looks_at
+    assert sensor == wanted[-1]
+
+
+def test_a_move_on_in_the_same_direction_takes_up_no_play(pure_modules):
+    # down to 0 with a play of 9 the motor is at -9; up it stands where the sensor looks
+    assert pure_modules.ask("backlash", 9, 0, -100, -200, -200, 50, 60, 40) == "-109 -209 -209 50 60 31 40"
+
+
+@given(st.lists(st.integers(0, 0xFFFFFF), min_size=5, max_size=5), st.sampled_from([1, 3, 5]))
+def test_a_reading_is_the_median_of_its_pings(pure_modules, values, pings):
+    assert int(pure_modules.ask("median", *values[:pings])) == statistics.median(values[:pings])
 
 
 @given(st.integers(50, 1000), st.integers(0, 1000))
@@ -122,3 +158,30 @@ def test_a_plan_is_possible_only_within_148_degrees(pure_modules, first, step, c
     assume(all(abs(abs(end) - outermost) > 1 for end in (first, last)))
     expected = -outermost <= first and last <= outermost
     assert pure_modules.ask("plan", *plan(first=first, step=step, count=count)) == str(int(expected))
+
+
+@pytest.mark.parametrize(
+    "calibration",
+    [
+        (DEFAULT_TURN, 0, 0, -27307),
+        (3800 * 256, 64, 1, -32768),
+        (4400 * 256, 0, 0, math.floor(-148 * 65536 / 360)),
+    ],
+)
+def test_a_calibration_at_the_limits_of_the_table_is_possible(pure_modules, calibration):
+    assert pure_modules.ask("calibration", *calibration) == "1"
+
+
+@pytest.mark.parametrize(
+    "calibration",
+    [
+        (3800 * 256 - 1, 0, 0, -27307),
+        (4400 * 256 + 1, 0, 0, -27307),
+        (DEFAULT_TURN, 65, 0, -27307),
+        (DEFAULT_TURN, 0, 2, -27307),
+        (DEFAULT_TURN, 0, 0, math.floor(-148 * 65536 / 360) + 1),
+        (DEFAULT_TURN, 0, 0, 32767),
+    ],
+)
+def test_a_calibration_beyond_the_limits_of_the_table_is_refused(pure_modules, calibration):
+    assert pure_modules.ask("calibration", *calibration) == "0"

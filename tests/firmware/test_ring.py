@@ -3,6 +3,7 @@
 import zlib
 from collections import deque
 
+import pytest
 from cobs import cobs
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -92,12 +93,18 @@ def test_a_damaged_sweep_between_sound_ones_is_dropped_alone(pure_modules):
     assert pure_modules.ask("ring_show").split()[2] == with_crc(contents[2]).hex()
 
 
-def test_a_slot_whose_length_is_lost_ends_the_ring(pure_modules):
+@pytest.mark.parametrize("part", [0, 1, 2])
+def test_a_slot_whose_mark_or_length_is_lost_is_dropped_alone(pure_modules, part):
     pure_modules.ask("ring_clear")
     contents = [bytes([number] * SWEEP_OF_13) for number in range(1, 4)]
     for content in contents:
         pure_modules.ask("ring_add", content.hex())
-    pure_modules.ask("ring_flip", slot_bytes(contents[0]) - 1, 0xFF)  # the second slot's length, high byte
+    pure_modules.ask("ring_flip", slot_bytes(contents[0]) - 3 + part, 0x01)
     pure_modules.ask("ring_recover")
-    assert pure_modules.ask("ring_show").split()[:2] == ["1", str(slot_bytes(contents[0]))]
-    assert pure_modules.ask("ring_add", contents[2].hex()) == "added"
+    assert pure_modules.ask("ring_show").split() == [
+        "2",
+        str(3 * slot_bytes(contents[0])),
+        with_crc(contents[0]).hex(),
+    ]
+    pure_modules.ask("ring_drop")
+    assert pure_modules.ask("ring_show").split() == ["1", str(slot_bytes(contents[2])), with_crc(contents[2]).hex()]

@@ -133,8 +133,8 @@ def fault_of(image: Path, *options: str) -> str:
 
 
 def test_an_sfr_without_a_model_is_fatal_and_named_with_unit_and_place(compiled: Compile):
-    words = fault_of(compiled(PREAMBLE + "void main(void) { start(); P1 = ADC0H; for (;;); }"))
-    assert re.search(r"unit 1: SFR 0xBE read is not modelled \(PC 0x[0-9A-F]{4}, tick \d+", words), words
+    words = fault_of(compiled(PREAMBLE + "void main(void) { start(); P1 = USB0ADR; for (;;); }"))
+    assert re.search(r"unit 1: SFR 0x96 \(USB0ADR\) read is not modelled \(PC 0x[0-9A-F]{4}, tick \d+", words), words
 
 
 def test_a_function_of_a_modelled_sfr_without_a_model_is_fatal(compiled: Compile):
@@ -145,8 +145,14 @@ def test_the_multiplied_clock_before_it_is_ready_is_fatal(compiled: Compile):
     assert "before MULRDY" in fault_of(compiled(PREAMBLE + "void main(void) { CLKSEL = 3; }"))
 
 
+def test_the_readme_holds_the_table_of_registers_that_the_simulator_enforces():
+    printed = subprocess.run(["noctule-sim", "--registers"], capture_output=True, text=True, check=True).stdout
+    readme = (Path(__file__).parents[2] / "firmware" / "simulator" / "README.md").read_text()
+    assert readme.partition("<!-- registers -->\n")[2].partition("<!-- registers end -->")[0] == printed
+
+
 def test_a_fault_in_one_of_several_units_names_it(compiled: Compile):
-    words = fault_of(compiled(PREAMBLE + "void main(void) { P1 = ADC0H; }"), "--units", "3")
+    words = fault_of(compiled(PREAMBLE + "void main(void) { P1 = USB0ADR; }"), "--units", "3")
     assert words.startswith("noctule-sim: unit 1: ")
 
 
@@ -295,6 +301,26 @@ def test_flash_is_written_with_keys_erased_by_the_page_and_locked_by_a_wrong_key
 def test_a_flash_write_without_the_supply_monitor_resets_the_chip(running: Run):
     with running(FLASH.replace("MONITOR", "")) as board:
         assert board.ask(b"g", 1) == bytes([0x40])
+
+
+def test_the_temperature_sensor_tells_the_warmth_of_the_die(running: Run):
+    program = """
+    void main(void) {
+        start();
+        REF0CN = 0x07; AMX0P = 0x1E; AMX0N = 0x1F;
+        ADC0CF = 15 << 3; AD0EN = 1;
+        wait_ms(3);
+        receive();
+        AD0BUSY = 1;
+        while (!AD0INT);
+        send(ADC0L); send(ADC0H);
+        for (;;);
+    }
+    """
+    with running(program) as board:
+        code = int.from_bytes(board.ask(b"g", 2), "little")
+    # 776 mV + 2.86 mV/K, 3 K above the air's 20 degrees, against 2.44 V: the chip's own errors come to 24 mV or so
+    assert code * 2.44 / 1024 == pytest.approx(0.776 + 0.00286 * 23.0, abs=0.04)
 
 
 def test_bytes_that_nobody_takes_in_time_are_lost(running: Run):

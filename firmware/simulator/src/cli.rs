@@ -13,13 +13,21 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.ihx", default_value = "firmware/build/noctule.ihx")]
     pub firmware: PathBuf,
 
-    /// The room: paper, l-shaped, or a TOML file
+    /// The room: paper, l-shaped, lounge, or a TOML file
     #[arg(long, value_name = "ROOM", default_value = "paper")]
     pub room: String,
 
-    /// How many units; their serial numbers count from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub units: u32,
+    /// How many units, with serial numbers from 1: one, or as many as the room has places for
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub units: Option<u32>,
+
+    /// What goes wrong and when, a TOML file
+    #[arg(long, value_name = "FILE.toml")]
+    pub faults: Option<PathBuf>,
+
+    /// Draw the room and do nothing else
+    #[arg(long, value_name = "FILE.svg")]
+    pub svg: Option<PathBuf>,
 
     /// Simulated seconds per second, or max
     #[arg(long, value_name = "N|max", default_value = "1")]
@@ -53,12 +61,30 @@ pub struct Arguments {
     #[arg(long, value_name = "SECONDS")]
     pub duration: Option<f64>,
 
+    /// Tell at the end how deep each unit's stack went, how long its interrupts waited, how much it slept
+    #[arg(long)]
+    pub measure: bool,
+
+    /// Print the chip's modelled registers as Markdown, and end
+    #[arg(long)]
+    pub registers: bool,
+
     /// Keep the units' flash memories here from run to run
     #[arg(long, value_name = "DIR")]
     pub state: Option<PathBuf>,
 }
 
 impl Arguments {
+    /// How the run goes on, in words.
+    pub fn pace(&self) -> String {
+        let speed = match self.speed {
+            Speed::Max => "as fast as it can".to_owned(),
+            Speed::Times(times) => format!("{times} simulated seconds a second"),
+        };
+        let end = self.duration.map_or_else(String::new, |seconds| format!(" for {seconds} s"));
+        format!("seed {}, {speed}{end}", self.seed)
+    }
+
     /// The address that unit 1 listens on.
     ///
     /// # Errors

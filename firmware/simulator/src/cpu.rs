@@ -13,7 +13,7 @@ use crate::opcode::{
 };
 use i8051::{Cpu as Core, Flag, Interrupt};
 
-const SFR_PSW: u8 = 0xD0;
+pub const IRAM_SIZE: usize = 256;
 
 pub struct Cpu {
     core: Core,
@@ -22,7 +22,7 @@ pub struct Cpu {
 
 impl Cpu {
     /// A CPU at reset, with `iram` as its internal memory (which outlives every reset but a power-up).
-    pub fn new(iram: [u8; 256]) -> Self {
+    pub fn new(iram: [u8; IRAM_SIZE]) -> Self {
         let mut cpu = Self { core: Core::new(), defers_interrupts: false };
         cpu.silence_core_interrupts();
         cpu.core.internal_ram = iram;
@@ -33,8 +33,16 @@ impl Cpu {
         *self = Self::new(self.core.internal_ram);
     }
 
+    pub fn write_iram(&mut self, address: u8, value: u8) {
+        self.core.internal_ram_write(address, value);
+    }
+
     pub fn pc(&self) -> u16 {
         self.core.pc
+    }
+
+    pub fn sp(&self) -> u8 {
+        self.core.sp()
     }
 
     /// Whether the last instruction was a RETI or a write to IE or IP, after which one more runs before an interrupt.
@@ -53,7 +61,6 @@ impl Cpu {
     #[inline]
     pub fn step(&mut self, chip: &mut Chip) -> u64 {
         let pc = self.core.pc;
-        chip.check_fetch(pc);
         let opcode = chip.flash.byte(pc);
         let traits = &TRAITS[opcode as usize];
         if traits.special {
@@ -112,7 +119,7 @@ impl Cpu {
                 continue;
             }
             chip.prepare_access(address, reads_latch(opcode));
-            if address == SFR_PSW {
+            if address == sfr::PSW {
                 self.core.psw_set(Flag::P, self.core.a().count_ones() % 2 == 1);
             }
             touches_interrupts |= matches!(address, sfr::IE | sfr::IP);

@@ -1,14 +1,15 @@
 //! What ends a simulation: the firmware did what the chip forbids, or what the simulator does not model.
 
+use crate::chip::sfr;
 use crate::time::{Tick, to_seconds};
 use thiserror::Error;
 
 /// What the firmware did.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum Violation {
-    #[error("SFR 0x{address:02X} {access} is not modelled")]
+    #[error("SFR 0x{address:02X} ({}) {access} is not modelled", sfr::name(*address))]
     UnmodelledSfr { address: u8, access: &'static str },
-    #[error("SFR 0x{address:02X} written with 0x{value:02X}: bits 0x{bits:02X} are not modelled")]
+    #[error("SFR 0x{address:02X} ({}) written with 0x{value:02X}: bits 0x{bits:02X} are not modelled", sfr::name(*address))]
     UnmodelledBits { address: u8, value: u8, bits: u8 },
     #[error("{0}")]
     Rule(String),
@@ -22,20 +23,15 @@ impl Violation {
 
 /// A violation with where and when it happened.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{violation} (PC 0x{pc:04X}, tick {tick} of 48 MHz, {:.6} s)", to_seconds(*tick))]
+#[error("{violation} (PC 0x{pc:04X}, tick {tick} of 48 MHz, {:.6} s){}", to_seconds(*tick), cause(*flash_outrun))]
 pub struct Fault {
     pub violation: Violation,
     pub pc: u16,
     pub tick: Tick,
+    /// Code was read too fast: the violation is but what came of it.
+    pub flash_outrun: bool,
 }
 
-/// Refuses bits of a register that have no model.
-///
-/// # Errors
-/// [`Violation::UnmodelledBits`] if `value` sets a bit outside `modelled`.
-pub fn only_bits(address: u8, value: u8, modelled: u8) -> Result<(), Violation> {
-    match value & !modelled {
-        0 => Ok(()),
-        bits => Err(Violation::UnmodelledBits { address, value, bits }),
-    }
+fn cause(flash_outrun: bool) -> &'static str {
+    if flash_outrun { ", running wild: SYSCLK is over 25 MHz and FLSCL.FLRT is clear" } else { "" }
 }

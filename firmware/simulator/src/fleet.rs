@@ -1,45 +1,23 @@
-//! A fleet of units on one thread: slices of simulated time in turn, serial lines in between, paced by a clock.
+//! A fleet of units on one thread: slices of simulated time in turn, mishaps in between, paced by a clock.
 
 use crate::cli::Speed;
-use crate::fault::Fault;
-use crate::flash_store::FlashStore;
-use crate::host::Host;
-use crate::line::Line;
+use crate::member::{Member, MemberError};
+use crate::mishap::{Blow, Mishaps};
 use crate::time::{TICKS_PER_MS, Tick, from_seconds, to_seconds};
-use crate::unit::Unit;
-use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use thiserror::Error;
 
 /// Simulated time between two looks at the serial lines when nothing is paced.
-pub const FREE_SLICE: Tick = 5 * TICKS_PER_MS;
+const FREE_SLICE: Tick = 5 * TICKS_PER_MS;
 /// Real time between two looks at the serial lines when it is.
 const PACED_SLICE: Duration = Duration::from_millis(1);
-/// What may wait on the wire to a unit before its client is left to wait itself.
-const WIRE: usize = 512;
 
-#[derive(Debug, Error)]
-pub enum FleetError {
-    #[error("unit {serial}: {fault}")]
-    Fault { serial: u32, fault: Fault },
-    #[error("unit {serial}: its flash can't be kept in --state: {source}")]
-    Store { serial: u32, source: io::Error },
-}
-
-/// What a unit's serial line ends in.
-pub enum Peer {
-    Line(Line),
-    Host(Host),
-    /// The program that runs the simulation step by step takes and gives the bytes.
-    Control,
-}
-
-pub struct Member {
-    pub serial: u32,
-    pub unit: Unit,
-    pub peer: Peer,
-    pub store: Option<FlashStore>,
+pub struct Fleet {
+    pub members: Vec<Member>,
+    pub now: Tick,
+    mishaps: Mishaps,
+    /// How far one unit may be run ahead of the others.
+    slice: Tick,
 }
 
 /// How long to run, and how fast.
@@ -57,69 +35,91 @@ impl Schedule {
     }
 }
 
-/// Runs the fleet until its end or until `stop`; gives the simulated time that has passed.
-///
-/// # Errors
-/// A [`FleetError`] for the first unit that fails.
-pub fn run(fleet: &mut [Member], schedule: &Schedule, stop: &AtomicBool) -> Result<Tick, FleetError> {
-    let began = Instant::now();
-    let mut now = 0;
-    while !stop.load(Ordering::Relaxed) && schedule.end.is_none_or(|end| now < end) {
-        now = (now + schedule.slice()).min(schedule.end.unwrap_or(Tick::MAX));
-        for member in fleet.iter_mut() {
-            member.run_until(now)?;
-        }
-        if let Speed::Times(times) = schedule.speed {
-            let due = began + Duration::from_secs_f64(to_seconds(now) / times);
-            std::thread::sleep(due.saturating_duration_since(Instant::now()));
-        }
-    }
-    Ok(now)
-}
-
-impl Member {
-    /// Runs the unit until `end`, then hands over what the line and the flash's file are to have.
-    pub fn run_until(&mut self, end: Tick) -> Result<(), FleetError> {
-        let serial = self.serial;
-        self.unit.run_until(end).map_err(|fault| FleetError::Fault { serial, fault })?;
-        self.settle()
+impl Fleet {
+    /// Units at power-up; `lookahead` is how far one may be run ahead of the others if they share a room.
+    pub fn new(members: Vec<Member>, mishaps: Mishaps, lookahead: Option<Tick>) -> Self {
+        let slice = lookahead.map_or(FREE_SLICE, |lookahead| lookahead.min(FREE_SLICE));
+        Self { members, now: 0, mishaps, slice }
     }
 
-    /// As `run_until`, but stops at the end of a frame of the unit's.
-    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), FleetError> {
-        let serial = self.serial;
-        self.unit.run_until_frame(end).map_err(|fault| FleetError::Fault { serial, fault })?;
-        self.settle()
+    /// Frames that the units have ended so far.
+    pub fn frames(&self) -> u64 {
+        self.members.iter().map(|member| member.frames).sum()
     }
 
-    fn settle(&mut self) -> Result<(), FleetError> {
-        let serial = self.serial;
-        if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
-            store.save(flash).map_err(|source| FleetError::Store { serial, source })?;
+    /// Mishaps that are yet to come.
+    pub fn mishaps_to_come(&self) -> usize {
+        self.mishaps.len()
+    }
+
+    /// Runs the fleet until the schedule's end or until `stop`, and tells `watch` how it gets on.
+    ///
+    /// # Errors
+    /// A [`MemberError`] for the first unit that fails.
+    pub fn run(
+        &mut self,
+        schedule: &Schedule,
+        stop: &AtomicBool,
+        mut watch: impl FnMut(&Self),
+    ) -> Result<(), MemberError> {
+        let began = Instant::now();
+        while !stop.load(Ordering::Relaxed) && schedule.end.is_none_or(|end| self.now < end) {
+            self.run_until((self.now + schedule.slice()).min(schedule.end.unwrap_or(Tick::MAX)))?;
+            watch(self);
+            if let Speed::Times(times) = schedule.speed {
+                let due = began + Duration::from_secs_f64(to_seconds(self.now) / times);
+                std::thread::sleep(due.saturating_duration_since(Instant::now()));
+            }
         }
-        self.exchange();
         Ok(())
     }
 
-    fn exchange(&mut self) {
-        match &mut self.peer {
-            Peer::Line(line) => {
-                let mut buffer = [0; WIRE];
-                let room = WIRE - self.unit.incoming_len().min(WIRE);
-                let received = line.exchange(self.unit.sent(), &mut buffer[..room]);
-                self.unit.sent().clear();
-                if received > 0 {
-                    self.unit.feed(&buffer[..received]);
-                }
+    /// Runs all units until `end`.
+    ///
+    /// # Errors
+    /// As `run`.
+    pub fn run_until(&mut self, end: Tick) -> Result<(), MemberError> {
+        while self.now < end {
+            let stop = self.begin_slice(end);
+            for member in &mut self.members {
+                member.run_until(stop)?;
             }
-            Peer::Control => {}
-            Peer::Host(host) => {
-                if !self.unit.sent().is_empty() {
-                    let answer = host.answer(self.unit.sent());
-                    self.unit.sent().clear();
-                    self.unit.feed(&answer);
-                }
-            }
+            self.now = stop;
         }
+        Ok(())
+    }
+
+    /// As `run_until`, but stops as soon as a unit has ended a frame. With several units that is seen by the slice.
+    ///
+    /// # Errors
+    /// As `run`.
+    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), MemberError> {
+        let before = self.frames();
+        while self.now < end && self.frames() == before {
+            let stop = self.begin_slice(end);
+            self.now = if let [member] = &mut self.members[..] {
+                member.run_until_frame(stop)?;
+                member.unit.now()
+            } else {
+                self.members.iter_mut().try_for_each(|member| member.run_until(stop))?;
+                stop
+            };
+        }
+        Ok(())
+    }
+
+    /// Something goes wrong, now.
+    pub fn befall(&mut self, blow: &Blow) {
+        for member in self.members.iter_mut().filter(|member| blow.strikes(member.serial)) {
+            member.befall(blow, self.now);
+        }
+    }
+
+    /// Lets what is due go wrong; gives the end of a slice that nothing interrupts.
+    fn begin_slice(&mut self, end: Tick) -> Tick {
+        while let Some(blow) = self.mishaps.take(self.now) {
+            self.befall(&blow);
+        }
+        end.min(self.now + self.slice).min(self.mishaps.next_at())
     }
 }

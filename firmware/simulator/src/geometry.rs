@@ -1,5 +1,6 @@
 //! Plane geometry: points, and what lies between them. Metres and radians.
 
+use crate::interpolation::between;
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
@@ -18,6 +19,11 @@ impl From<[f64; 2]> for Point {
 impl Point {
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y }
+    }
+
+    /// The point that lies `share` of the way to `other`.
+    pub fn toward(self, other: Self, share: f64) -> Self {
+        Self::new(between(self.x, other.x, share), between(self.y, other.y, share))
     }
 
     pub fn minus(self, other: Self) -> Self {
@@ -80,6 +86,20 @@ impl Segment {
         (0.0..=self.length()).contains(&along).then(|| self.from.along(direction, along))
     }
 
+    /// The point's image in the mirror that lies along this segment.
+    pub fn image(&self, point: Point) -> Point {
+        let direction = self.from.direction_to(self.to);
+        let foot = self.from.along(direction, point.minus(self.from).dot(direction));
+        point.toward(foot, 2.0)
+    }
+
+    /// Where this segment crosses `other`, if it does so strictly inside both.
+    pub fn crossing(&self, other: &Segment) -> Option<Point> {
+        let side = |point: Point| other.to.minus(other.from).cross(point.minus(other.from));
+        let (before, after) = (side(self.from), side(self.to));
+        self.crosses(other).then(|| self.from.toward(self.to, before / (before - after)))
+    }
+
     /// Whether this segment crosses `other` strictly inside both.
     pub fn crosses(&self, other: &Segment) -> bool {
         let sides = |line: &Segment, point: Point| line.to.minus(line.from).cross(point.minus(line.from));
@@ -120,6 +140,19 @@ mod tests {
     fn distance_goes_to_the_nearer_end_beyond_the_segment() {
         assert_eq!(UNIT.distance(Point::new(4.0, 4.0)), 5.0);
         assert_eq!(UNIT.distance(Point::new(0.5, 2.0)), 2.0);
+    }
+
+    #[test]
+    fn an_image_lies_as_far_behind_the_mirror_as_the_point_is_in_front_of_it() {
+        assert_eq!(UNIT.image(Point::new(3.0, 2.0)), Point::new(3.0, -2.0));
+    }
+
+    #[test]
+    fn segments_cross_where_they_meet() {
+        let slanted = Segment { from: Point::new(0.0, -1.0), to: Point::new(1.0, 3.0) };
+        assert_eq!(slanted.crossing(&UNIT), Some(Point::new(0.25, 0.0)));
+        let beside = Segment { from: Point::new(2.0, -1.0), to: Point::new(2.0, 1.0) };
+        assert_eq!(beside.crossing(&UNIT), None);
     }
 
     #[test]

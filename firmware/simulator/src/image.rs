@@ -77,6 +77,13 @@ pub fn flash_firmware(flash: &mut [u8; FLASH_SIZE], records: &[Record]) {
     }
 }
 
+/// How many bytes of firmware there are, and their CRC-32 in the order of the file.
+pub fn sum(records: &[Record]) -> (usize, u32) {
+    let mut hasher = crc32fast::Hasher::new();
+    records.iter().for_each(|(_, data)| hasher.update(data));
+    (records.iter().map(|(_, data)| data.len()).sum(), hasher.finalize())
+}
+
 /// Flashes the settings page that gives the unit its serial number.
 pub fn flash_settings(flash: &mut [u8; FLASH_SIZE], serial: u32) {
     let mut page = SETTINGS_MAGIC.to_le_bytes().to_vec();

@@ -1,5 +1,6 @@
 //! noctule-sim: scanner units in a simulated room, running the firmware that is flashed into real ones.
 
+mod cable;
 mod chip;
 mod cli;
 mod control;
@@ -12,47 +13,63 @@ mod fault;
 mod flash_store;
 mod fleet;
 mod frame;
+mod gear;
 mod geometry;
 mod host;
 mod image;
+mod interpolation;
 mod line;
+mod member;
+mod mishap;
 mod opcode;
 mod path;
+mod places;
+mod report;
 mod room;
+mod scenery;
 mod sensor;
+mod svg;
 mod time;
 mod unit;
 mod world;
 
+use cable::Cable;
 use clap::Parser;
 use cli::Arguments;
 use control::ControlError;
 use echo::Scene;
 use flash_store::FlashStore;
-use fleet::{FleetError, Member, Peer, Schedule};
+use fleet::{Fleet, Schedule};
 use host::Host;
 use image::{ImageError, Record};
 use line::Line;
+use member::{Member, MemberError, Peer};
+use mishap::{MishapError, Mishaps};
+use report::Progress;
 use room::{Room, RoomError};
 use std::io::{self, Write};
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 use thiserror::Error;
-use time::{from_seconds, to_seconds};
+use time::from_seconds;
 use unit::Unit;
 use world::World;
+use world::air::Air;
 
 #[derive(Debug, Error)]
 enum SimulatorError {
     #[error(transparent)]
     Room(#[from] RoomError),
+    #[error("room {room} has places for {places} units, and --units wants {units}")]
+    Crowded { room: String, places: usize, units: usize },
+    #[error(transparent)]
+    Mishaps(#[from] MishapError),
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
-    Fleet(#[from] FleetError),
+    Member(#[from] MemberError),
     #[error(transparent)]
     Control(#[from] ControlError),
     #[error("{what}: {source}")]
@@ -70,35 +87,78 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
-    let records = image::read_hex(&arguments.firmware)?;
+    if arguments.registers {
+        say(&[chip::register_page::markdown().trim_end().to_owned()]);
+        return Ok(());
+    }
     let scene = Rc::new(Scene::new(Room::load(&arguments.room)?));
+    if let Some(file) = &arguments.svg {
+        return std::fs::write(file, svg::drawing(scene.room()))
+            .map_err(io_error(format!("--svg {}", file.display())));
+    }
+    let records = image::read_hex(&arguments.firmware)?;
+    let mut fleet = fleet(arguments, &scene, &records)?;
+    if arguments.control {
+        return Ok(control::run(&mut fleet, io::stdin().lock(), io::stdout().lock())?);
+    }
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop))
             .map_err(io_error("signals can't be watched"))?;
     }
-    let mut fleet = (1..=arguments.units)
-        .map(|serial| member(arguments, serial, &records, &scene))
-        .collect::<Result<Vec<_>, _>>()?;
-    if arguments.control {
-        return Ok(control::run(&mut fleet, io::stdin().lock(), io::stdout().lock())?);
-    }
-    announce(arguments, &scene, &fleet);
+    let firmware = arguments.firmware.display().to_string();
+    say(&report::beginning(&fleet, scene.room(), &firmware, &records, &arguments.pace()));
 
-    let began = Instant::now();
     let schedule = Schedule { speed: arguments.speed, end: arguments.duration.map(from_seconds) };
-    let simulated = fleet::run(&mut fleet, &schedule, &stop)?;
-    summarise(&fleet, to_seconds(simulated), began.elapsed().as_secs_f64());
+    let mut progress = Progress::begin();
+    let outcome = fleet.run(&schedule, &stop, |fleet| progress.show(fleet));
+    progress.end();
+    outcome?;
+    say(&report::end(&fleet, progress.elapsed()));
     Ok(())
+}
+
+/// The units in their room or rooms, and what is to befall them.
+fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result<Fleet, SimulatorError> {
+    let room = scene.room();
+    let units = arguments.units.map_or(room.shared_by().unwrap_or(1), |units| units as usize);
+    let mishaps = match &arguments.faults {
+        Some(file) => Mishaps::load(file, units)?,
+        None => Mishaps::default(),
+    };
+    let air = match room.shared_by() {
+        Some(places) if units > places => {
+            return Err(SimulatorError::Crowded { room: room.name.clone(), places, units });
+        }
+        Some(_) => {
+            let ears = (0..units).map(|index| room.standing(index)).collect();
+            Some(Rc::new(Air::new(Rc::clone(scene), ears)))
+        }
+        None => None,
+    };
+    let members = (0..units)
+        .map(|index| {
+            let world =
+                World::new(Rc::clone(scene), index, air.clone(), arguments.laps, seed(arguments, index));
+            member(arguments, index, records, world)
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(Fleet::new(members, mishaps, air.and_then(|air| air.lookahead())))
+}
+
+/// A unit's own seed, by its number from 0.
+fn seed(arguments: &Arguments, index: usize) -> u64 {
+    arguments.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(index as u64 + 1)
 }
 
 /// A unit with its memory, its place in the world and its serial line.
 fn member(
     arguments: &Arguments,
-    serial: u32,
+    index: usize,
     records: &[Record],
-    scene: &Rc<Scene>,
+    world: World,
 ) -> Result<Member, SimulatorError> {
+    let serial = index as u32 + 1;
     let store = match &arguments.state {
         Some(directory) => Some(
             FlashStore::open(directory, serial)
@@ -116,15 +176,17 @@ fn member(
         flash
     });
     image::flash_firmware(&mut flash, records);
-    let seed = arguments.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(u64::from(serial));
-    let world = World::new(Rc::clone(scene), arguments.laps, seed);
-    let unit = Unit::power_up(flash, world, seed);
-    Ok(Member { serial, unit, peer: peer(arguments, serial)?, store })
+    let seed = seed(arguments, index);
+    let mut unit = Unit::power_up(flash, world, seed);
+    if arguments.measure {
+        unit.measure();
+    }
+    Ok(Member { serial, unit, cable: Cable::new(seed), peer: peer(arguments, serial)?, store, frames: 0 })
 }
 
 fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
     if arguments.control {
-        return Ok(Peer::Control);
+        return Ok(Peer::Control(Vec::new()));
     }
     if arguments.acknowledge {
         return Ok(Peer::Host(Host::default()));
@@ -146,56 +208,11 @@ fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
     Ok(Peer::Line(line))
 }
 
-fn announce(arguments: &Arguments, scene: &Scene, fleet: &[Member]) {
-    let waypoints = scene.room().waypoints().len();
-    let carried = if waypoints == 0 {
-        "standing still".to_owned()
-    } else {
-        format!("carried to {waypoints} waypoints")
-    };
-    for member in fleet {
-        let address = match &member.peer {
-            Peer::Line(line) => line.address(),
-            Peer::Host(_) => "acknowledged by the simulator".to_owned(),
-            Peer::Control => "run step by step".to_owned(),
-        };
-        let firmware = arguments.firmware.display();
-        say(&format!(
-            "unit {}: {address}, {firmware} in room {}, {carried}",
-            member.serial,
-            scene.room().name
-        ));
-    }
-}
-
-fn summarise(fleet: &[Member], simulated_s: f64, real_s: f64) {
-    for member in fleet {
-        let unit = &member.unit;
-        let swept = match &member.peer {
-            Peer::Line(_) if unit.path_is_done() => ", path done".to_owned(),
-            Peer::Line(_) | Peer::Control => String::new(),
-            Peer::Host(host) => format!(
-                ", {} sweeps acknowledged, {} resent, {} missed, {} bad frames",
-                host.sweeps, host.resent, host.missed, host.bad_frames
-            ),
-        };
-        let mips = unit.instructions() as f64 / simulated_s / 1e6;
-        say(&format!(
-            "unit {}: {mips:.3} million instructions/s, {} resets{swept}",
-            member.serial,
-            unit.resets()
-        ));
-    }
-    let ratio = simulated_s / real_s;
-    let all = ratio * fleet.len() as f64;
-    say(&format!(
-        "{simulated_s:.1} s simulated in {real_s:.2} s: {ratio:.1} times real time, {all:.0} in all units"
-    ));
-}
-
 /// Tells the operator; a closed standard output is no reason to stop.
-fn say(text: &str) {
-    let _ = writeln!(io::stdout(), "{text}");
+fn say(lines: &[String]) {
+    for line in lines {
+        let _ = writeln!(io::stdout(), "{line}");
+    }
 }
 
 fn io_error(what: impl Into<String>) -> impl FnOnce(io::Error) -> SimulatorError {

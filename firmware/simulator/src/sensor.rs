@@ -1,5 +1,6 @@
 //! The sensor of a room's units: its noise, its faults, its lobe.
 
+use crate::interpolation::{between, bracket, rises};
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Deserialize)]
@@ -15,7 +16,12 @@ pub struct Sensor {
     pub lost_echo_probability: f64,
     /// A range from nowhere in place of the reading.
     pub false_echo_probability: f64,
+    /// How long the room keeps a ping's sound: a ping that follows sooner may hear it.
+    pub reverberation_ms: f64,
 }
+
+/// The rule of thumb for pings of an HC-SR04: not less than 29 ms apart.
+const REVERBERATION_MS: f64 = 29.0;
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -35,6 +41,7 @@ impl Default for Sensor {
             late_echo_probability: 0.0,
             lost_echo_probability: 0.0,
             false_echo_probability: 0.0,
+            reverberation_ms: REVERBERATION_MS,
         }
     }
 }
@@ -42,23 +49,22 @@ impl Default for Sensor {
 impl Sensor {
     /// Half the beam's width at a range.
     pub fn half_beam_rad(&self, range_m: f64) -> f64 {
-        let after = self.lobe.partition_point(|point| point.range_m <= range_m);
-        let near = self.lobe[after.saturating_sub(1)];
-        let far = self.lobe[after.min(self.lobe.len() - 1)];
-        let span = far.range_m - near.range_m;
-        let share = if span > 0.0 { ((range_m - near.range_m) / span).clamp(0.0, 1.0) } else { 0.0 };
-        (near.half_angle_deg + share * (far.half_angle_deg - near.half_angle_deg)).to_radians()
+        let (near, far, share) = bracket(&self.lobe, |point| point.range_m, range_m);
+        between(near.half_angle_deg, far.half_angle_deg, share).to_radians()
     }
 
     /// The first thing wrong: field and problem.
     pub fn problem(&self) -> Option<(&'static str, &'static str)> {
         let probabilities =
             [self.late_echo_probability, self.lost_echo_probability, self.false_echo_probability];
-        if self.lobe.is_empty() || !self.lobe.is_sorted_by(|a, b| a.range_m < b.range_m) {
+        if !rises(&self.lobe, |point| point.range_m) {
             return Some(("sensor.lobe", "must have rising range_m"));
         }
         if !probabilities.iter().all(|probability| (0.0..=1.0).contains(probability)) {
             return Some(("sensor", "has a probability outside 0 to 1"));
+        }
+        if self.reverberation_ms < 0.0 {
+            return Some(("sensor.reverberation_ms", "is negative"));
         }
         (self.range_sigma_m < 0.0).then_some(("sensor.range_sigma_m", "is negative"))
     }

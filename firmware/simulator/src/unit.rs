@@ -1,16 +1,36 @@
 //! A scanner unit: chip, CPU and world, run from event to event.
 
+mod measurement;
+mod power;
+
 use crate::chip::Chip;
+use crate::chip::analog::Analog;
 use crate::chip::flash::{FLASH_SIZE, Flash};
 use crate::chip::interrupts::vector;
 use crate::chip::memory::XRAM_SIZE;
 use crate::chip::reset::Cause;
-use crate::cpu::Cpu;
+use crate::cpu::{Cpu, IRAM_SIZE};
 use crate::fault::{Fault, Violation};
+use crate::mishap::Mishap;
 use crate::time::Tick;
-use crate::world::{ECHO, World};
+use crate::world::{self, ECHO, World};
+use measurement::Measurement;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+/// What is true of a unit, for tests to compare with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Truth {
+    #[serde(flatten)]
+    pub world: world::Truth,
+    pub resets: u32,
+    /// Bytes written and pages erased.
+    pub flash_operations: u64,
+}
+
+/// By how much the die is warmer than the air around the board. Assumed.
+const SELF_HEATING_K: f64 = 3.0;
 
 pub struct Unit {
     cpu: Cpu,
@@ -24,6 +44,9 @@ pub struct Unit {
     one_more: bool,
     /// The last instruction that accessed a register.
     accessed_at: u16,
+    unpowered_until: Option<Tick>,
+    cut_at_flash_operation: Option<u64>,
+    measurement: Option<Box<Measurement>>,
     instructions: u64,
     resets: u32,
 }
@@ -35,7 +58,8 @@ impl Unit {
         let mut xram = Box::new([0; XRAM_SIZE]);
         rng.fill_bytes(xram.as_mut_slice());
         let cpu = Cpu::new(noise(&mut rng));
-        let mut chip = Chip::new(Flash::new(flash), xram);
+        let analog = Analog::of_chip(seed);
+        let mut chip = Chip::new(Flash::new(flash, seed), xram, analog);
         chip.ports.pulls = world.pulls();
         Self {
             cpu,
@@ -46,6 +70,9 @@ impl Unit {
             look_for_interrupt: true,
             one_more: false,
             accessed_at: 0,
+            unpowered_until: None,
+            cut_at_flash_operation: None,
+            measurement: None,
             instructions: 0,
             resets: 0,
         }
@@ -59,6 +86,31 @@ impl Unit {
     /// Resets since power-up.
     pub fn resets(&self) -> u32 {
         self.resets
+    }
+
+    /// How things are with this unit, whatever its firmware makes of them.
+    pub fn truth(&self) -> Truth {
+        Truth {
+            world: self.world.truth(self.chip.now),
+            resets: self.resets,
+            flash_operations: self.flash_operations(),
+        }
+    }
+
+    /// Something happens to a part of the unit, until then if it lasts.
+    pub fn befall(&mut self, mishap: &Mishap, until: Tick) {
+        self.world.apply(mishap, until, self.chip.now);
+        self.next_event = 0;
+    }
+
+    /// Measures from now on.
+    pub fn measure(&mut self) {
+        self.measurement = Some(Box::default());
+    }
+
+    /// What has been measured, for people.
+    pub fn measured(&self) -> Option<String> {
+        self.measurement.as_ref().map(|measurement| measurement.report(self.chip.now))
     }
 
     pub fn path_is_done(&self) -> bool {
@@ -78,7 +130,7 @@ impl Unit {
     /// Puts bytes on the wire to the unit.
     pub fn feed(&mut self, bytes: &[u8]) {
         self.chip.uart.feed(bytes, self.chip.now);
-        self.next_event = 0;
+        self.next_event = self.next_event.min(self.chip.now);
     }
 
     /// How many bytes are on the wire to the unit.
@@ -91,6 +143,8 @@ impl Unit {
     /// # Errors
     /// A [`Fault`] if the firmware does what the chip forbids or what is not modelled.
     pub fn run_until(&mut self, end: Tick) -> Result<(), Fault> {
+        // Other units may have sent sound on its way here since.
+        self.next_event = self.next_event.min(self.world.next_event());
         while self.chip.now < end {
             self.advance(end).map_err(|violation| self.fault(violation))?;
         }
@@ -114,7 +168,12 @@ impl Unit {
     }
 
     fn fault(&self, violation: Violation) -> Fault {
-        Fault { violation, pc: self.accessed_at, tick: self.chip.now }
+        Fault {
+            violation,
+            pc: self.accessed_at,
+            tick: self.chip.now,
+            flash_outrun: self.chip.flash.is_outrun(),
+        }
     }
 
     /// Simulated time since power-up.
@@ -123,10 +182,16 @@ impl Unit {
     }
 
     fn advance(&mut self, end: Tick) -> Result<(), Violation> {
+        if let Some(until) = self.unpowered_until {
+            return self.stay_dark(until, end);
+        }
         if self.chip.now >= self.next_event {
             self.service()?;
         }
         if self.chip.now < self.chip.stalled_until {
+            if self.cut_power_if_due() {
+                return Ok(());
+            }
             self.skip_to(self.chip.stalled_until.min(end));
             return Ok(());
         }
@@ -137,28 +202,39 @@ impl Unit {
                 self.chip.enter_interrupt(interrupt);
                 let clocks = self.cpu.interrupt(vector(interrupt));
                 self.chip.now += clocks * self.chip.ticks_per_sysclk();
-                return self.after_access();
+                if let Some(measurement) = &mut self.measurement {
+                    measurement.see_entry(interrupt, self.chip.now);
+                    measurement.see_stack(self.cpu.sp());
+                }
+                return self.after_access(self.chip.now);
             }
         }
         if self.chip.idle {
+            let asleep_at = self.chip.now;
             self.skip_to(end);
+            if let Some(measurement) = &mut self.measurement {
+                measurement.see_idle(self.chip.now - asleep_at);
+            }
             return Ok(());
         }
-        self.execute(end)
+        if self.measurement.is_some() { self.execute::<true>(end) } else { self.execute::<false>(end) }
     }
 
     /// Runs instructions until one touches a register or something is due; only one if an interrupt must wait for it.
-    fn execute(&mut self, end: Tick) -> Result<(), Violation> {
+    fn execute<const MEASURED: bool>(&mut self, end: Tick) -> Result<(), Violation> {
         let limit = self.next_event.min(end);
         let ticks_per_sysclk = self.chip.ticks_per_sysclk();
         loop {
             let pc = self.cpu.pc();
             self.chip.now += self.cpu.step(&mut self.chip) * ticks_per_sysclk;
             self.instructions += 1;
+            if MEASURED && let Some(measurement) = &mut self.measurement {
+                measurement.see_stack(self.cpu.sp());
+            }
             if self.chip.touched.get() {
                 self.accessed_at = pc;
                 self.one_more = self.cpu.defers_interrupts();
-                return self.after_access();
+                return self.after_access(self.chip.now);
             }
             if self.chip.now >= limit || self.look_for_interrupt {
                 return Ok(());
@@ -180,21 +256,26 @@ impl Unit {
             }
         }
         self.chip.ports.pulls = self.world.pulls();
+        self.chip.set_die_temperature_c(self.world.air_temperature_c(self.chip.now) + SELF_HEATING_K);
         self.chip.service();
-        self.after_access()
+        self.after_access(self.next_event)
     }
 
     /// Registers were written or flags went up: pins, resets, interrupts and the next event may have changed.
-    fn after_access(&mut self) -> Result<(), Violation> {
+    /// Flags that are up now are so since `since`.
+    fn after_access(&mut self, since: Tick) -> Result<(), Violation> {
         self.chip.touched.set(false);
         if let Some(violation) = self.chip.violation.take() {
             return Err(violation);
         }
-        if let Some(cause) = self.chip.reset_request {
+        if let Some(cause) = self.chip.reset_request.get() {
             self.reset(cause);
         }
         self.world.watch(&self.chip.ports, self.chip.now)?;
         self.chip.ports.pulls = self.world.pulls();
+        if let Some(measurement) = &mut self.measurement {
+            measurement.see_ready(self.chip.pending() & self.chip.interrupts.enabled(), since);
+        }
         self.look_for_interrupt = true;
         self.next_event = self.chip.next_event().min(self.world.next_event());
         Ok(())
@@ -203,8 +284,7 @@ impl Unit {
     fn reset(&mut self, cause: Cause) {
         self.resets += 1;
         if cause == Cause::PowerUp {
-            self.rng.fill_bytes(self.chip.xram.as_mut_slice());
-            self.cpu = Cpu::new(noise(&mut self.rng));
+            self.scramble_memories();
         } else {
             self.cpu.reset();
         }
@@ -212,8 +292,8 @@ impl Unit {
     }
 }
 
-fn noise(rng: &mut ChaCha8Rng) -> [u8; 256] {
-    let mut bytes = [0; 256];
+fn noise(rng: &mut ChaCha8Rng) -> [u8; IRAM_SIZE] {
+    let mut bytes = [0; IRAM_SIZE];
     rng.fill_bytes(&mut bytes);
     bytes
 }
@@ -224,17 +304,18 @@ mod tests {
     use crate::echo::Scene;
     use crate::image::{erased, flash_firmware};
     use crate::room::Room;
+    use crate::time::TICKS_PER_MS;
     use std::rc::Rc;
 
-    const TICKS_PER_CLOCK: Tick = 32;
+    pub(super) const TICKS_PER_CLOCK: Tick = 32;
 
     /// A unit that runs from address 0 at the clock of reset, behind it nothing but NOPs.
-    fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
+    pub(super) fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
         let room = Room::parse("x", "name = 'x'\n[unit]\nposition_m = [0.0, 0.0]\n").unwrap();
         let mut flash = erased();
         flash.fill(0);
         flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
-        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 1, 1), 1)
+        Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 0, None, 1, 1), 1)
     }
 
     #[test]
@@ -261,17 +342,40 @@ mod tests {
 
     #[test]
     fn a_fault_names_the_instruction() {
-        // NOP; NOP; MOV A,ADC0H
-        let fault = unit(&[0x00, 0x00, 0xE5, 0xBE], &[]).run_until(1000 * TICKS_PER_CLOCK).unwrap_err();
+        // NOP; NOP; MOV A,USB0ADR
+        let fault = unit(&[0x00, 0x00, 0xE5, 0x96], &[]).run_until(1000 * TICKS_PER_CLOCK).unwrap_err();
         assert_eq!(fault.pc, 2);
-        assert!(fault.to_string().starts_with("SFR 0xBE read is not modelled (PC 0x0002"), "{fault}");
+        assert!(
+            fault.to_string().starts_with("SFR 0x96 (USB0ADR) read is not modelled (PC 0x0002"),
+            "{fault}"
+        );
     }
 
     #[test]
-    fn running_into_the_reserved_area_resets_the_chip() {
+    fn running_into_or_reading_the_reserved_area_resets_the_chip() {
         // ANL PCA0MD,#0xBF; LJMP 0xFC00
-        let mut unit = unit(&[0x53, 0xD9, 0xBF, 0x02, 0xFC, 0x00], &[]);
-        unit.run_until(100 * TICKS_PER_CLOCK).unwrap();
-        assert!(unit.resets() > 1);
+        let mut runs = unit(&[0x53, 0xD9, 0xBF, 0x02, 0xFC, 0x00], &[]);
+        // ANL PCA0MD,#0xBF; MOV DPTR,#0xFC00; MOVC A,@A+DPTR
+        let mut reads = unit(&[0x53, 0xD9, 0xBF, 0x90, 0xFC, 0x00, 0x93], &[]);
+        for unit in [&mut runs, &mut reads] {
+            unit.run_until(100 * TICKS_PER_CLOCK).unwrap();
+            assert!(unit.resets() > 1);
+        }
+    }
+
+    #[test]
+    fn a_fault_of_code_that_is_read_too_fast_says_so() {
+        let image = [
+            0x53, 0xD9, 0xBF, // ANL PCA0MD,#0xBF
+            0x75, 0xB2, 0x83, // MOV OSCICN,#0x83
+            0x75, 0xB9, 0x80, // MOV CLKMUL,#0x80
+            0x78, 0x20, 0xD8, 0xFE, // MOV R0,#32; DJNZ R0,$
+            0x75, 0xB9, 0xC0, // MOV CLKMUL,#0xC0
+            0xE5, 0xB9, 0x30, 0xE5, 0xFB, // MOV A,CLKMUL; JNB ACC.5,back
+            0x75, 0xA9, 0x03, // MOV CLKSEL,#3: 48 MHz, and FLSCL is as at reset
+            0xE5, 0x96, 0xE5, 0x96, 0xE5, 0x96, // MOV A,USB0ADR: one of these will be read right
+        ];
+        let fault = unit(&image, &[]).run_until(100 * TICKS_PER_MS).unwrap_err();
+        assert!(fault.to_string().contains("FLSCL.FLRT is clear"), "{fault}");
     }
 }

@@ -3,6 +3,8 @@
 use crate::chip::sfr;
 use crate::fault::Violation;
 use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 pub const FLASH_SIZE: usize = 0x1_0000;
 pub const PAGE_SIZE: u16 = 512;
@@ -12,6 +14,8 @@ pub const RESERVED: u16 = 0xFC00;
 const LOCK_PAGE: u16 = 0xFA00;
 const PSWE: u8 = 0x01;
 const PSEE: u8 = 0x02;
+/// Assumed.
+const WRONG_BITS: usize = 100;
 /// Typical times of the datasheet's table of flash characteristics (40-55-70 us, 10-15-20 ms).
 const WRITE_TIME: Tick = 55 * TICKS_PER_US;
 const ERASE_TIME: Tick = 15 * TICKS_PER_MS;
@@ -35,27 +39,75 @@ pub enum Operation {
     FlashError,
 }
 
+/// What a flash operation works on, and what was there before.
+struct Span {
+    start: usize,
+    before: Vec<u8>,
+}
+
 pub struct Flash {
+    /// What is read.
     bytes: Box<[u8; FLASH_SIZE]>,
+    /// What is stored, while what is read is something else: flash is read faster than it can be.
+    stored: Option<Box<[u8; FLASH_SIZE]>>,
+    seed: u64,
+    /// Of the last operation.
+    span: Option<Span>,
+    operations: u64,
     lock: Lock,
     psctl: u8,
     pub changed: bool,
 }
 
 impl Flash {
-    pub fn new(bytes: Box<[u8; FLASH_SIZE]>) -> Self {
-        Self { bytes, lock: Lock::Locked, psctl: 0, changed: false }
+    /// A memory with these contents; the seed decides which bits fail when it is read too fast.
+    pub fn new(bytes: Box<[u8; FLASH_SIZE]>, seed: u64) -> Self {
+        Self {
+            bytes,
+            stored: None,
+            seed,
+            span: None,
+            operations: 0,
+            lock: Lock::Locked,
+            psctl: 0,
+            changed: false,
+        }
     }
 
     pub fn reset(&mut self) {
         self.lock = Lock::Locked;
         self.psctl = 0;
+        self.set_outrun(false);
     }
 
+    /// The system clock is too fast for flash without wait states, or no longer: while it is, one bit in
+    /// `WRONG_BITS` reads wrong. Real errors change from read to read; these stay as they are.
+    pub fn set_outrun(&mut self, outrun: bool) {
+        match self.stored.take() {
+            Some(stored) if outrun => self.stored = Some(stored),
+            Some(stored) => self.bytes = stored,
+            None if outrun => {
+                self.stored = Some(self.bytes.clone());
+                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+                for _ in 0..FLASH_SIZE * 8 / WRONG_BITS {
+                    self.bytes[rng.random_range(0..FLASH_SIZE)] ^= 1 << rng.random_range(0..8);
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// Whether reads go wrong.
+    pub fn is_outrun(&self) -> bool {
+        self.stored.is_some()
+    }
+
+    /// What is stored.
     pub fn bytes(&self) -> &[u8; FLASH_SIZE] {
-        &self.bytes
+        self.stored.as_ref().unwrap_or(&self.bytes)
     }
 
+    /// What a read of this address gives.
     #[inline]
     pub fn byte(&self, address: u16) -> u8 {
         self.bytes[address as usize]
@@ -65,11 +117,8 @@ impl Flash {
         if address == sfr::PSCTL { self.psctl } else { self.lock as u8 }
     }
 
-    /// # Errors
-    /// A [`Violation`] for bits of PSCTL that are not modelled.
-    pub fn write(&mut self, address: u8, value: u8) -> Result<(), Violation> {
+    pub fn write(&mut self, address: u8, value: u8) {
         if address == sfr::PSCTL {
-            crate::fault::only_bits(address, value, PSWE | PSEE)?;
             self.psctl = value;
         } else {
             self.lock = match (self.lock, value) {
@@ -78,7 +127,6 @@ impl Flash {
                 _ => Lock::Disabled,
             };
         }
-        Ok(())
     }
 
     /// Whether MOVX writes go to flash.
@@ -104,14 +152,43 @@ impl Flash {
             )));
         }
         self.lock = Lock::Locked;
-        self.changed = true;
         if self.psctl & PSEE != 0 {
-            let page = (address & !(PAGE_SIZE - 1)) as usize;
-            self.bytes[page..page + PAGE_SIZE as usize].fill(0xFF);
+            self.begin((address & !(PAGE_SIZE - 1)).into(), PAGE_SIZE.into()).fill(0xFF);
             return Ok(Operation::Done(ERASE_TIME));
         }
-        self.bytes[address as usize] &= value;
+        self.begin(address.into(), 1)[0] &= value;
         Ok(Operation::Done(WRITE_TIME))
+    }
+
+    /// Bytes written and pages erased so far.
+    pub fn operations(&self) -> u64 {
+        self.operations
+    }
+
+    /// The power went during the last operation: of the bits that it changes none, all, or a random part have changed.
+    pub fn interrupt(&mut self, rng: &mut impl Rng) {
+        let Some(Span { start, before }) = self.span.take() else {
+            return;
+        };
+        let share = [0.0, 1.0, rng.random()][rng.random_range(0..3)];
+        for (byte, before) in self.cells()[start..].iter_mut().zip(before) {
+            for bit in (0..8).map(|shift| 1 << shift) {
+                if (*byte ^ before) & bit != 0 && !rng.random_bool(share) {
+                    *byte ^= bit;
+                }
+            }
+        }
+    }
+
+    fn begin(&mut self, start: usize, length: usize) -> &mut [u8] {
+        self.changed = true;
+        self.operations += 1;
+        self.span = Some(Span { start, before: self.bytes()[start..start + length].to_vec() });
+        &mut self.cells()[start..start + length]
+    }
+
+    fn cells(&mut self) -> &mut [u8; FLASH_SIZE] {
+        self.stored.as_mut().unwrap_or(&mut self.bytes)
     }
 }
 
@@ -120,13 +197,13 @@ mod tests {
     use super::*;
 
     fn flash() -> Flash {
-        Flash::new(Box::new([0xFF; FLASH_SIZE]))
+        Flash::new(Box::new([0xFF; FLASH_SIZE]), 1)
     }
 
     fn unlock(flash: &mut Flash, psctl: u8) {
-        flash.write(sfr::FLKEY, 0xA5).unwrap();
-        flash.write(sfr::FLKEY, 0xF1).unwrap();
-        flash.write(sfr::PSCTL, psctl).unwrap();
+        flash.write(sfr::FLKEY, 0xA5);
+        flash.write(sfr::FLKEY, 0xF1);
+        flash.write(sfr::PSCTL, psctl);
     }
 
     #[test]
@@ -156,7 +233,7 @@ mod tests {
     #[test]
     fn a_wrong_key_locks_flash_until_the_next_reset() {
         let mut flash = flash();
-        flash.write(sfr::FLKEY, 0xF1).unwrap();
+        flash.write(sfr::FLKEY, 0xF1);
         assert_eq!(flash.read(sfr::FLKEY), 3);
         unlock(&mut flash, PSWE);
         assert_eq!(flash.movx(0xF400, 0, true).unwrap(), Operation::Refused);
@@ -171,6 +248,36 @@ mod tests {
         unlock(&mut flash, PSWE);
         assert_eq!(flash.movx(0xF400, 0, false).unwrap(), Operation::FlashError);
         assert_eq!(flash.movx(RESERVED, 0, true).unwrap(), Operation::FlashError);
+    }
+
+    #[test]
+    fn a_memory_that_is_read_too_fast_gives_wrong_bits_until_it_is_not() {
+        let mut flash = flash();
+        flash.set_outrun(true);
+        let wrong = (0..=0xFFFF).map(|address| flash.byte(address).count_zeros()).sum::<u32>();
+        assert!((4_000..6_000).contains(&wrong), "{wrong} of 524288 bits");
+        unlock(&mut flash, PSWE);
+        flash.movx(0xF400, 0x0F, true).unwrap();
+        assert_eq!(flash.bytes()[0xF400], 0x0F);
+        flash.set_outrun(false);
+        assert_eq!(flash.byte(0xF400), 0x0F);
+        assert!((0..0xF400).all(|address| flash.byte(address) == 0xFF));
+    }
+
+    #[test]
+    fn a_write_cut_short_clears_some_of_its_bits_and_no_others() {
+        let outcomes: Vec<u8> = (0..40)
+            .map(|seed| {
+                let mut flash = flash();
+                unlock(&mut flash, PSWE);
+                flash.movx(0xF400, 0x0F, true).unwrap();
+                flash.interrupt(&mut ChaCha8Rng::seed_from_u64(seed));
+                flash.byte(0xF400)
+            })
+            .collect();
+        assert!(outcomes.iter().all(|byte| byte & 0x0F == 0x0F));
+        assert!(outcomes.contains(&0x0F) && outcomes.contains(&0xFF));
+        assert!(outcomes.iter().any(|byte| !matches!(byte, 0x0F | 0xFF)));
     }
 
     #[test]

@@ -101,9 +101,14 @@ impl ReadOnlyMemoryMapper for Chip {
         0x1_0000
     }
 
+    /// Fetching or reading (MOVC) the reserved area resets the chip.
     #[inline]
     fn read<C: CpuView>(&self, _cpu: &C, address: u32) -> u8 {
-        self.flash.byte(address as u16)
+        let address = address as u16;
+        if address >= RESERVED {
+            self.fail_flash();
+        }
+        self.flash.byte(address)
     }
 }
 
@@ -113,17 +118,14 @@ impl Chip {
         match self.flash.movx(address, value, self.resets.supply_monitored()) {
             Ok(Operation::Done(stall)) => self.stalled_until = self.now + stall,
             Ok(Operation::Refused) => {}
-            Ok(Operation::FlashError) => self.reset_request = Some(Cause::FlashError),
+            Ok(Operation::FlashError) => self.fail_flash(),
             Err(violation) => self.report(violation),
         }
     }
 
-    /// Fetching an instruction from the reserved area resets the chip.
-    #[inline]
-    pub fn check_fetch(&mut self, pc: u16) {
-        if pc >= RESERVED {
-            self.touched.set(true);
-            self.reset_request = Some(Cause::FlashError);
-        }
+    #[cold]
+    fn fail_flash(&self) {
+        self.touched.set(true);
+        self.reset_request.set(Some(Cause::FlashError));
     }
 }

@@ -1,5 +1,7 @@
 //! The C8051F340 around its CPU: peripherals behind their special function registers, memories, events, interrupts.
 
+mod adc;
+pub mod analog;
 pub mod clock;
 pub mod flash;
 pub mod interrupts;
@@ -9,6 +11,7 @@ mod pca_counter;
 #[cfg(test)]
 mod pca_tests;
 pub mod ports;
+pub mod register_page;
 mod registers;
 pub mod reload_timer;
 pub mod reset;
@@ -18,6 +21,8 @@ pub mod uart;
 
 use crate::fault::Violation;
 use crate::time::{NEVER, Tick};
+use adc::Adc;
+use analog::Analog;
 use clock::Clock;
 use flash::Flash;
 use interrupts::Interrupts;
@@ -38,18 +43,19 @@ pub struct Chip {
     pub flash: Flash,
     pub interrupts: Interrupts,
     pub xram: Xram,
+    adc: Adc,
     /// The CPU sleeps until an interrupt.
     pub idle: bool,
     /// A flash operation holds the CPU until then.
     pub stalled_until: Tick,
-    pub reset_request: Option<Cause>,
+    pub reset_request: Cell<Option<Cause>>,
     /// A register was written, or refused, since this was last cleared: events, pins and interrupts may have changed.
     pub touched: Cell<bool>,
     clock: Clock,
     timers: Timers,
     timer2: ReloadTimer,
     timer3: ReloadTimer,
-    resets: Resets,
+    pub resets: Resets,
     ckcon: u8,
     emi0cn: u8,
     general_flags: u8,
@@ -63,7 +69,7 @@ pub struct Chip {
 
 impl Chip {
     /// A chip at power-up.
-    pub fn new(flash: Flash, xram: Xram) -> Self {
+    pub fn new(flash: Flash, xram: Xram, analog: Analog) -> Self {
         let clock = Clock::new();
         let ticks = clock.ticks_per_sysclk();
         Self {
@@ -74,9 +80,10 @@ impl Chip {
             flash,
             interrupts: Interrupts::default(),
             xram,
+            adc: Adc::new(analog),
             idle: false,
             stalled_until: 0,
-            reset_request: None,
+            reset_request: Cell::new(None),
             touched: Cell::new(true),
             timers: Timers::new(ticks),
             timer2: ReloadTimer::new(ticks),
@@ -106,10 +113,16 @@ impl Chip {
         self.interrupts = Interrupts::default();
         self.uart.reset();
         self.flash.reset();
+        self.adc.reset();
         self.resets.reset(cause);
         (self.ckcon, self.emi0cn, self.general_flags) = (0, 0, 0);
-        (self.idle, self.stalled_until, self.reset_request) = (false, 0, None);
+        (self.idle, self.stalled_until) = (false, 0);
+        self.reset_request.set(None);
         self.touched.set(true);
+    }
+
+    pub fn set_die_temperature_c(&mut self, temperature_c: f64) {
+        self.adc.analog.die_temperature_c = temperature_c;
     }
 
     pub fn ticks_per_sysclk(&self) -> Tick {
@@ -137,7 +150,7 @@ impl Chip {
         self.timer3.sync(self.now);
         self.pca.sync(self.now);
         if self.pca.watchdog_bites() {
-            self.reset_request = Some(Cause::Watchdog);
+            self.reset_request.set(Some(Cause::Watchdog));
         }
         self.uart.service(self.now, self.ports.uart0_transmits(), self.ports.uart0_receives());
     }
@@ -186,7 +199,7 @@ impl Chip {
     pub fn set_interrupt_registers(&mut self, ie: u8, ip: u8) {
         self.touched.set(true);
         for (address, value) in [(sfr::IE, ie), (sfr::IP, ip)] {
-            if let Err(violation) = self.interrupts.write(address, value) {
+            if let Err(violation) = self.write_sfr(address, value) {
                 self.report(violation);
             }
         }

@@ -3,7 +3,7 @@
 
 use crate::chip::pca_counter::Counter;
 use crate::chip::sfr;
-use crate::fault::{Violation, only_bits};
+use crate::fault::Violation;
 use crate::time::Tick;
 use std::cell::Cell;
 
@@ -111,13 +111,13 @@ impl Pca {
     /// Call after `sync`.
     ///
     /// # Errors
-    /// A [`Violation`] for counter sources and module modes that are not modelled.
+    /// A [`Violation`] for counter sources that are not modelled, and for writes to the counter under the watchdog.
     pub fn write(&mut self, address: u8, value: u8) -> Result<(), Violation> {
         match address {
-            sfr::PCA0CN => self.write_control(value)?,
+            sfr::PCA0CN => self.write_control(value),
             sfr::PCA0MD => self.write_mode(value)?,
             sfr::PCA0CPM0..=sfr::PCA0CPM4 => {
-                self.write_module_mode((address - sfr::PCA0CPM0) as usize, value)?
+                self.write_module_mode((address - sfr::PCA0CPM0) as usize, value);
             }
             sfr::PCA0L | sfr::PCA0H if self.watchdog_enabled() => {
                 return Err(Violation::rule(
@@ -177,16 +177,13 @@ impl Pca {
             }
     }
 
-    fn write_control(&mut self, value: u8) -> Result<(), Violation> {
-        only_bits(sfr::PCA0CN, value, CF | CR | 0x1F)?;
+    fn write_control(&mut self, value: u8) {
         self.flags = value & !CR;
         self.run = value & CR != 0;
-        Ok(())
     }
 
     /// Clock source and idle control are frozen while the watchdog is enabled, and WDTE itself once it is locked.
     fn write_mode(&mut self, value: u8) -> Result<(), Violation> {
-        only_bits(sfr::PCA0MD, value, CIDL | WDTE | WDLCK | CPS | ECF)?;
         let was_enabled = self.watchdog_enabled();
         let frozen = if was_enabled { CIDL | CPS } else { 0 };
         let locked = if self.mode & WDLCK != 0 { WDTE | WDLCK } else { 0 };
@@ -203,13 +200,10 @@ impl Pca {
         Ok(())
     }
 
-    fn write_module_mode(&mut self, module: usize, value: u8) -> Result<(), Violation> {
-        if module == WATCHDOG_MODULE && self.watchdog_enabled() {
-            return Ok(());
+    fn write_module_mode(&mut self, module: usize, value: u8) {
+        if module != WATCHDOG_MODULE || !self.watchdog_enabled() {
+            self.modules[module].mode = value;
         }
-        only_bits(sfr::PCA0CPM0 + module as u8, value, ECOM | CAPP | CAPN | MAT | ECCF)?;
-        self.modules[module].mode = value;
-        Ok(())
     }
 
     fn write_capture(&mut self, address: u8, value: u8) {

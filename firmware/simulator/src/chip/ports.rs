@@ -3,7 +3,6 @@
 //! A pin drives high only as push-pull output with the crossbar enabled; the world can pull it hard to either side.
 
 use crate::chip::sfr;
-use crate::fault::{Violation, only_bits};
 
 pub const PORTS: usize = 5;
 const URT0E: u8 = 0x01;
@@ -66,9 +65,7 @@ impl Ports {
         }
     }
 
-    /// # Errors
-    /// A [`Violation`] for crossbar functions that are not modelled, and for outputs that fight the world.
-    pub fn write(&mut self, address: u8, value: u8) -> Result<(), Violation> {
+    pub fn write(&mut self, address: u8, value: u8) {
         match address {
             sfr::P0 | sfr::P1 | sfr::P2 | sfr::P3 | sfr::P4 => self.latch[port_of_latch(address)] = value,
             sfr::P0MDOUT..=sfr::P3MDOUT => self.push_pull[(address - sfr::P0MDOUT) as usize] = value,
@@ -76,17 +73,10 @@ impl Ports {
             sfr::P0MDIN..=sfr::P4MDIN => self.digital[(address - sfr::P0MDIN) as usize] = value,
             sfr::P0SKIP..=sfr::P2SKIP => self.skip[(address - sfr::P0SKIP) as usize] = value,
             sfr::P3SKIP => self.skip[3] = value,
-            sfr::XBR0 => {
-                only_bits(address, value, URT0E)?;
-                self.xbr0 = value;
-            }
-            sfr::XBR1 => {
-                only_bits(address, value, WEAKPUD | XBARE | PCA0ME)?;
-                self.xbr1 = value;
-            }
-            _ => only_bits(address, value, 0)?,
+            sfr::XBR0 => self.xbr0 = value,
+            sfr::XBR1 => self.xbr1 = value,
+            _ => {}
         }
-        Ok(())
     }
 
     /// Pins of a port that the chip drives high with strength: what moves a ULN2003, a TRIG input or a LED.
@@ -148,9 +138,9 @@ mod tests {
 
     fn board() -> Ports {
         let mut ports = Ports::new();
-        ports.write(sfr::XBR0, URT0E).unwrap();
-        ports.write(sfr::P0SKIP, 0xCF).unwrap();
-        ports.write(sfr::XBR1, XBARE | 1).unwrap();
+        ports.write(sfr::XBR0, URT0E);
+        ports.write(sfr::P0SKIP, 0xCF);
+        ports.write(sfr::XBR1, XBARE | 1);
         ports
     }
 
@@ -163,24 +153,40 @@ mod tests {
     #[test]
     fn cex0_lands_on_p0_0_when_nothing_is_skipped() {
         let mut ports = board();
-        ports.write(sfr::P0SKIP, 0).unwrap();
+        ports.write(sfr::P0SKIP, 0);
         assert_eq!(ports.cex_pin(0), Some((0, 0)));
     }
 
     #[test]
     fn cex0_takes_the_uarts_pin_when_the_uart_is_off() {
         let mut ports = board();
-        ports.write(sfr::XBR0, 0).unwrap();
+        ports.write(sfr::XBR0, 0);
         assert_eq!(ports.cex_pin(0), Some((0, 4)));
+    }
+
+    #[test]
+    fn uart0_is_mute_without_urt0e_xbare_or_a_push_pull_tx_and_deaf_without_the_first_two() {
+        for (xbr0, xbr1, mdout, transmits, receives) in [
+            (URT0E, XBARE, 0x10, true, true),
+            (0, XBARE, 0x10, false, false),
+            (URT0E, 0, 0x10, false, false),
+            (URT0E, XBARE, 0, false, true),
+        ] {
+            let mut ports = Ports::new();
+            for (address, value) in [(sfr::XBR0, xbr0), (sfr::XBR1, xbr1), (sfr::P0MDOUT, mdout)] {
+                ports.write(address, value);
+            }
+            assert_eq!((ports.uart0_transmits(), ports.uart0_receives()), (transmits, receives));
+        }
     }
 
     #[test]
     fn nothing_drives_high_without_xbare_or_push_pull() {
         let mut ports = board();
         assert_eq!(ports.driven_high(2), 0);
-        ports.write(sfr::P0MDOUT + 2, 0x0F).unwrap();
+        ports.write(sfr::P0MDOUT + 2, 0x0F);
         assert_eq!(ports.driven_high(2), 0x0F);
-        ports.write(sfr::XBR1, 0).unwrap();
+        ports.write(sfr::XBR1, 0);
         assert_eq!(ports.driven_high(2), 0);
     }
 
@@ -191,7 +197,7 @@ mod tests {
         ports.pulls.low[1] = 0x08;
         assert_eq!(ports.levels(1) & 0x08, 0);
         ports.pulls.low[1] = 0;
-        ports.write(sfr::XBR1, XBARE | WEAKPUD).unwrap();
+        ports.write(sfr::XBR1, XBARE | WEAKPUD);
         assert_eq!(ports.levels(1) & 0x08, 0);
     }
 
@@ -200,13 +206,7 @@ mod tests {
         let mut ports = board();
         ports.pulls.high[1] = 0x01;
         assert_eq!(ports.levels(1) & 0x01, 1);
-        ports.write(sfr::P1, 0xFE).unwrap();
+        ports.write(sfr::P1, 0xFE);
         assert_eq!(ports.levels(1) & 0x01, 0);
-    }
-
-    #[test]
-    fn crossbar_functions_without_a_model_are_refused() {
-        assert!(Ports::new().write(sfr::XBR0, 0x02).is_err());
-        assert!(Ports::new().write(sfr::XBR2, 0x01).is_err());
     }
 }

@@ -1,6 +1,5 @@
 //! Timers 2 and 3 as 16-bit timers with auto-reload (datasheet chapter "Timers").
 
-use crate::fault::{Violation, only_bits};
 use crate::time::{NEVER, Tick};
 
 const TFH: u8 = 0x80;
@@ -9,18 +8,12 @@ const TFLEN: u8 = 0x20;
 const TR: u8 = 0x04;
 
 /// The registers of a timer, in the order of their addresses: reload low and high, counter low and high.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Register {
     ReloadLow,
     ReloadHigh,
     Low,
     High,
-}
-
-impl Register {
-    pub fn from_offset(offset: u8) -> Self {
-        [Self::ReloadLow, Self::ReloadHigh, Self::Low, Self::High][offset as usize]
-    }
 }
 
 pub struct ReloadTimer {
@@ -61,12 +54,8 @@ impl ReloadTimer {
         self.control
     }
 
-    /// # Errors
-    /// A [`Violation`] for capture, split mode and external clocks, which are not modelled.
-    pub fn write_control(&mut self, address: u8, value: u8) -> Result<(), Violation> {
-        only_bits(address, value, TFH | TFL | TFLEN | TR)?;
+    pub fn write_control(&mut self, value: u8) {
         self.control = value;
-        Ok(())
     }
 
     pub fn read(&self, register: Register) -> u8 {
@@ -125,17 +114,12 @@ mod tests {
         ] {
             timer.write(register, value);
         }
-        timer.write_control(0x91, TR).unwrap();
+        timer.write_control(TR);
         for millisecond in 1..4 {
             assert_eq!(timer.next_event(), millisecond * 48_000);
             timer.sync(millisecond * 48_000);
             assert!(timer.pending());
-            timer.write_control(0x91, TR).unwrap();
+            timer.write_control(TR);
         }
-    }
-
-    #[test]
-    fn split_mode_is_refused() {
-        assert!(ReloadTimer::new(1).write_control(0x91, 0x08).is_err());
     }
 }

@@ -1,24 +1,38 @@
 //! Reset sources and the supply monitor: RSTSRC, VDM0CN (datasheet chapter "Reset Sources").
 
 use crate::chip::sfr;
-use crate::fault::{Violation, only_bits};
 use crate::time::{TICKS_PER_US, Tick};
 
 const VDMEN: u8 = 0x80;
 const VDDSTAT: u8 = 0x40;
 const PORSF: u8 = 0x02;
 const MCDE: u8 = 0x04;
+const WDTRSF: u8 = 0x08;
 const SWRSF: u8 = 0x10;
+const FERROR: u8 = 0x40;
 /// Selected sooner after it was enabled, the supply monitor resets the chip.
 const MONITOR_SETTLE: Tick = 100 * TICKS_PER_US;
 
-/// Causes of a reset, with RSTSRC's bits.
+/// Causes of a reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    PowerUp = 0x02,
-    Watchdog = 0x08,
-    Software = 0x10,
-    FlashError = 0x40,
+    PowerUp,
+    SupplyMonitor,
+    Watchdog,
+    Software,
+    FlashError,
+}
+
+impl Cause {
+    /// Its bit in RSTSRC.
+    fn flag(self) -> u8 {
+        match self {
+            Self::PowerUp | Self::SupplyMonitor => PORSF,
+            Self::Watchdog => WDTRSF,
+            Self::Software => SWRSF,
+            Self::FlashError => FERROR,
+        }
+    }
 }
 
 pub struct Resets {
@@ -44,29 +58,24 @@ impl Resets {
 
     pub fn read(&self, address: u8) -> u8 {
         if address == sfr::RSTSRC {
-            return self.cause as u8 | if self.clock_detector { MCDE } else { 0 };
+            return self.cause.flag() | if self.clock_detector { MCDE } else { 0 };
         }
         VDDSTAT | if self.monitor_enabled_at.is_some() { VDMEN } else { 0 }
     }
 
     /// Gives the reset that the write causes, if any.
-    ///
-    /// # Errors
-    /// A [`Violation`] for reset sources that are not modelled.
-    pub fn write(&mut self, address: u8, value: u8, now: Tick) -> Result<Option<Cause>, Violation> {
+    pub fn write(&mut self, address: u8, value: u8, now: Tick) -> Option<Cause> {
         if address == sfr::VDM0CN {
-            only_bits(address, value, VDMEN | VDDSTAT)?;
             self.monitor_enabled_at = (value & VDMEN != 0).then(|| self.monitor_enabled_at.unwrap_or(now));
-            return Ok(None);
+            return None;
         }
-        only_bits(address, value, PORSF | MCDE | SWRSF)?;
         self.clock_detector = value & MCDE != 0;
         self.monitor_resets = value & PORSF != 0;
         let settled = self.monitor_enabled_at.is_some_and(|at| now >= at + MONITOR_SETTLE);
         if self.monitor_resets && !settled {
-            return Ok(Some(Cause::PowerUp));
+            return Some(Cause::SupplyMonitor);
         }
-        Ok((value & SWRSF != 0).then_some(Cause::Software))
+        (value & SWRSF != 0).then_some(Cause::Software)
     }
 
     /// Whether flash may be written: the supply monitor is on and resets the chip.
@@ -82,9 +91,9 @@ mod tests {
     #[test]
     fn the_supply_monitor_guards_flash_once_it_is_on_and_selected() {
         let mut resets = Resets::power_up();
-        resets.write(sfr::VDM0CN, VDMEN, 0).unwrap();
+        resets.write(sfr::VDM0CN, VDMEN, 0);
         assert!(!resets.supply_monitored());
-        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE).unwrap(), None);
+        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE), None);
         assert!(resets.supply_monitored());
         resets.reset(Cause::Software);
         assert!(resets.supply_monitored());
@@ -93,15 +102,15 @@ mod tests {
     #[test]
     fn selecting_the_monitor_before_it_is_stable_resets_the_chip() {
         let mut resets = Resets::power_up();
-        resets.write(sfr::VDM0CN, VDMEN, 0).unwrap();
-        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE - 1).unwrap(), Some(Cause::PowerUp));
+        resets.write(sfr::VDM0CN, VDMEN, 0);
+        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE - 1), Some(Cause::SupplyMonitor));
     }
 
     #[test]
     fn rstsrc_names_the_last_cause() {
         let mut resets = Resets::power_up();
         assert_eq!(resets.read(sfr::RSTSRC), 0x02);
-        assert_eq!(resets.write(sfr::RSTSRC, SWRSF, 0).unwrap(), Some(Cause::Software));
+        assert_eq!(resets.write(sfr::RSTSRC, SWRSF, 0), Some(Cause::Software));
         resets.reset(Cause::Watchdog);
         assert_eq!(resets.read(sfr::RSTSRC), 0x08);
     }

@@ -1,20 +1,30 @@
 //! The world around the chip: motor, sensor, LED, button and home switch on a board that someone carries in a room.
 
+pub mod air;
 pub mod carrier;
+mod hearing;
 pub mod motor;
 pub mod sonar;
+mod switches;
+#[cfg(test)]
+mod tests;
 
 use crate::chip::ports::{Ports, Pulls};
-use crate::echo::Scene;
+use crate::echo::{Look, Scene};
 use crate::fault::Violation;
+use crate::mishap::Mishap;
 use crate::room::Pose;
-use crate::time::{NEVER, Tick, from_seconds};
+use crate::time::{NEVER, Tick, from_seconds, to_seconds};
+use air::{Air, Arrival};
 use carrier::Carrier;
+use hearing::Hearing;
 use motor::Motor;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use sonar::Sonar;
+use serde::Serialize;
+use sonar::{Ailment, Edge, Sonar};
 use std::rc::Rc;
+use switches::Switches;
 
 /// The board's wiring (firmware/README.md).
 pub const ECHO: (usize, u8) = (1, 0);
@@ -32,35 +42,109 @@ pub struct World {
     standing: Pose,
     motor: Motor,
     sonar: Sonar,
+    hearing: Hearing,
+    switches: Switches,
     carrier: Carrier,
     rng: ChaCha8Rng,
-    echo_high: bool,
+    led: bool,
 }
 
-/// An edge on the ECHO pin.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Edge {
-    pub rising: bool,
-    pub at: Tick,
+/// What is true in the world, for tests to compare with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Truth {
+    pub x_m: f64,
+    pub y_m: f64,
+    pub heading_rad: f64,
+    /// The sensor's, anticlockwise from the unit's forward direction.
+    pub bearing_rad: f64,
+    pub coils_on: bool,
+    pub home_switch_closed: bool,
+    pub button_pressed: bool,
+    pub led_lit: bool,
+    pub echo_high: bool,
+    pub air_temperature_c: f64,
 }
 
 impl World {
-    /// A world at power-up: the sensor looks anywhere, by the seed.
-    pub fn new(scene: Rc<Scene>, laps: usize, seed: u64) -> Self {
+    /// The world of unit `index`, counted from 0, at power-up: the sensor looks anywhere, by the seed.
+    pub fn new(scene: Rc<Scene>, index: usize, air: Option<Rc<Air>>, laps: usize, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let bearing_rad = rng.random_range(-POWER_UP_RANGE_RAD..POWER_UP_RANGE_RAD);
-        let motor = Motor::new(bearing_rad, rng.random_range(0..8));
+        let gear = scene.room().gear(index);
+        let reach_rad = POWER_UP_RANGE_RAD.min(gear.stop_deg.to_radians());
+        let bearing_rad = rng.random_range(-reach_rad..reach_rad);
+        let phase = rng.random_range(0..8);
+        // Rooms without slack draw nothing for it.
+        let ahead = if gear.backlash_deg > 0.0 { rng.random_range(-1.0..1.0) } else { 0.0 };
+        let motor = Motor::new(gear, bearing_rad, phase, ahead);
         let carrier = Carrier::new(scene.room().waypoints(), laps);
-        let standing = scene.room().standing();
-        Self { scene, standing, motor, sonar: Sonar::new(), carrier, rng, echo_high: false }
+        let standing = scene.room().standing(index);
+        Self {
+            hearing: Hearing::new(Rc::clone(&scene), air.map(|air| (air, index))),
+            scene,
+            standing,
+            motor,
+            sonar: Sonar::default(),
+            switches: Switches::default(),
+            carrier,
+            rng,
+            led: false,
+        }
     }
 
     pub fn path_is_done(&self) -> bool {
         self.carrier.is_done()
     }
 
+    pub fn truth(&self, now: Tick) -> Truth {
+        let pose = self.pose();
+        Truth {
+            x_m: pose.position_m.x,
+            y_m: pose.position_m.y,
+            heading_rad: pose.heading_rad,
+            bearing_rad: self.motor.bearing_rad(),
+            coils_on: self.motor.is_powered(),
+            home_switch_closed: self.home_is_closed(),
+            button_pressed: self.button_is_pressed(),
+            led_lit: self.led,
+            echo_high: self.sonar.echo_is_high(),
+            air_temperature_c: self.air_temperature_c(now),
+        }
+    }
+
+    pub fn air_temperature_c(&self, now: Tick) -> f64 {
+        self.scene.room().air_temperature_c(to_seconds(now))
+    }
+
+    /// Something happens to a part of the unit, until then if it lasts; what befalls cable or supply is not of this world.
+    pub fn apply(&mut self, mishap: &Mishap, until: Tick, now: Tick) {
+        match *mishap {
+            Mishap::SensorStuckHigh {} => self.sonar.fall_ill(Ailment::StuckHigh, until, now),
+            Mishap::SensorMissing {} => self.sonar.fall_ill(Ailment::Missing, until, now),
+            Mishap::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
+            Mishap::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
+            Mishap::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
+            Mishap::MotorStuck {} => self.motor.stick(until),
+            Mishap::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
+            Mishap::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
+            Mishap::HomeStuckOpen {} => self.switches.stick_home(false, until),
+            Mishap::HomeStuckClosed {} => self.switches.stick_home(true, until),
+            Mishap::ButtonHeld {} => self.switches.hold_button(until),
+            Mishap::Mended {} => {
+                self.sonar.mend(now);
+                self.motor.mend();
+                self.switches = Switches::default();
+            }
+            Mishap::CablePulled {}
+            | Mishap::CableCorrupts { .. }
+            | Mishap::PowerCut {}
+            | Mishap::BrownOut {}
+            | Mishap::PowerCutAtFlashOperation { .. } => {}
+        }
+    }
+
     pub fn next_event(&self) -> Tick {
-        self.sonar.next_event().min(self.carrier.next_event())
+        let sound = if self.sonar.is_busy() { self.hearing.next_arrival() } else { NEVER };
+        self.sonar.next_event().min(self.carrier.next_event()).min(self.switches.next_event()).min(sound)
     }
 
     /// Does what is due by `now`; gives an edge of ECHO if there is one, at its own time. Call until it gives `None`.
@@ -68,12 +152,11 @@ impl World {
         while self.carrier.next_event() <= now {
             self.carrier.act(self.carrier.next_event());
         }
-        let at = self.sonar.next_event();
-        if at == NEVER || at > now {
-            return None;
+        self.switches.release(now);
+        while let Some(arrival) = self.hearing.take(now.min(self.sonar.next_event())) {
+            self.hear(&arrival);
         }
-        self.echo_high = self.sonar.take_edge();
-        Some(Edge { rising: self.echo_high, at })
+        if self.sonar.next_event() <= now { self.sonar.take_edge() } else { None }
     }
 
     /// The chip's outputs may have changed.
@@ -88,11 +171,11 @@ impl World {
             )));
         }
         let port_1 = ports.driven_high(1);
-        self.motor.drive(ports.driven_high(2) & PORT_2_COILS, now);
-        self.carrier.see_led(port_1 & PORT_1_LED != 0, now);
+        self.motor.drive(ports.driven_high(2) & PORT_2_COILS, now, &mut self.rng);
+        self.led = port_1 & PORT_1_LED != 0;
+        self.carrier.see_led(self.led, now);
         if self.sonar.trigger(port_1 & PORT_1_TRIGGER != 0, now) {
-            let flight = self.ping();
-            self.sonar.ping(flight, now);
+            self.ping(now);
         }
         Ok(())
     }
@@ -100,18 +183,42 @@ impl World {
     /// What the world does to the chip's pins now.
     pub fn pulls(&self) -> Pulls {
         let mut pulls = Pulls::default();
-        let switches = [(self.carrier.presses(), PORT_1_BUTTON), (self.motor.at_home(), PORT_1_HOME)];
+        let switches = [(self.button_is_pressed(), PORT_1_BUTTON), (self.home_is_closed(), PORT_1_HOME)];
         pulls.low[1] = switches.iter().filter(|(closed, _)| *closed).map(|(_, bit)| bit).sum();
-        let echo = if self.echo_high { &mut pulls.high[1] } else { &mut pulls.low[1] };
+        let echo = if self.sonar.echo_is_high() { &mut pulls.high[1] } else { &mut pulls.low[1] };
         *echo |= PORT_1_ECHO;
         pulls
     }
 
-    /// Time of flight of a ping sent now.
-    fn ping(&mut self) -> Option<Tick> {
-        let pose = self.carrier.pose().unwrap_or(self.standing);
-        let axis_rad = pose.heading_rad + self.motor.bearing_rad();
-        let range_m = self.scene.ping(pose.position_m, axis_rad, &mut self.rng)?;
-        Some(from_seconds(2.0 * range_m / self.scene.room().speed_of_sound()))
+    fn pose(&self) -> Pose {
+        self.carrier.pose().unwrap_or(self.standing)
+    }
+
+    fn axis_rad(&self) -> f64 {
+        self.pose().heading_rad + self.motor.bearing_rad()
+    }
+
+    fn button_is_pressed(&self) -> bool {
+        self.carrier.presses() || self.switches.button_is_held()
+    }
+
+    fn home_is_closed(&self) -> bool {
+        self.switches.home_is_closed(self.motor.at_home())
+    }
+
+    fn ping(&mut self, now: Tick) {
+        let look = Look { from: self.pose().position_m, axis_rad: self.axis_rad(), at_s: to_seconds(now) };
+        let speed_m_s = self.scene.room().speed_of_sound(look.at_s);
+        let range_m = self.scene.ping(&look, &mut self.rng);
+        self.sonar.ping(range_m.map(|range_m| from_seconds(2.0 * range_m / speed_m_s)), now);
+        self.hearing.ping(look, now + sonar::ECHO_LAG);
+    }
+
+    /// Sound has come: the sensor takes it for its echo if it awaits one and looks there.
+    fn hear(&mut self, arrival: &Arrival) {
+        let looks_there = self.scene.in_lobe(self.axis_rad(), arrival.from_rad, arrival.range_m);
+        if self.sonar.listens(arrival.at) && looks_there && self.rng.random_bool(arrival.chance) {
+            self.sonar.hear(arrival.at);
+        }
     }
 }

@@ -2,49 +2,102 @@
 //!
 //! The rotor follows the coils' magnetic phase, eight half steps a period, by the shorter way. It stays where it is
 //! when the coils are off (the gear holds it), when the phase is opposite, against the end stops, and when asked to
-//! move sooner than it can.
+//! move sooner than it can. A half step that is lost is a slip: the rotor falls back into step a whole period behind.
+//! The sensor stays where it is until the rotor has taken up the gear's slack.
 
+use crate::gear::{Gear, Home};
 use crate::time::{TICKS_PER_SECOND, Tick};
+use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
 
-/// Half steps of a turn of the output shaft: 64 * 63.68395 (the gear train, measured by many; not 4096).
-pub const HALF_STEPS_PER_TURN: f64 = 4075.7728;
-/// Faster half steps are lost. Assumed from the motor's usual pull-out rate, about 1000 half steps/s.
+/// Faster half steps are lost (28BYJ-48 data sheet: pull-out above 1000 half steps/s).
 const SHORTEST_STEP: Tick = TICKS_PER_SECOND / 1050;
-/// The cable's end stops, either side of forward.
-const STOP_RAD: f64 = 165.0 / 360.0 * TAU;
 /// The home switch is closed at or below this bearing.
 const HOME_RAD: f64 = -150.0 / 360.0 * TAU;
 /// Coils IN1 to IN4 on bits 0 to 3, in the order that turns the sensor anticlockwise.
 const PHASES: [u8; 8] = [0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9];
+/// Half steps of a magnetic period.
+const PERIOD: i64 = PHASES.len() as i64;
 
 pub struct Motor {
+    gear: Gear,
     /// Rotor position in half steps; its remainder by 8 is its magnetic phase.
     position: i64,
-    /// Bearing of position 0.
+    /// Where position 0 would have the sensor in the middle of the slack.
     zero_rad: f64,
+    sensor_rad: f64,
     coils: u8,
     moved_at: Option<Tick>,
+    stuck_until: Tick,
+    slips: Option<Slips>,
+}
+
+/// Half steps are lost that often until then.
+#[derive(Clone, Copy)]
+struct Slips {
+    probability: f64,
+    until: Tick,
 }
 
 impl Motor {
-    /// A motor at power-up, its coils off and its rotor at rest in any phase near `bearing_rad`.
-    pub fn new(bearing_rad: f64, phase: u8) -> Self {
-        let position = i64::from(phase % 8);
-        Self { position, zero_rad: bearing_rad - angle_rad(position), coils: 0, moved_at: None }
+    /// A motor at power-up: its coils off, its sensor at `bearing_rad`, its rotor at rest in any phase and `ahead` of the
+    /// sensor by that share of half the slack, -1 to 1.
+    pub fn new(gear: Gear, bearing_rad: f64, phase: u8, ahead: f64) -> Self {
+        let position = i64::from(phase) % PERIOD;
+        let ahead_rad = ahead * gear.backlash_deg.to_radians() / 2.0;
+        let zero_rad = bearing_rad + ahead_rad - position as f64 * TAU / gear.half_steps_per_turn;
+        Self {
+            gear,
+            position,
+            zero_rad,
+            sensor_rad: bearing_rad,
+            coils: 0,
+            moved_at: None,
+            stuck_until: 0,
+            slips: None,
+        }
     }
 
     /// The sensor's bearing, anticlockwise from the unit's forward direction.
     pub fn bearing_rad(&self) -> f64 {
-        self.zero_rad + angle_rad(self.position)
+        self.sensor_rad
     }
 
+    /// Whether any coil carries current.
+    pub fn is_powered(&self) -> bool {
+        self.coils != 0
+    }
+
+    /// Whether the home switch is closed, if there is one.
     pub fn at_home(&self) -> bool {
-        self.bearing_rad() <= HOME_RAD
+        self.gear.home == Home::Switch && self.sensor_rad <= HOME_RAD
+    }
+
+    /// The rotor doesn't turn until then.
+    pub fn stick(&mut self, until: Tick) {
+        self.stuck_until = until;
+    }
+
+    /// A half step is lost with that probability until then.
+    pub fn lose_steps(&mut self, probability: f64, until: Tick) {
+        self.slips = Some(Slips { probability, until });
+    }
+
+    /// Someone turns the sensor by hand, and the rotor with it.
+    pub fn turn_by_hand(&mut self, by_rad: f64) {
+        let stop_rad = self.gear.stop_deg.to_radians();
+        let turned_rad = (self.sensor_rad + by_rad).clamp(-stop_rad, stop_rad);
+        self.zero_rad += turned_rad - self.sensor_rad;
+        self.sensor_rad = turned_rad;
+    }
+
+    pub fn mend(&mut self) {
+        self.stuck_until = 0;
+        self.slips = None;
     }
 
     /// The ULN2003's inputs are now `coils`.
-    pub fn drive(&mut self, coils: u8, now: Tick) {
+    pub fn drive(&mut self, coils: u8, now: Tick, rng: &mut impl Rng) {
         if coils == self.coils {
             return;
         }
@@ -52,41 +105,65 @@ impl Motor {
         let Some(phase) = PHASES.iter().position(|&pattern| pattern == coils) else {
             return;
         };
-        let way = (phase as i64 - self.position + 4).rem_euclid(8) - 4;
+        let way = (phase as i64 - self.position + PERIOD / 2).rem_euclid(PERIOD) - PERIOD / 2;
         let too_soon = self.moved_at.is_some_and(|at| now < at + SHORTEST_STEP * way.unsigned_abs());
-        if way == 0 || way == -4 || too_soon {
+        if way == 0 || way == -PERIOD / 2 || too_soon || now < self.stuck_until {
             return;
         }
-        let target = self.position + way;
-        if (self.zero_rad + angle_rad(target)).abs() <= STOP_RAD {
-            self.position = target;
+        let slip = if self.slips(now, rng) { PERIOD * way.signum() } else { 0 };
+        self.turn_to(self.position + way - slip, now);
+    }
+
+    fn slips(&mut self, now: Tick, rng: &mut impl Rng) -> bool {
+        let probability = match self.slips {
+            Some(slips) if now < slips.until => slips.probability,
+            _ => self.gear.lost_step_probability,
+        };
+        probability > 0.0 && rng.random_bool(probability)
+    }
+
+    /// Turns the rotor, unless the sensor would have to go past an end stop, and takes the sensor along.
+    fn turn_to(&mut self, position: i64, now: Tick) {
+        let slack_rad = self.gear.backlash_deg.to_radians() / 2.0;
+        let middle_rad = self.zero_rad + position as f64 * TAU / self.gear.half_steps_per_turn;
+        let sensor_rad = self.sensor_rad.clamp(middle_rad - slack_rad, middle_rad + slack_rad);
+        if sensor_rad == self.sensor_rad || sensor_rad.abs() <= self.gear.stop_deg.to_radians() {
+            self.position = position;
+            self.sensor_rad = sensor_rad;
             self.moved_at = Some(now);
         }
     }
 }
 
-fn angle_rad(half_steps: i64) -> f64 {
-    half_steps as f64 / HALF_STEPS_PER_TURN * TAU
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
 
     const STEP: Tick = TICKS_PER_SECOND / 600;
 
+    fn rng() -> ChaCha8Rng {
+        ChaCha8Rng::seed_from_u64(1)
+    }
+
+    fn motor(bearing_rad: f64, phase: u8) -> Motor {
+        Motor::new(Gear::default(), bearing_rad, phase, 0.0)
+    }
+
     fn turn(motor: &mut Motor, half_steps: i64, interval: Tick) {
         let phase = PHASES.iter().position(|&pattern| pattern == motor.coils).unwrap_or(0) as i64;
+        let mut now = motor.moved_at.unwrap_or(0);
         for step in 1..=half_steps.abs() {
             let pattern = PHASES[(phase + step * half_steps.signum()).rem_euclid(8) as usize];
-            let now = motor.moved_at.unwrap_or(0) + interval;
-            motor.drive(pattern, now);
+            now += interval;
+            motor.drive(pattern, now, &mut rng());
         }
     }
 
     #[test]
     fn half_steps_turn_the_sensor_anticlockwise_in_the_order_of_the_coils() {
-        let mut motor = Motor::new(0.0, 0);
+        let mut motor = motor(0.0, 0);
         turn(&mut motor, 509, STEP);
         assert!((motor.bearing_rad() - 509.0 / 4075.7728 * TAU).abs() < 1e-12);
         turn(&mut motor, -509, STEP);
@@ -96,9 +173,9 @@ mod tests {
     #[test]
     fn steps_faster_than_the_motor_can_are_lost() {
         let turned = |rate: Tick| {
-            let mut motor = Motor::new(0.0, 0);
+            let mut motor = motor(0.0, 0);
             for step in 1..=100 {
-                motor.drive(PHASES[(step % 8) as usize], step * TICKS_PER_SECOND / rate);
+                motor.drive(PHASES[(step % 8) as usize], step * TICKS_PER_SECOND / rate, &mut rng());
             }
             motor.position
         };
@@ -109,23 +186,85 @@ mod tests {
 
     #[test]
     fn the_first_pattern_pulls_the_rotor_in() {
-        let mut motor = Motor::new(0.0, 2);
-        motor.drive(PHASES[0], 0);
+        let mut motor = motor(0.0, 2);
+        motor.drive(PHASES[0], 0, &mut rng());
         assert_eq!(motor.position, 0);
     }
 
     #[test]
     fn the_end_stop_holds() {
-        let mut motor = Motor::new(-2.8, 0);
+        let mut motor = motor(-2.8, 0);
         turn(&mut motor, -400, STEP);
-        assert!(motor.bearing_rad() >= -STOP_RAD && motor.at_home());
+        assert!(motor.bearing_rad() >= -165f64.to_radians() && motor.at_home());
     }
 
     #[test]
     fn coils_off_or_all_on_leave_the_rotor_alone() {
-        let mut motor = Motor::new(0.0, 3);
-        motor.drive(0xF, 0);
-        motor.drive(0x0, 10);
+        let mut motor = motor(0.0, 3);
+        motor.drive(0xF, 0, &mut rng());
+        motor.drive(0x0, 10, &mut rng());
         assert_eq!(motor.position, 3);
+    }
+
+    #[test]
+    fn a_stop_of_ones_own_holds_and_a_motor_without_a_switch_is_never_home() {
+        let gear = Gear { stop_deg: 10.0, home: Home::None, ..Gear::default() };
+        let mut motor = Motor::new(gear, 0.0, 0, 0.0);
+        turn(&mut motor, -400, STEP);
+        // A stalled rotor hops back by up to half a period and comes again.
+        let short_rad = motor.bearing_rad() + 10f64.to_radians();
+        assert!((0.0..5.0 / 4075.7728 * TAU).contains(&short_rad), "{short_rad}");
+        assert!(!motor.at_home());
+    }
+
+    #[test]
+    fn the_sensor_stays_until_the_slack_is_taken_up() {
+        let half_step_deg = 360.0 / 4075.7728;
+        let gear = Gear { backlash_deg: 8.0 * half_step_deg, ..Gear::default() };
+        let mut motor = Motor::new(gear, 0.0, 0, 0.0);
+        let bearing_deg = |motor: &Motor| motor.bearing_rad().to_degrees() / half_step_deg;
+        turn(&mut motor, 4, STEP);
+        assert!(bearing_deg(&motor).abs() < 1e-9);
+        turn(&mut motor, 16, STEP);
+        assert!((bearing_deg(&motor) - 16.0).abs() < 1e-9);
+        turn(&mut motor, -8, STEP);
+        assert!((bearing_deg(&motor) - 16.0).abs() < 1e-9);
+        turn(&mut motor, -8, STEP);
+        assert!((bearing_deg(&motor) - 8.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_lost_step_costs_a_whole_magnetic_period() {
+        let gear = Gear { lost_step_probability: 0.01, ..Gear::default() };
+        let mut motor = Motor::new(gear, -2.0, 0, 0.0);
+        let mut rng = rng();
+        for step in 1..=2000 {
+            motor.drive(PHASES[(step % 8) as usize], step * STEP, &mut rng);
+        }
+        let lost = 2000 - motor.position;
+        assert_eq!(lost % 8, 0);
+        // 20 slips of 2000 are expected, with a standard deviation of 4.4.
+        assert!((7..=33).contains(&(lost / 8)), "{lost}");
+    }
+
+    #[test]
+    fn a_stuck_motor_turns_again_when_it_is_mended() {
+        let mut motor = motor(0.0, 0);
+        motor.stick(Tick::MAX);
+        turn(&mut motor, 100, STEP);
+        assert_eq!(motor.position, 0);
+        motor.mend();
+        turn(&mut motor, 12, STEP);
+        assert_eq!(motor.position, 8);
+    }
+
+    #[test]
+    fn a_sensor_turned_by_hand_is_not_where_the_rotor_would_have_it() {
+        let mut motor = motor(0.0, 0);
+        motor.turn_by_hand(0.5);
+        turn(&mut motor, 8, STEP);
+        assert!((motor.bearing_rad() - 0.5 - 8.0 / 4075.7728 * TAU).abs() < 1e-9);
+        motor.turn_by_hand(9.0);
+        assert_eq!(motor.bearing_rad(), 165f64.to_radians());
     }
 }

@@ -1,0 +1,119 @@
+//! A unit of a fleet with all that is its own: its cable, what that ends in, the file that keeps its flash.
+
+use crate::cable::Cable;
+use crate::fault::Fault;
+use crate::flash_store::FlashStore;
+use crate::host::Host;
+use crate::line::Line;
+use crate::mishap::{Blow, Mishap};
+use crate::time::Tick;
+use crate::unit::Unit;
+use std::io;
+use thiserror::Error;
+
+/// What may wait on the wire to a unit before its client is left to wait itself.
+const WIRE: usize = 512;
+
+#[derive(Debug, Error)]
+pub enum MemberError {
+    #[error("unit {serial}: {fault}")]
+    Fault { serial: u32, fault: Fault },
+    #[error("unit {serial}: its flash can't be kept in --state: {source}")]
+    Store { serial: u32, source: io::Error },
+}
+
+/// What a unit's serial line ends in.
+pub enum Peer {
+    Line(Line),
+    Host(Host),
+    /// The program that runs the simulation step by step takes what the unit has sent from here.
+    Control(Vec<u8>),
+}
+
+pub struct Member {
+    pub serial: u32,
+    pub unit: Unit,
+    pub cable: Cable,
+    pub peer: Peer,
+    pub store: Option<FlashStore>,
+    /// Frames that the unit has ended so far.
+    pub frames: u64,
+}
+
+impl Member {
+    /// Runs the unit until `end`, then hands over what the line and the flash's file are to have.
+    ///
+    /// # Errors
+    /// A [`MemberError`] if the firmware does what it must not, or the file can't be written.
+    pub fn run_until(&mut self, end: Tick) -> Result<(), MemberError> {
+        let outcome = self.unit.run_until(end);
+        self.settle(outcome, end)
+    }
+
+    /// As `run_until`, but stops at the end of a frame of the unit's.
+    ///
+    /// # Errors
+    /// As `run_until`.
+    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), MemberError> {
+        let outcome = self.unit.run_until_frame(end);
+        self.settle(outcome, self.unit.now().min(end))
+    }
+
+    /// Puts bytes on the cable to the unit.
+    pub fn feed(&mut self, mut bytes: Vec<u8>, now: Tick) {
+        self.cable.deliver_to_unit(&mut bytes, now);
+        self.unit.feed(&bytes);
+    }
+
+    /// Something goes wrong with this unit, from now on.
+    pub fn befall(&mut self, blow: &Blow, now: Tick) {
+        let until = blow.until(now);
+        match blow.mishap {
+            Mishap::CablePulled {} => self.cable.pull(until),
+            Mishap::CableCorrupts { to_unit, to_host } => self.cable.garble(to_unit, to_host, until),
+            Mishap::PowerCut {} => self.unit.power_cut(until - now),
+            Mishap::BrownOut {} => self.unit.brown_out(),
+            Mishap::PowerCutAtFlashOperation { number } => {
+                self.unit.cut_power_at_flash_operation(number.into());
+            }
+            Mishap::Mended {} => self.cable.mend(),
+            _ => {}
+        }
+        self.unit.befall(&blow.mishap, until);
+    }
+
+    fn settle(&mut self, outcome: Result<(), Fault>, now: Tick) -> Result<(), MemberError> {
+        let serial = self.serial;
+        outcome.map_err(|fault| MemberError::Fault { serial, fault })?;
+        if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
+            store.save(flash).map_err(|source| MemberError::Store { serial, source })?;
+        }
+        self.exchange(now);
+        Ok(())
+    }
+
+    fn exchange(&mut self, now: Tick) {
+        let sent = self.unit.sent();
+        self.frames += sent.iter().filter(|byte| **byte == 0).count() as u64;
+        self.cable.deliver_to_host(sent, now);
+        match &mut self.peer {
+            Peer::Line(line) => {
+                let mut buffer = [0; WIRE];
+                let room = WIRE - self.unit.incoming_len().min(WIRE);
+                let received = line.exchange(self.unit.sent(), &mut buffer[..room]);
+                self.unit.sent().clear();
+                if received > 0 {
+                    self.feed(buffer[..received].to_vec(), now);
+                }
+            }
+            Peer::Control(sent) => sent.append(self.unit.sent()),
+            Peer::Host(host) => {
+                if !self.unit.sent().is_empty() {
+                    let answer = host.answer(self.unit.sent());
+                    self.unit.sent().clear();
+                    self.feed(answer, now);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,36 @@
+"""Firmware images that are not the shipped one: with other contents of flash, or built from sources with a fault."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+from firmware.stepped_unit import IMAGE
+
+FIRMWARE = IMAGE.parents[1]
+END_RECORD = ":00000001FF"
+
+
+def with_flash(image: Path, contents: dict[int, bytes], place: Path) -> Path:
+    """A copy of ``image`` at ``place`` that flashes these bytes too, by address."""
+    records, found, _ = image.read_text().partition(END_RECORD)
+    assert found, f"{image} has no end record"
+    for address, data in contents.items():
+        for at in range(0, len(data), 32):
+            chunk = data[at : at + 32]
+            record = bytes([len(chunk)]) + (address + at).to_bytes(2, "big") + b"\0" + chunk
+            records += f":{(record + bytes([-sum(record) & 0xFF])).hex().upper()}\n"
+    place.write_text(records + END_RECORD + "\n")
+    return place
+
+
+def built_with_fault(folder: Path, source: str, *changes: tuple[str, str]) -> Path:
+    """The image of a copy of the firmware in ``folder``; in its ``source`` each first text gives way to the second."""
+    copy = folder / "firmware"
+    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "simulator"))
+    text = (copy / source).read_text()
+    for sound, faulty in changes:
+        assert text.count(sound) == 1, f"{source} has {sound!r} {text.count(sound)} times"
+        text = text.replace(sound, faulty)
+    (copy / source).write_text(text)
+    subprocess.run(["make", "-C", copy], check=True, capture_output=True)
+    return copy / "build" / IMAGE.name
