@@ -1,4 +1,5 @@
-// Delivery of sweeps, with waits of 0.5, 1, 2 and then every 4 s for the acknowledgement.
+// Delivery of sweeps, with waits of 0.5, 1, 2 and then every 4 s for the acknowledgement. Each frame of the host begins
+// them anew: where one is to be heard and the acknowledgement is not, the line is bad and not dead.
 #include "delivery.h"
 
 #include "../hal/round.h"
@@ -66,6 +67,13 @@ void delivery_acknowledge(uint16_t boot, uint32_t sequence)
         delivery_hasten();
         was_sent = false;
     }
+}
+
+void delivery_host_is_heard(void)
+{
+    wait = 0;
+    if (until_due > FIRST_WAIT)
+        until_due = FIRST_WAIT;
 }
 
 void delivery_hasten(void)

@@ -18,6 +18,9 @@ void delivery_end(void);
 // Takes an acknowledgement: drops the sweep it names, if that is the oldest.
 void delivery_acknowledge(uint16_t boot, uint32_t sequence);
 
+// A sound frame of the host has come in.
+void delivery_host_is_heard(void);
+
 // A host has come: it need not wait until the oldest sweep would be sent again.
 void delivery_hasten(void);
 

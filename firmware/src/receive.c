@@ -7,6 +7,7 @@
 #include "cobs.h"
 #include "command.h"
 #include "counters.h"
+#include "delivery.h"
 #include "incoming.h"
 #include "protocol.h"
 #include "transmit.h"
@@ -29,8 +30,10 @@ static void end_frame(uint32_t received)
 {
     if (!incoming_is_empty()) {
         uint8_t reason = incoming_end();
-        if (reason == REASON_NONE)
+        if (reason == REASON_NONE) {
+            delivery_host_is_heard();
             reason = command_take(incoming.frame, incoming.length, incoming.crc, received);
+        }
         if (reason != REASON_NONE)
             reject(reason);
     }

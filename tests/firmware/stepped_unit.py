@@ -16,6 +16,7 @@ from noctule_gateway.frames import (
     Frame,
     Hello,
     HostFrame,
+    LoaderOrder,
     Order,
     Result,
     Status,
@@ -97,7 +98,7 @@ class SteppedUnit:
         self._heard.clear()
         return taken
 
-    def ask(self, frame: Enquiry | Order, answer: type[F], within_s: float = 2.0) -> F:
+    def ask(self, frame: Enquiry | Order | LoaderOrder, answer: type[F], within_s: float = 2.0) -> F:
         """The answer to a new request, which is numbered here."""
         self._request = self._request % 255 + 1
         self.send(replace(frame, request=self._request))
@@ -107,7 +108,7 @@ class SteppedUnit:
             if found.request == self._request:
                 return found
 
-    def command(self, order: Order, within_s: float = 2.0) -> int:
+    def command(self, order: Order | LoaderOrder, within_s: float = 2.0) -> int:
         """What the unit says has become of ``order``, an Outcome."""
         return self.ask(order, Result, within_s).result
 

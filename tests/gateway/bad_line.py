@@ -38,7 +38,7 @@ class BadLine:
 
     def _suffer(self, byte: int) -> bytes:
         if self._random.random() < self._faults.corrupted:
-            byte ^= 1 << self._random.randrange(8)
+            byte ^= self._random.randrange(1, 256)  # any other value
         if self._random.random() < self._faults.lost:
             return b""
         return bytes([byte] * (2 if self._random.random() < self._faults.doubled else 1))

@@ -11,12 +11,16 @@ TICKS_PER_S = 4_000_000
 RING_SWEEPS = 24
 RESEND_AFTER_S = (0.5, 1.0, 2.0, 4.0)  # "Sweeps are not lost"
 STARTED = 0x02
+CHIP_TEMPERATURE = 3150  # 0.01 degrees C
+OWN_PLAN = frames.Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)  # "Host to unit"
+OWN_CALIBRATION = frames.Calibrate(0, 1_043_397, 0, frames.HomeKind.SWITCH, -27307)  # 4075.77 half steps, -150 degrees
 
 
 class ModelUnit:
     """A unit that was powered up at ``born_s`` and whose oscillator is fast by ``drift``; sweeps take ``sweep_s``.
 
-    ``made`` holds every sweep that it has made, ``carried_out`` every order that it has obeyed.
+    ``made`` holds every sweep that it has made, ``carried_out`` every order that it has obeyed. In its loader, for the
+    reason ``in_loader`` if that is not None, it obeys nothing.
     """
 
     def __init__(
@@ -25,13 +29,18 @@ class ModelUnit:
         self.serial, self.boot, self.drift, self.sweep_s = serial, boot, drift, sweep_s
         self.made: list[Sweep] = []
         self.carried_out: list[frames.Order] = []
+        self.heard: list[frames.Frame] = []
         self.ring: deque[Sweep] = deque()
         self.waypoint = frames.NO_WAYPOINT
+        self.plan, self.calibration, self.trim, self.stored = OWN_PLAN, OWN_CALIBRATION, frames.NO_TEMPERATURE, 1
+        self.reset_cause, self.reset_note = 0x02, 0  # the supply has come up
+        self.in_loader: frames.Stay | None = None
         self._power_up(born_s)
 
-    def reset(self, now_s: float) -> None:
+    def reset(self, now_s: float, cause: int = 0x10, note: int = 0) -> None:
         """Start anew under the next boot number; the ring outlives it."""
         self.boot += 1
+        self.reset_cause, self.reset_note = cause, note
         self._power_up(now_s)
 
     def tick(self, now_s: float) -> int:
@@ -54,6 +63,10 @@ class ModelUnit:
 
     def output(self, now_s: float) -> bytes:
         """Make the sweeps that are due, and give what is to be sent."""
+        if self.in_loader is not None:
+            written = bytes(self._out)
+            self._out.clear()
+            return written
         while self._started and now_s >= self._next_sweep_s and len(self.ring) < RING_SWEEPS:
             self.make_sweep(max(self._next_sweep_s, self._born_s))
             self._next_sweep_s = max(self._next_sweep_s, now_s - self.sweep_s) + self.sweep_s
@@ -81,7 +94,21 @@ class ModelUnit:
         self._resend_s = now_s + RESEND_AFTER_S[min(self._resends, len(RESEND_AFTER_S) - 1)]
         self._out += encode(self._sent)
 
+    def say_loader(self, request: int = 0) -> None:
+        """Send LOADER, as a loader does each second."""
+        assert self.in_loader is not None
+        self._out += encode(frames.Loader(request, frames.PROTOCOL, self.serial, 1, 1, self.in_loader, 0, 1, 0))
+
     def _take(self, frame: frames.Frame, now_s: float) -> None:
+        self.heard.append(frame)
+        if self.in_loader is not None:
+            if isinstance(frame, frames.AskHello):
+                self.say_loader(frame.request)
+            return
+        self._resends = 0  # the waits begin anew with every frame of the host
+        self._resend_s = min(self._resend_s, now_s + RESEND_AFTER_S[0])
+        if isinstance(frame, frames.AskHello):
+            self._resend_s = now_s
         if isinstance(frame, frames.Ack):
             if self.ring and (self.ring[0].boot, self.ring[0].sequence) == (frame.boot, frame.sequence):
                 self.ring.popleft()
@@ -93,11 +120,13 @@ class ModelUnit:
     def _answer(self, frame: frames.Frame, now_s: float) -> frames.Frame:
         match frame:
             case frames.AskHello():
-                return frames.Hello(frame.request, frames.PROTOCOL, self.serial, 0, 1, 0, self.boot, 0x02, 0, 3000)
+                return self._hello(frame.request)
             case frames.AskClock():
                 return frames.Clock(frame.request, self.tick(now_s), self.tick(now_s))
             case frames.AskStatus():
                 return self._status(frame.request, now_s)
+            case frames.AskSettings():
+                return self._settings(frame.request)
         assert isinstance(frame, frames.Order)
         return self._obey(frame, now_s)
 
@@ -108,6 +137,14 @@ class ModelUnit:
                 outcome = Outcome.BUSY
             case frames.Configure() if not 1 <= order.count <= frames.MAX_READINGS:
                 outcome = Outcome.OUT_OF_RANGE
+            case frames.Configure():
+                self.plan, self.stored = order, 0
+            case frames.Calibrate():
+                self.calibration, self.stored = order, 0
+            case frames.TrimTemperature():
+                self.trim, self.stored = order.temperature - CHIP_TEMPERATURE, 0
+            case frames.Store():
+                self.stored = 1
             case frames.Start():
                 self._started, self._next_sweep_s = True, now_s
             case frames.Stop():
@@ -119,6 +156,26 @@ class ModelUnit:
         if outcome == Outcome.DONE:
             self.carried_out.append(replace(order, request=0))
         return frames.Result(order.request, order.TYPE, outcome)
+
+    def _hello(self, request: int) -> frames.Hello:
+        return frames.Hello(
+            request=request,
+            protocol=frames.PROTOCOL,
+            serial=self.serial,
+            version_major=0,
+            version_minor=1,
+            version_patch=0,
+            boot=self.boot,
+            reset_cause=self.reset_cause,
+            reset_note=self.reset_note,
+            ring_capacity=3000,
+        )
+
+    def _settings(self, request: int) -> frames.Settings:
+        plan, calibration = (vars(each) for each in (self.plan, self.calibration))
+        return frames.Settings(
+            **{**plan, **calibration, "request": request}, stored=self.stored, temperature_trim=self.trim
+        )
 
     def _status(self, request: int, now_s: float) -> frames.Status:
         state = State.SWEEPING if self._started else State.IDLE
@@ -137,7 +194,7 @@ class ModelUnit:
             frames_unknown=0,
             bytes_lost=0,
             echo_faults=0,
-            temperature=frames.NO_TEMPERATURE,
+            temperature=CHIP_TEMPERATURE,
             stack_free=40,
             tick=self.tick(now_s),
         )

@@ -61,3 +61,21 @@ def test_sweeps_of_many_earlier_boots_do_not_push_out_the_clock_of_the_present_o
         clocks.at(boot, 4_000_000, OFFSET_S)
     assert all(clocks.add(exchange) for exchange in exchanges(Oscillator(0.0), QUICK, seed=10))
     assert clocks.at(50, 4_000_000, OFFSET_S).error_s < UNKNOWN_BOOT_ERROR_S
+
+
+def test_an_earlier_boot_that_was_not_watched_ran_on_the_same_oscillator() -> None:
+    clocks = begun(boot=5)
+    assert clocks.good_drift(5) is None
+    for exchange in exchanges(Oscillator(0.01), 60, seed=11):
+        clocks.add(exchange)
+    assert clocks.good_drift(5) == pytest.approx(0.01, abs=1e-4)
+    assert clocks.good_drift(4) == clocks.good_drift(5)
+
+
+def test_right_after_a_reset_the_drift_of_the_boot_before_still_counts_for_its_own_sweeps_only() -> None:
+    clocks = begun(boot=5)
+    for exchange in exchanges(Oscillator(0.01), 60, seed=12):
+        clocks.add(exchange)
+    clocks.begin(6, 1101.0, OFFSET_S)
+    assert clocks.good_drift(5) == pytest.approx(0.01, abs=1e-4)
+    assert clocks.good_drift(6) is None

@@ -7,7 +7,7 @@ from random import Random
 import pytest
 from gateway.oscillator import QUICK, TOLERANCE, Oscillator, exchanges
 
-from noctule_gateway.clock import Exchange, HostTime, NominalClock, RegressedClock, UnitClock
+from noctule_gateway.clock import GOOD_DRIFT_ERROR, Exchange, HostTime, NominalClock, RegressedClock, UnitClock
 
 
 def error_of(clock: RegressedClock, unit: Oscillator, host_s: float) -> HostTime:
@@ -122,3 +122,30 @@ def test_a_tick_before_the_anchor_is_another_boot_under_the_same_number() -> Non
     clock = NominalClock(HostTime(500.0, 0.001), anchor_tick=4_000_000)
     clock.add(Exchange(1000.0, 0, 0, 1000.002))
     assert told(clock, 4_000_000) == pytest.approx((1001.001, 0.001 / sqrt(3)))
+
+
+@pytest.mark.parametrize("drift", [-0.01, 0.01])
+def test_the_drift_is_good_within_half_a_minute_and_never_called_good_before_it_is(drift: float) -> None:
+    for seed in range(10):
+        unit, clock = Oscillator(drift), RegressedClock()
+        told = []
+        for exchange in exchanges(unit, 40, seed, outliers=0.05):
+            clock.add(exchange)
+            if clock.good_drift is not None:
+                told.append((exchange.sent_s, clock.good_drift))
+        assert told[0][0] < 1030.0
+        assert max(abs(good - drift) for _, good in told) < 3 * GOOD_DRIFT_ERROR
+
+
+def test_a_unit_whose_time_runs_a_tenth_slower_than_the_hosts_has_no_drift_to_correct() -> None:
+    clock = RegressedClock()
+    for exchange in exchanges(Oscillator(-0.1), 60, seed=12):
+        clock.add(exchange)
+    assert clock.good_drift is None
+
+
+def test_the_clock_of_a_simulated_site_corrects_nothing() -> None:
+    clock = NominalClock()
+    for exchange in exchanges(Oscillator(0.01), 60, seed=13):
+        clock.add(exchange)
+    assert clock.good_drift is None

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import pty
+import resource
 import socket
 import threading
 import time
@@ -53,6 +54,40 @@ def test_a_device_carries_every_byte_both_ways_and_says_when_it_is_pulled_out() 
         os.close(far)
         with pytest.raises(LineError, match="/dev/pts/"):
             port.read(LONG_S)
+
+
+@pytest.fixture
+def a_thousand_files() -> Iterator[None]:
+    """Takes all descriptors up to 1024, where select() ends."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], 1100), limits[1]))
+    taken = [os.open(os.devnull, os.O_RDONLY)]
+    while taken[-1] < 1024:
+        taken.append(os.dup(taken[0]))
+    yield
+    for each in taken:
+        os.close(each)
+    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+
+
+@pytest.mark.usefixtures("a_thousand_files")
+def test_the_lines_of_a_site_of_hundreds_of_units_work_like_the_first_ones() -> None:
+    far, near = pty.openpty()
+    tty.setraw(near)
+    with line(os.ttyname(near)) as port:
+        port.write(ALL_BYTES)
+        assert os.read(far, 1000) == ALL_BYTES
+        os.write(far, ALL_BYTES)
+        assert read(port, 256) == ALL_BYTES
+    os.close(far)
+    os.close(near)
+    with socket.create_server(("127.0.0.1", 0)) as server, line(address_of("socket", server)) as port:
+        connection, _ = server.accept()
+        with connection:
+            port.write(ALL_BYTES)
+            assert connection.recv(256, socket.MSG_WAITALL) == ALL_BYTES
+            connection.sendall(ALL_BYTES)
+            assert read(port, 256) == ALL_BYTES
 
 
 def test_a_device_is_held_by_one_gateway_only() -> None:

@@ -16,6 +16,7 @@ from system.processes import free_ports, programs, wait_until
 from noctule import bus, keys
 from noctule.client import Client
 from noctule.messages_pb2 import (
+    Calibration,
     CommandReply,
     CommandRequest,
     LogRecords,
@@ -74,7 +75,8 @@ def unit_status(client: Client, unit: str = "u1") -> UnitStatus:
 
 
 def connected(client: Client, unit: str = "u1") -> bool:
-    return unit_status(client, unit).state not in (UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED)
+    away = (UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_LOADER)
+    return unit_status(client, unit).state not in away
 
 
 def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: Path, router: zenoh.Session) -> None:
@@ -97,9 +99,34 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
     assert not sweep.HasField("waypoint")
     heard, unheard = sweep.readings
     assert heard.bearing_rad == pytest.approx(math.radians(-135))
-    assert heard.time_of_flight_s == pytest.approx(made.readings[0].echo / 4e6)
+    assert abs(sweep.clock_drift) < 0.001  # the model's ticks are the host's own
+    second = 1 + sweep.clock_drift
+    assert heard.time_of_flight_s == pytest.approx(made.readings[0].echo / 4e6 / second)
     assert (unheard.status, unheard.HasField("time_of_flight_s")) == (2, False)
-    assert unheard.time_offset_s == pytest.approx(0.06)  # 15000 times 4 us
+    assert unheard.time_offset_s == pytest.approx(0.06 / second)  # 15000 times 4 us
+
+
+def test_an_oscillator_that_is_one_percent_fast_is_taken_out_of_a_sweeps_times(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic(), drift=0.01)
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        got: list[Sweep] = []
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+
+            def corrected() -> bool:
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                return any(sweep.HasField("clock_drift") for sweep in got)
+
+            wait_until(corrected, "the drift did not become known", 60)
+    sweep = next(sweep for sweep in got if sweep.HasField("clock_drift"))
+    made = unit.made[sweep.sequence - 1]
+    # Three standard deviations of what the gateway asks of a drift: 200 ppm.
+    assert sweep.readings[0].time_of_flight_s == pytest.approx(made.readings[0].echo / 4e6 / 1.01, rel=6e-4)
 
 
 def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router: zenoh.Session) -> None:
@@ -152,13 +179,42 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
             assert all(reply.done for reply in replies), replies
             refused = command("configure", CommandRequest(request_id="d", plan=SweepPlan(count=65)))
             assert (refused.done, "out of range" in refused.error) == (False, True)
+            calibration = Calibration(backlash_half_steps=5, home=Calibration.HOME_STOP)
+            assert command("calibrate", CommandRequest(request_id="g", calibration=calibration)).done
+            assert command("trim_temperature", CommandRequest(request_id="h", temperature_c=20.5)).done
+            known = command("settings", CommandRequest(request_id="i")).settings
+            assert (known.plan.count, known.plan.bearing_step_rad) == (7, pytest.approx(math.radians(45)))
+            assert (known.calibration.backlash_half_steps, known.calibration.home) == (5, Calibration.HOME_STOP)
+            assert known.calibration.half_steps_per_turn == pytest.approx(4075.77, abs=0.005)
+            assert known.temperature_trim_k == pytest.approx(20.5 - 31.5)  # the model's chip is at 31.5
+            assert not known.stored
             hello = command("hello", CommandRequest(request_id="e"))
             assert (hello.done, hello.status.serial, hello.status.firmware) == (True, 7, "0.1.0")
             assert "no command 'jump'" in command("jump", CommandRequest(request_id="f")).error
-    configure, waypoint, single = unit.carried_out
+    configure, waypoint, single, *_ = unit.carried_out
     assert isinstance(configure, frames.Configure)
     assert (configure.first_bearing, configure.bearing_step, configure.count) == (-24576, 8192, 7)
     assert (waypoint, single) == (frames.SetWaypoint(0, 3), frames.Single(0))
+
+
+def test_a_unit_in_its_loader_is_shown_and_served_again_when_its_firmware_runs(
+    tmp_path: Path, router: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic())
+    unit.in_loader = frames.Stay.NO_APPLICATION
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: unit_status(client).state == UnitStatus.STATE_LOADER, "the loader was not shown", 20)
+            assert "no sound firmware" in unit_status(client).detail
+            refused = client.command("u1", "settings", CommandRequest(request_id="a"), timeout_s=10)
+            assert "not connected" in refused.error
+            with line.lock:
+                unit.in_loader = None
+                unit.reset(time.monotonic(), cause=0x08)  # WDTRSF: datasheet C8051F34x, chapter 11
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            assert "watchdog" in unit_status(client).reset_cause
+    assert "u1 has started anew: its watchdog has bitten" in caplog.text
 
 
 def test_the_log_answers_from_and_max_and_says_what_it_can_not_read(tmp_path: Path, router: zenoh.Session) -> None:

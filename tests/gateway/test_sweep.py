@@ -1,18 +1,14 @@
 """From the wire's integers to SI units and back: expected figures are firmware/README.md's definitions."""
 
 from dataclasses import replace
-from math import inf, nan, pi
+from math import pi
 
 import pytest
 
 from noctule import messages_pb2 as messages
-from noctule.messages_pb2 import CommandRequest, SweepPlan
 from noctule.site import FixedPose, Pose2, Sensor, Site, Unit
-from noctule_gateway import frames, orders
 from noctule_gateway.clock import HostTime
-from noctule_gateway.errors import CommandError
 from noctule_gateway.frames import NO_TEMPERATURE, NO_WAYPOINT, NoEcho, Reading, Sweep
-from noctule_gateway.orders import DEFAULT_PLAN
 from noctule_gateway.sweep import to_message
 
 UNIT = Unit("u1", 7, "socket://h:1", FixedPose(Pose2(0, 0, 0)), Sensor(), None, False, 0.0)
@@ -21,8 +17,8 @@ SWEEP = Sweep(1, 2, 3, NO_WAYPOINT, NO_TEMPERATURE, 0, ())
 START = HostTime(1_800_000_000.25, 0.001)
 
 
-def message(sweep: Sweep, site: Site = SITE) -> messages.Sweep:
-    return to_message(sweep, site, UNIT, START, None)
+def message(sweep: Sweep, site: Site = SITE, drift: float | None = None) -> messages.Sweep:
+    return to_message(sweep, site, UNIT, START, None, drift)
 
 
 @pytest.mark.parametrize(
@@ -57,11 +53,27 @@ def test_the_longest_echo_and_offset_keep_their_quarter_microseconds() -> None:
     assert reading.time_offset_s == pytest.approx(0xFFFFFF * 4e-6)
 
 
-def test_the_units_temperature_goes_before_the_sites_and_neither_is_nothing() -> None:
+def test_what_the_site_file_says_of_the_air_takes_the_place_of_what_the_unit_has_measured() -> None:
     warm = replace(SITE, air_temperature_c=21.0)
-    assert message(replace(SWEEP, temperature=-512), warm).air_temperature_c == -5.12
+    cold = replace(SWEEP, temperature=-512)
+    assert message(cold).air_temperature_c == -5.12
+    assert message(cold, warm).air_temperature_c == 21.0
     assert message(SWEEP, warm).air_temperature_c == 21.0
     assert not message(SWEEP).HasField("air_temperature_c")
+
+
+@pytest.mark.parametrize("drift", [-0.01, 0.01])
+def test_an_oscillator_that_is_one_percent_off_does_not_put_the_wall_there_too(drift: float) -> None:
+    # A wall at 2 m with sound at 343 m/s, and a reading 0.5 s into the sweep, counted by an oscillator that is off.
+    flight_s, offset_s = 4.0 / 343, 0.5
+    counted = Reading(0, round(offset_s * (1 + drift) / 4e-6), round(flight_s * (1 + drift) / 0.25e-6))
+    made = message(replace(SWEEP, readings=(counted,)), drift=drift)
+    assert made.readings[0].time_of_flight_s == pytest.approx(flight_s, abs=0.25e-6)
+    assert made.readings[0].time_offset_s == pytest.approx(offset_s, abs=4e-6)
+    assert made.clock_drift == drift
+    as_counted = message(replace(SWEEP, readings=(counted,)))
+    assert as_counted.readings[0].time_of_flight_s == pytest.approx(flight_s * (1 + drift), abs=0.25e-6)
+    assert not as_counted.HasField("clock_drift")
 
 
 def test_start_keeps_its_time_to_the_microsecond_and_an_absent_pose_stays_absent() -> None:
@@ -69,29 +81,3 @@ def test_start_keeps_its_time_to_the_microsecond_and_an_absent_pose_stays_absent
     assert made.start.ToMicroseconds() == pytest.approx(1_800_000_000_250_000, abs=1, rel=0)
     assert made.clock_error_s == 0.001
     assert not made.HasField("pose")
-
-
-def test_a_plan_keeps_the_present_value_of_what_it_leaves_out() -> None:
-    plan = orders.configure(SweepPlan(first_bearing_rad=-pi / 2, ping_interval_s=0.05, ramp_s=0.2), DEFAULT_PLAN)
-    assert plan == replace(DEFAULT_PLAN, first_bearing=-16384, ping_interval_ms=50, ramp_ms=200)
-
-
-def test_waypoint_none_is_what_the_wire_calls_none() -> None:
-    assert orders.order("set_waypoint", CommandRequest(), DEFAULT_PLAN) == frames.SetWaypoint(0, NO_WAYPOINT)
-    assert orders.order("set_waypoint", CommandRequest(waypoint=0), DEFAULT_PLAN) == frames.SetWaypoint(0, 0)
-
-
-@pytest.mark.parametrize(
-    ("name", "request_"),
-    [
-        ("configure", CommandRequest(plan=SweepPlan(first_bearing_rad=4.0))),
-        ("configure", CommandRequest(plan=SweepPlan(bearing_step_rad=-0.1))),
-        ("configure", CommandRequest(plan=SweepPlan(settle_s=nan))),
-        ("start", CommandRequest(pause_s=66.0)),
-        ("start", CommandRequest(pause_s=inf)),
-        ("set_waypoint", CommandRequest(waypoint=65536)),
-    ],
-)
-def test_what_does_not_fit_the_wire_is_refused_before_it_is_sent(name: str, request_: CommandRequest) -> None:
-    with pytest.raises(CommandError):
-        orders.order(name, request_, DEFAULT_PLAN)

@@ -54,6 +54,8 @@ def test_what_a_sweep_says_of_its_sensor_goes_before_the_default():
 def test_warmer_air_makes_ranges_longer():
     # 10 K is 1.8 % of the speed of sound.
     assert speed_of_sound_m_s(30) / speed_of_sound_m_s(20) == pytest.approx(1.018, abs=5e-4)
+    warm = from_message(sweep(air_temperature_c=30), SensorConfig(range_bias_m=0.0, air_temperature_c=20))
+    assert warm.range_m[0] == pytest.approx((331.3 + 0.606 * 30) * 0.0058 / 2)
 
 
 def test_a_range_that_the_sensor_can_not_have_is_no_echo_of_a_reflector():

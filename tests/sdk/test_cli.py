@@ -1,6 +1,7 @@
 """The command noctule, run as one runs it, against a replayed survey on a real router."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -11,7 +12,17 @@ from pathlib import Path
 import pytest
 
 from noctule import Client, bus, keys, survey
-from noctule.messages_pb2 import Contour, Reading, ServiceStatus, Sweep, Wall
+from noctule.messages_pb2 import (
+    Calibration,
+    CommandReply,
+    CommandRequest,
+    Contour,
+    Reading,
+    ServiceStatus,
+    Sweep,
+    SweepPlan,
+    Wall,
+)
 from noctule.replay import Replay
 
 EXAMPLE = Path(__file__).parents[2] / "sdk" / "examples" / "watch_walls.py"
@@ -131,6 +142,34 @@ def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
     assert code == 1 and "unit 'u1' did not configure: unit 'u1' is a replayed survey" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "dance"))
     assert code == 2 and "'dance' is not one of hello" in err
+
+
+def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_session):
+    asked = {}
+
+    def answer(query):
+        command = str(query.key_expr).rsplit("/", 1)[-1]
+        asked[command] = CommandRequest.FromString(query.payload.to_bytes())
+        with query:
+            query.reply(query.key_expr, CommandReply(done=True).SerializeToString())
+
+    far.answer(keys.rpc("room", "u1", keys.ANY), answer, open_session())
+    for command, *options in (
+        ("calibrate", "--half-steps-per-turn", 4080.5, "--backlash-half-steps", 7, "--home", "stop"),
+        ("calibrate", "--home-bearing-deg", -170),
+        ("go_to", "--bearing-deg", 90),
+        ("trim_temperature", "--temperature-c", 20.5),
+        ("configure", "--pings", 5),
+    ):
+        code, _, err = finish(noctule("rpc", "room", "u1", command, *options))
+        assert (code, err) == (0, "")
+        if "--half-steps-per-turn" in options:
+            measured = Calibration(half_steps_per_turn=4080.5, backlash_half_steps=7, home=Calibration.HOME_STOP)
+            assert asked[command].calibration == measured
+    assert asked["calibrate"].calibration == Calibration(home_bearing_rad=math.radians(-170))
+    assert asked["go_to"].bearing_rad == math.radians(90)
+    assert asked["trim_temperature"].temperature_c == 20.5
+    assert asked["configure"].plan == SweepPlan(pings=5)
 
 
 def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site, noctule):

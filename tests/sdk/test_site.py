@@ -21,7 +21,7 @@ serial = 1
 address = "socket://127.0.0.1:7101"
 path = { corners_m = [[-0.70, -0.45], [2.00, -0.45], [2.00, 1.05], [-0.70, 1.05]], spacing_m = 0.20, closed = true }
 pose_sigma = { position_m = 0.004, heading_deg = 0.35 }
-sweep = { first_bearing_deg = -135, bearing_step_deg = 22.5, count = 13, start = true, pause_s = 0.5 }
+sweep = { first_bearing_deg = -135, bearing_step_deg = 22.5, count = 13, pings = 3, start = true, pause_s = 0.5 }
 [unit.sensor]
 range_sigma_m = 0.0032
 """
@@ -74,7 +74,7 @@ def test_a_units_sensor_and_plan_come_in_radians_over_the_sites_default(tmp_path
     assert (loaded.name, loaded.air_temperature_c, loaded.clock) == ("paper-room", 21.0, "unit")
     assert unit.sensor == site.Sensor(math.radians(22.5), 0.0023, 0.0032)
     assert unit.plan is not None
-    assert (unit.plan.first_bearing_rad, unit.plan.count) == (math.radians(-135), 13)
+    assert (unit.plan.first_bearing_rad, unit.plan.count, unit.plan.pings) == (math.radians(-135), 13, 3)
     assert not unit.plan.HasField("ping_interval_s")
     assert (unit.start, unit.pause_s) == (True, 0.5)
 
@@ -129,6 +129,7 @@ MISTAKES = {
     HEAD + UNIT + "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 0 }\n": "spacing_m is 0: it must be more than 0",
     HEAD + UNIT + "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 1e-9 }\n": "spacing_m is 1e-09: make it larger",
     HEAD + UNIT + HERE + "sweep = { count = 65 }\n": "'u1'.sweep: count is 65: give a whole number from 1 to 64",
+    HEAD + UNIT + HERE + "sweep = { pings = 2 }\n": "'u1'.sweep: pings is 2: give 1, 3 or 5",
     HEAD + UNIT + HERE + "sweep = { start = 1 }\n": "start is 1: give true or false",
     HEAD + UNIT + HERE + "sweep = { cuont = 5 }\n": "cuont is not known here",
     HEAD + UNIT + HERE + UNIT + HERE: "'u1': name 'u1' is also that of 'u1'",

@@ -58,6 +58,11 @@ class BootClocks:
         """By how much the unit's oscillator is fast, seconds per second."""
         return self._clocks[self._boot].drift if self._boot in self._clocks else 0.0
 
+    def good_drift(self, boot: int) -> float | None:
+        """The drift that ``boot`` ran with, where that is known; else the present boot's: it is the same oscillator."""
+        known = (self._clocks[each].good_drift for each in (boot, self._boot) if each in self._clocks)
+        return next((drift for drift in known if drift is not None), None)
+
     def _clock_of(self, boot: int, utc_offset_s: float) -> UnitClock:
         if boot not in self._clocks:
             found = self._anchor(boot)

@@ -15,6 +15,7 @@ from rich.console import Console
 
 from noctule import bus, site
 from noctule.errors import NoctuleError
+from noctule_gateway.limits import allow_files
 from noctule_gateway.log_file import Retention
 from noctule_gateway.service import Gateway
 from noctule_gateway.update_image import load
@@ -86,7 +87,10 @@ def update(
 
 
 def _serve(site_file: Path, data: Path, name: str, retention: Retention, connect: list[str], listen: list[str]) -> None:
-    gateway = Gateway(site.load(site_file), data, name, retention)
+    served = site.load(site_file)
+    if warning := allow_files(len(served.units)):
+        _log.warning("%s", warning)
+    gateway = Gateway(served, data, name, retention)
     session: zenoh.Session | None = None
     try:
         gateway.start()

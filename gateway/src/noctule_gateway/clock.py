@@ -13,6 +13,8 @@ from typing import Protocol
 TICK_S = 0.25e-6
 OSCILLATOR_TOLERANCE = 0.015  # C8051F340 datasheet: the internal oscillator is within 1.5 %
 
+GOOD_DRIFT_ERROR = 2e-4  # 0.8 mm at the sensor's 4 m, a quarter of what a single range is off by
+
 _DECAY = 29.0 / 30.0  # of all earlier weight, per exchange: about half a minute of memory at one a second
 _WANDER = 1e-5  # assumed change of drift within that memory: temperature in a room
 _REFUSALS_TO_BELIEVE = 3  # so many contradictions in a row: it is the line that is wrong
@@ -63,6 +65,11 @@ class UnitClock(Protocol):
         """By how much the unit's oscillator is fast: nominal unit seconds per host second, less one."""
         ...
 
+    @property
+    def good_drift(self) -> float | None:
+        """The drift, where it is known well enough to take it out of a sweep's times."""
+        ...
+
     def add(self, exchange: Exchange) -> bool:
         """Take an exchange in; False if it was refused."""
         ...
@@ -79,6 +86,7 @@ class NominalClock:
         self._anchor = anchor
         self._anchor_unit_s = anchor_tick * TICK_S
         self.drift = 0.0
+        self.good_drift: float | None = None  # one speed can't be told from the other
 
     def add(self, exchange: Exchange) -> bool:
         """Anchor to the first exchange, or to one before the anchor: that was of another boot under the same number."""
@@ -114,6 +122,12 @@ class RegressedClock:
         """By how much the unit's oscillator is fast: nominal unit seconds per host second, less one."""
         return 1 / self._slope - 1
 
+    @property
+    def good_drift(self) -> float | None:
+        """The drift, once it is known to GOOD_DRIFT_ERROR; None if it is more than an oscillator can have."""
+        plausible = abs(self.drift) <= 2 * OSCILLATOR_TOLERANCE  # a simulator that can't keep up seems slower still
+        return self.drift if plausible and self._drift_error <= GOOD_DRIFT_ERROR else None
+
     def add(self, exchange: Exchange) -> bool:
         """Take an exchange in, unless it contradicts the line by more than its bound and the line's error allow."""
         if exchange.half_trip_s < -_MIN_HALF_TRIP_S or exchange.sent_tick < exchange.received_tick:
@@ -144,9 +158,13 @@ class RegressedClock:
     def _host_s(self, unit_s: float) -> float:
         return self._mean_host_s + (unit_s - self._mean_unit_s) * self._slope
 
+    @property
+    def _drift_error(self) -> float:
+        return hypot(1 / sqrt(self._variance + OSCILLATOR_TOLERANCE**-2), _WANDER)
+
     def _line_error_s(self, unit_s: float) -> float:
-        drift_error = hypot(1 / sqrt(self._variance + OSCILLATOR_TOLERANCE**-2), _WANDER)
-        return hypot(1 / sqrt(self._weight), drift_error * (unit_s - self._mean_unit_s), self._floor_s / sqrt(3))
+        ahead_s = unit_s - self._mean_unit_s
+        return hypot(1 / sqrt(self._weight), self._drift_error * ahead_s, self._floor_s / sqrt(3))
 
     def _agrees(self, exchange: Exchange, half_trip_s: float) -> bool:
         """The exchange fits the line, or the line has given way because exchanges have contradicted it in a row."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from noctule_gateway.clock import Exchange
 from noctule_gateway.errors import CommandError, WrongUnitError
-from noctule_gateway.frames import Hello, Order, Status, Sweep
+from noctule_gateway.frames import Hello, Loader, Order, Status, Sweep
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,13 @@ class Refused:
     """Who answers is not the unit expected."""
 
     error: WrongUnitError
+
+
+@dataclass(frozen=True)
+class InLoader:
+    """The unit is the one expected, but its application does not run: it sits in its loader."""
+
+    loader: Loader
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,11 @@ class StatusRead:
 
 
 @dataclass(frozen=True)
+class SettingsRead:
+    """Link.settings are known: after the unit was identified, and again after each order that changes them."""
+
+
+@dataclass(frozen=True)
 class SweepRead:
     """A sweep to commit: call Link.committed() then, or Link.failed()."""
 
@@ -57,4 +69,4 @@ class OrderSettled:
     error: CommandError | None
 
 
-Event = Identified | Refused | Silent | ClockRead | StatusRead | SweepRead | OrderSettled
+Event = Identified | Refused | InLoader | Silent | ClockRead | StatusRead | SettingsRead | SweepRead | OrderSettled

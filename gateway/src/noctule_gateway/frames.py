@@ -369,23 +369,9 @@ class Sweep:
 
 Enquiry = AskHello | AskStatus | AskClock | AskSettings
 Order = (
-    Configure
-    | Start
-    | Stop
-    | Single
-    | Home
-    | SetWaypoint
-    | GoTo
-    | Calibrate
-    | TrimTemperature
-    | Store
-    | Reset
-    | Update
-    | Put
-    | Program
-    | Install
-    | Run
+    Configure | Start | Stop | Single | Home | SetWaypoint | GoTo | Calibrate | TrimTemperature | Store | Reset | Update
 )
-HostFrame = Enquiry | Order | Ack
+LoaderOrder = Put | Program | Install | Run
+HostFrame = Enquiry | Order | LoaderOrder | Ack
 UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | Sweep
 Frame = HostFrame | UnitFrame

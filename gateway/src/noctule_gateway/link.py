@@ -1,44 +1,43 @@
 """The link to one unit, without I/O and without a clock: bytes and times go in, bytes and events come out.
 
-HELLO comes first, and nothing is believed of a unit that is not the one expected. Then CLOCK exchanges, quick ones at
-first, STATUS, and what setup.py has to say; then all in turn, and HELLO now and again, for a reset may show in nothing
-else. A sweep is acknowledged when the caller says that it is committed, and again each time it comes again.
+HELLO comes first, and nothing is believed of a unit that is not the one expected. Then what agenda.py has to ask and
+setup.py to order, and what the caller orders. A unit in its loader is asked nothing but HELLO. A sweep is acknowledged
+when the caller says that it is committed, and again each time it comes again, or may have.
 """
 
-from collections import deque
-from dataclasses import dataclass
-from math import inf
-
 from noctule_gateway import frames
+from noctule_gateway.agenda import Agenda
 from noctule_gateway.clock import TICK_S, Exchange
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import CommandError
-from noctule_gateway.events import ClockRead, Event, Identified, OrderSettled, Refused, Silent, StatusRead, SweepRead
-from noctule_gateway.frames import AskClock, AskHello, AskStatus, Clock, Enquiry, Hello, Order, Result, Status, Sweep
+from noctule_gateway.events import (
+    ClockRead,
+    Event,
+    Identified,
+    InLoader,
+    Refused,
+    SettingsRead,
+    Silent,
+    StatusRead,
+    SweepRead,
+)
+from noctule_gateway.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
 from noctule_gateway.identity import mismatch
+from noctule_gateway.order_queue import OrderQueue
 from noctule_gateway.receipts import Receipts, Standing
 from noctule_gateway.requests import Requests
-from noctule_gateway.setup import Setup, Wanted, describe
+from noctule_gateway.setup import Setup, Wanted
 
-QUICK_CLOCKS = 8
-CLOCK_EVERY_S = 0.97  # not in step with STATUS, nor with what a unit does once a second
-STATUS_EVERY_S = 1.0
-HELLO_EVERY_S = 10.0
-HELLO_RETRY_S = 0.5
 REFUSED_RETRY_S = 5.0
-SILENT_AFTER = 6  # time-outs in a row, and not a frame between them
+LOADER_RETRY_S = 5.0
+SILENT_AFTER = 6  # time-outs in a row, and nothing between them
+GARBLED_AFTER = 60  # time-outs in a row, and between them nothing that can be read
+ACK_AGAIN_S = 0.25  # at most so often for what could not be read
 
 _BYTE_S = 10 / 115200  # 8N1
 _CLOCK_ANSWER_S = len(encode(Clock(1, 0, 0))) * _BYTE_S
 _SLACK_TICKS = 400_000  # frames may pass one another within the unit, but not by 0.1 s
-
-
-@dataclass(frozen=True)
-class _Given:
-    """An order on its way; ticket 0 is the setup's."""
-
-    order: Order
-    ticket: int
+_CHANGES_SETTINGS = (frames.Configure, frames.Calibrate, frames.TrimTemperature, frames.Store)
 
 
 class Link:
@@ -53,16 +52,20 @@ class Link:
         self.receipts = Receipts()
         self.timeouts = 0
         self.identified = False
+        self.settings: Settings | None = None  # as the unit has them now, once they have been read
         self._serial = serial
+        self._agenda = Agenda()
         self._requests = Requests(first_request)
         self._out = bytearray()
         self._boot: int | None = None
+        self._acknowledged: Sweep | None = None
+        self._acknowledge_again_s = 0.0
+        self._last_tick = 0
+        self._ticks_went_back = False
         self._setup_waits = False
         self._doubted_boots: set[int] = set()
-        self._orders: deque[_Given] = deque()
-        self._given: _Given | None = None
-        self._tickets = 0
-        self._asked_s = self._asked_through_s = 0.0
+        self._orders = OrderQueue(self.setup)
+        self._asked_s = self._asked_through_s = self._hushed_until_s = 0.0
         self._greet(0.0, "")
 
     def connected(self, now_s: float) -> list[Event]:
@@ -73,27 +76,36 @@ class Link:
 
     def receive(self, data: bytes, now_s: float) -> list[Event]:
         """Take in what came over the line."""
-        return [event for frame in self.reader.feed(data) for event in self._take(frame, now_s)]
+        bad_before = self.reader.frames_bad
+        read = self.reader.feed(data)
+        if self.reader.frames_bad > bad_before:
+            self._garbled(now_s)
+        return [event for frame in read for event in self._take(frame, now_s)]
 
     def advance(self, now_s: float) -> list[Event]:
         """Take in that time has passed."""
         if not self._requests.overdue(now_s):
             return []
         self.timeouts += 1
-        self._missed += 1
-        if self.identified and self._missed >= SILENT_AFTER:
+        self._nothing_came += 1
+        self._nothing_read += 1
+        if self.identified and (self._nothing_came >= SILENT_AFTER or self._nothing_read >= GARBLED_AFTER):
             return [*self._greet(now_s, "the unit has stopped answering"), Silent()]
         again = self._requests.repeat(now_s)
         if again is not None:
             self._out += again
             return []
-        return self._settle(None, now_s) if self._given else []
+        return self._settle(None, now_s) if self._orders.given else []
 
     def output(self, now_s: float) -> bytes:
-        """What to write to the line, at once."""
+        """What to write to the line, at once. Nothing while a unit stores its settings, for then it hears nothing."""
+        if self._requests.pending and now_s < self._hushed_until_s:
+            return b""
         if not self._requests.pending and now_s >= self.next_s:
             self._out += self._requests.ask(self._next_request(now_s), now_s)
             self._asked_s, self._asked_through_s = now_s, now_s + len(self._out) * _BYTE_S
+        if isinstance(self._orders.given, frames.Store) and self._requests.due_s is not None:
+            self._hushed_until_s = self._requests.due_s
         written = bytes(self._out)
         self._out.clear()
         return written
@@ -104,18 +116,14 @@ class Link:
         if self._requests.due_s is not None:
             return self._requests.due_s
         if not self.identified:
-            return self._hello_due_s
-        if self._orders or self._quick_clocks:
-            return -inf
-        return min(self._clock_due_s, self._status_due_s, self._hello_due_s, self.setup.due_s)
+            return self._agenda.due_s
+        return min(self._agenda.due_s, self._orders.due_s)
 
     def order(self, order: Order) -> int:
         """Have the unit carry ``order`` out; OrderSettled comes with the ticket returned. Raises CommandError."""
         if not self.identified:
             raise CommandError("the unit is not connected")
-        self._tickets += 1
-        self._orders.append(_Given(order, self._tickets))
-        return self._tickets
+        return self._orders.add(order)
 
     def committed(self, sweep: Sweep) -> None:
         """``sweep`` is safe: the unit may forget it."""
@@ -127,37 +135,34 @@ class Link:
         self.receipts.failed(sweep)
 
     def _next_request(self, now_s: float) -> Enquiry | Order:
-        if not self.identified or now_s >= self._hello_due_s:
-            self._hello_due_s = now_s + HELLO_RETRY_S
-            return AskHello(0)
-        if self._quick_clocks:
-            return AskClock(0)
-        if self._orders or now_s >= self.setup.due_s:
-            self._given = self._orders.popleft() if self._orders else _Given(self.setup.order, 0)
-            return self._given.order
-        if now_s >= self._status_due_s:
-            self._status_due_s = now_s + STATUS_EVERY_S
-            return AskStatus(0)
-        self._clock_due_s = now_s + CLOCK_EVERY_S
-        return AskClock(0)
+        urgent = self._agenda.urgent(now_s)
+        if urgent is not None:
+            return urgent
+        return self._orders.give() if now_s >= self._orders.due_s else self._agenda.routine(now_s)
 
-    def _greet(self, now_s: float, why: str) -> list[Event]:
-        """Begin again with HELLO; what was ordered and not settled fails."""
-        lost = [given for given in (self._given, *self._orders) if given is not None and given.ticket]
-        self._orders.clear()
-        self._given = None
+    def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
+        """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
         self._requests.abandon()
         self.identified = False
-        self._missed = 0
-        self._last_tick = 0
-        self._quick_clocks = QUICK_CLOCKS
-        self._hello_due_s = self._clock_due_s = self._status_due_s = now_s
-        return [OrderSettled(given.order, given.ticket, CommandError(why)) for given in lost]
+        self.settings = None
+        self._nothing_came = self._nothing_read = 0
+        self._agenda.greet(now_s + again_s)
+        return self._orders.fail(why)
+
+    def _garbled(self, now_s: float) -> None:
+        """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
+        self._nothing_came = 0
+        if self.identified and self._acknowledged is not None and now_s >= self._acknowledge_again_s:
+            self._acknowledge_again_s = now_s + ACK_AGAIN_S
+            self._acknowledge(self._acknowledged)
 
     def _take(self, frame: frames.Frame, now_s: float) -> list[Event]:
-        self._missed = 0
-        if isinstance(frame, Hello):
-            return self._hello(frame, now_s)
+        self._nothing_came = self._nothing_read = 0
+        match frame:
+            case Hello() if frame.request == 0 or self._requests.answered(frame):
+                return self._hello(frame, now_s)
+            case Loader() if frame.request == 0 or self._requests.answered(frame):
+                return self._loader(frame, now_s)
         if not self.identified:
             return []
         match frame:
@@ -167,30 +172,38 @@ class Link:
                 return self._status(frame, now_s)
             case Clock() if self._requests.answered(frame):
                 return self._clock(frame, now_s)
+            case Settings() if self._requests.answered(frame):
+                self.settings = frame
+                self._agenda.settings_came()
+                return [SettingsRead()]
             case Result() if self._requests.answered(frame):
                 return self._settle(frame, now_s)
         return []
 
     def _hello(self, hello: Hello, now_s: float) -> list[Event]:
-        if hello.request != 0 and not self._requests.answered(hello):
-            return []
         error = mismatch(hello, self._serial)
         if error is not None:
-            lost = self._greet(now_s, str(error))
-            self._hello_due_s = now_s + REFUSED_RETRY_S
-            return [*lost, Refused(error)]
-        rebooted = hello.boot != self._boot
+            return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
+        rebooted = hello.boot != self._boot or self._ticks_went_back
         if self.identified and not rebooted:
-            self._hello_due_s = now_s + HELLO_EVERY_S
+            self._agenda.identified(now_s, rebooted=False)
             return []
+        done = self._orders.unit_was_reset() if rebooted else []
         lost = self._greet(now_s, "the unit was reset")
-        self._hello_due_s = now_s + HELLO_EVERY_S
+        self._agenda.identified(now_s, rebooted)
         self.identified = True
         self._boot = hello.boot
         if rebooted:
+            self._last_tick, self._ticks_went_back = 0, False
             self.setup.drop()
             self._setup_waits = True
-        return [*lost, Identified(hello, rebooted)]
+        return [*done, *lost, Identified(hello, rebooted)]
+
+    def _loader(self, loader: Loader, now_s: float) -> list[Event]:
+        error = mismatch(loader, self._serial)
+        if error is not None:
+            return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
+        return [*self._greet(now_s, "the unit is in its loader", LOADER_RETRY_S), InLoader(loader)]
 
     def _status(self, status: Status, now_s: float) -> list[Event]:
         if self._went_back(status.tick):
@@ -203,7 +216,7 @@ class Link:
     def _clock(self, clock: Clock, now_s: float) -> list[Event]:
         if self._went_back(clock.sent):
             return self._doubt(now_s)
-        self._quick_clocks = max(0, self._quick_clocks - 1)
+        self._agenda.clock_came()
         sent_s, answered_s = self._asked_through_s, now_s - _CLOCK_ANSWER_S
         if answered_s - sent_s < (clock.sent - clock.received) * TICK_S:
             sent_s, answered_s = self._asked_s, now_s  # a line that is faster than a UART
@@ -211,30 +224,24 @@ class Link:
 
     def _doubt(self, now_s: float) -> list[Event]:
         """What has just come may be of another boot: leave it, and ask."""
-        self._hello_due_s = now_s
+        self._agenda.greet_again(now_s)
         return []
 
     def _went_back(self, tick: int) -> bool:
-        went_back = tick + _SLACK_TICKS < self._last_tick
+        if tick + _SLACK_TICKS < self._last_tick:
+            self._ticks_went_back = True
         self._last_tick = tick
-        return went_back
+        return self._ticks_went_back
 
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
-        given, self._given = self._given, None
-        assert given is not None
-        if given.ticket == 0:
-            self.setup.settle(result, now_s)
-            return []
-        if result is None:
-            return [OrderSettled(given.order, given.ticket, CommandError("the unit did not answer"))]
-        if result.result != frames.Outcome.DONE:
-            return [OrderSettled(given.order, given.ticket, CommandError(describe(result)))]
-        self.setup.learn(given.order)
-        return [OrderSettled(given.order, given.ticket, None)]
+        if result is not None and isinstance(self._orders.given, _CHANGES_SETTINGS):
+            self.settings = None
+            self._agenda.settings_changed(now_s)
+        return self._orders.settle(result, now_s)
 
     def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
-        if self._quick_clocks:
-            return []  # its time can't be told yet; it comes again
+        if not self._agenda.time_is_known:
+            return []  # it comes again
         if self._is_newer(sweep.boot) and sweep.boot not in self._doubted_boots:
             self._doubted_boots.add(sweep.boot)
             return self._doubt(now_s)
@@ -248,4 +255,5 @@ class Link:
         return self._boot is not None and 0 < (boot - self._boot) % 0x10000 < 0x8000
 
     def _acknowledge(self, sweep: Sweep) -> None:
+        self._acknowledged = sweep
         self._out += encode(frames.Ack(sweep.boot, sweep.sequence))

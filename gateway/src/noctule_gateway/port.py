@@ -1,17 +1,19 @@
 """The line to a unit: a serial device, ``socket://host:port`` or ``rfc2217://host:port``, read as bytes arrive.
 
 pyserial's own read waits for a number of bytes, which would cost a clock exchange its accuracy, so a line that has a
-file descriptor is read through it. That also lets wake() end a wait at once; rfc2217 has none and is looked at every
-10 ms.
+file descriptor is read and written through it. That also lets wake() end a wait at once; rfc2217 has none and is looked
+at every 10 ms.
 """
 
 import contextlib
+import errno
 import os
 import selectors
 import socket
 import termios
 import time
 from typing import Protocol
+from urllib.parse import urlsplit
 
 import serial
 from serial import rfc2217
@@ -21,6 +23,7 @@ from noctule_gateway.errors import LineError
 BAUD = 115200
 
 _CHUNK_BYTES = 4096
+_CONNECT_TIMEOUT_S = 5.0
 _WRITE_TIMEOUT_S = 2.0
 _LOOK_EVERY_S = 0.01
 
@@ -47,36 +50,48 @@ class Port(Protocol):
 
 def open_port(address: str) -> Port:
     """Open the line at ``address``. Raises LineError."""
-    # pyserial's RFC 2217 knows no time-out for writing and brings one of its own.
-    write_timeout_s = None if address.startswith("rfc2217://") else _WRITE_TIMEOUT_S
     try:
-        line = serial.serial_for_url(
-            address, baudrate=BAUD, timeout=_LOOK_EVERY_S, write_timeout=write_timeout_s, exclusive=True
-        )
+        if address.startswith("socket://"):
+            return _DescriptorPort(address, _connect(address))
+        if address.startswith("rfc2217://"):
+            return _PolledPort(address, rfc2217.Serial(address, baudrate=BAUD, timeout=_LOOK_EVERY_S))
+        return _DescriptorPort(address, serial.Serial(address, baudrate=BAUD, exclusive=True))
     except (serial.SerialException, termios.error, OSError, ValueError) as error:  # termios: pulled out meanwhile
         raise LineError(f"can't open {address}: {error}") from error
-    if isinstance(line, rfc2217.Serial):
-        return _PolledPort(address, line)
-    try:
-        return _DescriptorPort(address, line, line.fileno())
-    except OSError as error:
-        line.close()
-        raise LineError(f"can't wait for {address}: {error}") from error
+
+
+def _connect(address: str) -> socket.socket:
+    where = urlsplit(address)
+    if where.hostname is None or where.port is None:
+        raise ValueError("write it as socket://host:port")
+    line = socket.create_connection((where.hostname, where.port), timeout=_CONNECT_TIMEOUT_S)
+    # Nagle's algorithm would hold a CLOCK request back until an earlier acknowledgement is confirmed.
+    line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return line
+
+
+class _Descriptor(Protocol):
+    """Who owns a file descriptor."""
+
+    def fileno(self) -> int: ...
+
+    def close(self) -> None: ...
 
 
 class _DescriptorPort:
-    def __init__(self, address: str, line: serial.SerialBase, descriptor: int) -> None:
+    """Waits by a selector of its own: pyserial's select() can't do with descriptors from 1024 on, as of a big site."""
+
+    def __init__(self, address: str, line: _Descriptor) -> None:
         self._address = address
         self._line = line
-        self._descriptor = descriptor
+        self._descriptor = line.fileno()
+        os.set_blocking(self._descriptor, False)
         self._woken, self._waker = socket.socketpair()
         for end in (self._woken, self._waker):
             end.setblocking(False)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._woken, selectors.EVENT_READ)
-        self._selector.register(descriptor, selectors.EVENT_READ)
-        if address.startswith("socket://"):
-            _send_at_once(descriptor)
+        self._selector.register(self._descriptor, selectors.EVENT_READ)
 
     def read(self, timeout_s: float) -> bytes:
         ready = [key.fileobj for key, _ in self._selector.select(timeout_s)]
@@ -95,7 +110,12 @@ class _DescriptorPort:
         return data
 
     def write(self, data: bytes) -> None:
-        _write(self._line, self._address, data)
+        give_up_s = time.monotonic() + _WRITE_TIMEOUT_S
+        try:
+            while data:
+                data = data[self._write_some(data, give_up_s) :]
+        except OSError as error:
+            raise LineError(f"{self._address} takes no more: {error.strerror}") from error
 
     def wake(self) -> None:
         with contextlib.suppress(BlockingIOError, OSError):  # full: it is awake; closed: there is nobody to wake
@@ -106,6 +126,16 @@ class _DescriptorPort:
         self._line.close()
         self._woken.close()
         self._waker.close()
+
+    def _write_some(self, data: bytes, give_up_s: float) -> int:
+        try:
+            return os.write(self._descriptor, data)
+        except BlockingIOError:
+            with selectors.DefaultSelector() as room:
+                room.register(self._descriptor, selectors.EVENT_WRITE)
+                if not room.select(max(give_up_s - time.monotonic(), 0.0)):
+                    raise TimeoutError(errno.ETIMEDOUT, f"nothing in {_WRITE_TIMEOUT_S:g} s") from None
+            return 0
 
 
 class _PolledPort:
@@ -126,23 +156,13 @@ class _PolledPort:
         return data
 
     def write(self, data: bytes) -> None:
-        _write(self._line, self._address, data)
+        try:
+            self._line.write(data)
+        except (serial.SerialException, OSError) as error:
+            raise LineError(f"{self._address} takes no more: {error}") from error
 
     def wake(self) -> None:
         self._awake = True
 
     def close(self) -> None:
         self._line.close()
-
-
-def _write(line: serial.SerialBase, address: str, data: bytes) -> None:
-    try:
-        line.write(data)
-    except (serial.SerialException, OSError) as error:
-        raise LineError(f"{address} takes no more: {error}") from error
-
-
-def _send_at_once(descriptor: int) -> None:
-    """Nagle's algorithm would hold a CLOCK request back until an earlier acknowledgement is confirmed."""
-    with socket.socket(fileno=os.dup(descriptor)) as same:
-        same.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -12,19 +12,24 @@ from noctule_gateway.frames import (
     MAX_REQUEST,
     AskClock,
     AskHello,
+    AskSettings,
     AskStatus,
     Clock,
     Enquiry,
     Hello,
+    Loader,
     Order,
     Result,
+    Settings,
     Status,
 )
 
 TIMEOUT_S = 0.5
 ORDER_ATTEMPTS = 8
 
-_ANSWERS = {AskHello: Hello, AskStatus: Status, AskClock: Clock}
+Answer = Hello | Loader | Status | Clock | Settings | Result
+
+_ANSWERS = {AskHello: (Hello, Loader), AskStatus: Status, AskClock: Clock, AskSettings: Settings}
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ class Requests:
         self._number = self._number % MAX_REQUEST + 1
         return self._send(replace(frame, request=self._number), 1, now_s)
 
-    def answered(self, answer: Hello | Status | Clock | Result) -> Enquiry | Order | None:
+    def answered(self, answer: Answer) -> Enquiry | Order | None:
         """The request that ``answer`` settles; None if it is not the one awaited."""
         if self._pending is None:
             return None

@@ -102,18 +102,24 @@ class Gateway:
     def _status_message(self) -> ServiceStatus:
         connected = sum(served.server.connected for served in self._served)
         away = [served.unit.name for served in self._served if not served.server.connected]
+        late = [served.unit.name for served in self._served if served.server.late]
         message = ServiceStatus(
             site=self._site.name,
             name=self._name,
             role="gateway",
             version=version("noctule-gateway"),
-            detail=f"not connected: {', '.join(away)}" if away else "",
+            detail="; ".join(filter(None, (_listed("not connected", away), _listed("served late", late)))),
             counters={
                 "units": len(self._served),
                 "units_connected": connected,
+                "units_late": len(late),
                 "sweeps_committed": sum(served.log.state.head for served in self._served),
                 "puts_dropped": self._outbox.dropped,
             },
         )
         message.time.FromNanoseconds(time_ns())
         return message
+
+
+def _listed(what: str, names: list[str]) -> str:
+    return f"{what}: {', '.join(names)}" if names else ""

@@ -84,8 +84,10 @@ class Setup:
 _OUTCOMES: dict[int, str] = {
     Outcome.DONE: "done",
     Outcome.BUSY: "busy: stop it, or wait until it is idle",
-    Outcome.OUT_OF_RANGE: "a value is out of range: see firmware/README.md, CONFIGURE",
+    Outcome.OUT_OF_RANGE: "a value is out of range: see firmware/README.md, Host to unit",
     Outcome.NOT_HOMED: "not homed: home it first",
+    Outcome.FLASH_FAILED: "the flash did not take it: try again, and replace the unit if it stays so",
+    Outcome.NOT_FOR_THIS_UNIT: "it was meant for another unit: check the serial number",
 }
 
 

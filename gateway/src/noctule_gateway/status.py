@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 from noctule.messages_pb2 import UnitStatus
 from noctule.site import PoseKey, Unit, WaypointPath
-from noctule_gateway.frames import NO_WAYPOINT, Hello, State, Status
+from noctule_gateway import resets
+from noctule_gateway.frames import NO_WAYPOINT, Hello, Loader, State, Status, Stay
 from noctule_gateway.log import LogState
+from noctule_gateway.sweep import celsius
 
 _STATES: dict[int, UnitStatus.State] = {
     State.IDLE: UnitStatus.STATE_IDLE,
@@ -14,8 +16,22 @@ _STATES: dict[int, UnitStatus.State] = {
     State.WAITING: UnitStatus.STATE_WAITING,
     State.FAULT: UnitStatus.STATE_FAULT,
     State.PAUSING: UnitStatus.STATE_PAUSED,
+    State.TURNING: UnitStatus.STATE_TURNING,
 }
-_FAULTS = {1: "no home switch found within a turn: check the switch and the motor's wiring"}
+_FAULTS = {
+    1: "no home switch found within a turn: check the switch and the motor's wiring",
+    2: "the home switch does not open: check whether it sticks or its wire is grounded, and the motor's wiring",
+}
+_STAYS: dict[int, str] = {
+    Stay.ASKED: "an update of its firmware was begun and not ended",
+    Stay.NO_APPLICATION: "it has no sound firmware to run",
+    Stay.NOT_CONFIRMED: "its new firmware was started again and again and never answered a host",
+}
+
+
+_LATE = "the gateway serves it late: the machine has too many units, or too slow a disk (counter late_ms)"
+
+_BAD_LINE = "much of what it sends can't be read: check cable, ground and adapter (counters frames_bad)"
 
 
 @dataclass(frozen=True)
@@ -24,10 +40,13 @@ class Condition:
 
     trouble: str
     hello: Hello | None
+    loader: Loader | None  # while it sits there
     status: Status | None
     log: LogState
     setup_error: str
     lost_pose: bool  # the last sweep had none
+    late: bool  # it is served later than it should be
+    bad_line: bool  # much of what it sends can't be read
 
 
 def detail(condition: Condition, unit: Unit) -> str:
@@ -42,7 +61,11 @@ def detail(condition: Condition, unit: Unit) -> str:
     if status is not None and status.state == State.FAULT:
         return _FAULTS.get(status.fault, f"the unit reports fault {status.fault}")
     if status is not None and status.state == State.WAITING:
-        return "the unit's ring is full: its sweeps are not acknowledged fast enough"
+        return _waiting(condition)
+    if condition.late:
+        return _LATE
+    if condition.bad_line:
+        return _BAD_LINE
     return _lost_pose(unit) if condition.lost_pose else ""
 
 
@@ -58,10 +81,17 @@ def message(condition: Condition, unit: Unit) -> UnitStatus:
         log_tail=log.tail,
         log_removed=log.removed,
     )
-    if hello is not None:
+    if condition.loader is not None:
+        result.state = UnitStatus.STATE_LOADER
+        result.serial = condition.loader.serial
+    elif hello is not None:
+        result.reset_cause = resets.cause(hello)
         result.serial, result.firmware, result.boot = hello.serial, hello.version, hello.boot
     if status is not None:
         result.homed = status.homed
+        temperature_c = celsius(status.temperature)
+        if temperature_c is not None:
+            result.chip_temperature_c = temperature_c
         if status.waypoint != NO_WAYPOINT:
             result.waypoint = status.waypoint
         if not condition.trouble:
@@ -80,7 +110,22 @@ def unit_counters(status: Status) -> dict[str, int]:
         "unit_frames_unknown": status.frames_unknown,
         "unit_bytes_lost": status.bytes_lost,
         "unit_echo_faults": status.echo_faults,
+        "unit_stack_free_bytes": status.stack_free,
     }
+
+
+def in_loader(loader: Loader) -> str:
+    """The sentence for the operator of a unit that sits in its loader."""
+    why = _STAYS.get(loader.reason, f"reason {loader.reason}")
+    return f"the unit is in its loader, for {why}: give it its firmware by noctule-gateway update"
+
+
+def _waiting(condition: Condition) -> str:
+    if condition.late:
+        return f"the unit's ring is full, and {_LATE}"
+    if condition.bad_line:
+        return f"the unit's ring is full, and {_BAD_LINE}"
+    return "the unit's ring is full: its sweeps come faster than the line carries them or the disk takes them"
 
 
 def _lost_pose(unit: Unit) -> str:

@@ -25,9 +25,13 @@ def waypoint_of(sweep: frames.Sweep) -> int | None:
 
 
 def to_message(
-    sweep: frames.Sweep, site: Site, unit: Unit, start: HostTime, pose: messages.Pose | None
+    sweep: frames.Sweep, site: Site, unit: Unit, start: HostTime, pose: messages.Pose | None, drift: float | None
 ) -> messages.Sweep:
-    """The sweep as published, still without log_id and log_sequence; ``start`` is in UTC."""
+    """The sweep as published, still without log_id and log_sequence; ``start`` is in UTC.
+
+    ``drift`` is by how much the unit's oscillator is fast, and is taken out of the readings' times; None is not known.
+    """
+    second = 1 + (drift or 0.0)  # of the unit's, in a true one
     message = messages.Sweep(
         site=site.name,
         unit=unit.name,
@@ -38,24 +42,35 @@ def to_message(
         waypoint=waypoint_of(sweep),
         air_temperature_c=_air_temperature_c(sweep, site),
         sensor=unit.sensor.message(),
-        readings=[_reading(reading) for reading in sweep.readings],
+        readings=[_reading(reading, second) for reading in sweep.readings],
+        clock_drift=drift,
     )
     message.start.FromNanoseconds(round(start.time_s * 1e9))
     return message
 
 
+def bearing_rad(bearing: int) -> float:
+    """A bearing of the wire in (-pi, pi]: -32768 is half a turn either way."""
+    return pi if bearing == -32768 else bearing * BEARING_RAD
+
+
+def celsius(temperature: int) -> float | None:
+    """A temperature of the wire in degrees C; None if it was not measured."""
+    return None if temperature == NO_TEMPERATURE else temperature / 100
+
+
 def _air_temperature_c(sweep: frames.Sweep, site: Site) -> float | None:
-    return site.air_temperature_c if sweep.temperature == NO_TEMPERATURE else sweep.temperature / 100
+    """What the site file says takes the place of what the unit has measured."""
+    return celsius(sweep.temperature) if site.air_temperature_c is None else site.air_temperature_c
 
 
-def _reading(reading: frames.Reading) -> messages.Reading:
+def _reading(reading: frames.Reading, second: float) -> messages.Reading:
     heard = reading.echo < FIRST_NO_ECHO
     # A kind of no echo that a newer firmware names is at least no echo.
     status = messages.READING_STATUS_ECHO if heard else _STATUSES.get(reading.echo, messages.READING_STATUS_NO_ECHO)
     return messages.Reading(
-        # -32768 is half a turn either way; radians run in (-pi, pi].
-        bearing_rad=pi if reading.bearing == -32768 else reading.bearing * BEARING_RAD,
-        time_offset_s=reading.offset * OFFSET_S,
-        time_of_flight_s=reading.echo * TICK_S if heard else None,
+        bearing_rad=bearing_rad(reading.bearing),
+        time_offset_s=reading.offset * OFFSET_S / second,
+        time_of_flight_s=reading.echo * TICK_S / second if heard else None,
         status=status,
     )

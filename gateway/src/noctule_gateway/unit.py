@@ -9,13 +9,27 @@ from concurrent.futures import Future
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule.site import Site, Unit
-from noctule_gateway import orders, status
+from noctule_gateway import orders, resets, status
 from noctule_gateway.boots import Anchor, BootClocks
 from noctule_gateway.codec import encode
-from noctule_gateway.errors import CommandError, LineError, LogError
-from noctule_gateway.events import ClockRead, Event, Identified, OrderSettled, Refused, Silent, StatusRead, SweepRead
-from noctule_gateway.frames import MAX_REQUEST, Configure, Hello, Status, Sweep
+from noctule_gateway.errors import LineError, LogError
+from noctule_gateway.events import (
+    ClockRead,
+    Event,
+    Identified,
+    InLoader,
+    OrderSettled,
+    Refused,
+    SettingsRead,
+    Silent,
+    StatusRead,
+    SweepRead,
+)
+from noctule_gateway.execution import Execution
+from noctule_gateway.frames import MAX_REQUEST, Hello, Loader, Status, Sweep
+from noctule_gateway.lateness import TOO_LATE_S, Lateness
 from noctule_gateway.line import Line
+from noctule_gateway.line_quality import LineQuality
 from noctule_gateway.link import Link
 from noctule_gateway.log import SweepLog
 from noctule_gateway.log_file import Arrival, Committed
@@ -24,7 +38,6 @@ from noctule_gateway.setup import Wanted
 from noctule_gateway.sweep import to_message, waypoint_of
 
 REPORT_EVERY_S = 1.0
-ENQUIRIES = ("hello", "status")
 
 _log = logging.getLogger(__name__)
 
@@ -47,14 +60,17 @@ class UnitServer:
     ) -> None:
         self._site, self._unit, self._sweep_log, self._track = site, unit, log, track
         self._publish, self._report = publish, report
-        self._plan = orders.configure(unit.plan, orders.DEFAULT_PLAN) if unit.plan else orders.DEFAULT_PLAN
-        wanted = Wanted(self._plan if unit.plan else None, orders.start(unit.pause_s), unit.start)
+        plan = orders.configure(unit.plan, orders.DEFAULT_PLAN) if unit.plan else None
+        wanted = Wanted(plan, orders.start(unit.pause_s), unit.start)
         self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
         self._clocks = BootClocks(site.clock == "unit", self._anchor)
-        self._replies: dict[int, Callable[[CommandError | None], None]] = {}
+        self._execution = Execution(self._link, self._status_message)
+        self._lateness = Lateness()
+        self._line_quality = LineQuality()
         self._counters = dict.fromkeys(("sweeps_committed", "sweeps_without_pose", "lines_opened", "clocks_refused"), 0)
         self._trouble = "not connected yet"
         self._hello: Hello | None = None
+        self._loader: Loader | None = None
         self._status: Status | None = None
         self._lost_pose = False
         self._told = self._trouble
@@ -78,8 +94,13 @@ class UnitServer:
     def command(self, name: str, request: CommandRequest) -> Future[CommandReply]:
         """Carry out a command of the bus; the reply says what went wrong. From any thread."""
         future: Future[CommandReply] = Future()
-        self._line.call(lambda: self._carry_out(name, request, future))
+        self._line.call(lambda: self._execution.begin(name, request, future))
         return future
+
+    @property
+    def late(self) -> bool:
+        """Its sweeps are acknowledged later than they should be: the machine can't keep up."""
+        return self._lateness.worst_s > TOO_LATE_S
 
     @property
     def connected(self) -> bool:
@@ -96,15 +117,14 @@ class UnitServer:
     def opened(self, now_s: float) -> None:
         """Greet whoever is there."""
         self._counters["lines_opened"] += 1
-        self._trouble = f"no answer on {self._unit.address}"
-        self._report_due_s = now_s + REPORT_EVERY_S  # most units answer before that needs telling
         self._handle(self._link.connected(now_s))
+        self._lose(f"no answer on {self._unit.address}")
+        self._report_due_s = now_s + REPORT_EVERY_S  # most units answer before that needs telling
 
     def closed(self, error: LineError, now_s: float) -> None:
         """Tell why there is no line."""
-        self._trouble = str(error)
         self._handle(self._link.connected(now_s))
-        self._report_due_s = now_s
+        self._lose(str(error))
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Hand what has come to the link."""
@@ -115,6 +135,7 @@ class UnitServer:
         self._handle(self._link.advance(now_s))
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
+            self._line_quality.note(self._link.reader.frames_read, self._link.reader.frames_bad)
             report = self._status_message()
             self._tell(report.detail)
             self._report(report)
@@ -129,45 +150,61 @@ class UnitServer:
         for event in events:
             match event:
                 case Identified():
-                    self._identified(event.hello)
+                    self._identified(event)
                 case Refused(error):
-                    self._change(trouble=str(error))
+                    self._lose(str(error))
+                case InLoader(loader):
+                    self._lose(status.in_loader(loader), loader)
                 case Silent():
-                    self._change(trouble=f"no answer on {self._unit.address}")
+                    self._lose(f"no answer on {self._unit.address}")
                 case ClockRead(exchange):
                     self._counters["clocks_refused"] += not self._clocks.add(exchange)
-                case StatusRead(status):
-                    changed = self._status is None or status.state != self._status.state
-                    self._status = status
+                case StatusRead(read):
+                    changed = self._status is None or read.state != self._status.state
+                    self._status = read
                     self._report_due_s = 0.0 if changed else self._report_due_s
+                case SettingsRead():
+                    self._execution.settings_read()
                 case SweepRead(sweep):
                     self._commit(sweep)
-                case OrderSettled(order, ticket, error):
-                    if error is None and isinstance(order, Configure):
-                        self._plan = order
-                    self._replies.pop(ticket)(error)
+                case OrderSettled():
+                    self._execution.settled(event)
 
-    def _identified(self, hello: Hello) -> None:
-        _log.info("%s: unit %d, firmware %s, boot %d", self._unit.name, hello.serial, hello.version, hello.boot)
-        self._hello = hello
+    def _identified(self, event: Identified) -> None:
+        hello, name = event.hello, self._unit.name
+        _log.info("%s: unit %d, firmware %s, boot %d", name, hello.serial, hello.version, hello.boot)
+        if event.rebooted and (warning := resets.warning(hello, met_before=self._hello is not None)):
+            _log.warning("%s has started anew: %s", name, warning)
+        self._hello, self._loader = hello, None
         self._clocks.begin(hello.boot, time.monotonic(), _utc_offset_s())
-        self._change(trouble="")
+        self._trouble = ""
+        self._report_due_s = 0.0
+
+    def _lose(self, why: str, loader: Loader | None = None) -> None:
+        """The unit can't be asked for anything, until it is identified again."""
+        self._trouble, self._loader = why, loader
+        self._execution.lost(why)
+        self._report_due_s = 0.0
 
     def _commit(self, sweep: Sweep) -> None:
         start = self._clocks.at(sweep.boot, sweep.start, _utc_offset_s())
         pose = pose_of_sweep(self._unit.pose, waypoint_of(sweep), start.time_s, self._track)
         self._lost_pose = pose is None
-        message = to_message(sweep, self._site, self._unit, start, pose)
+        drift = self._clocks.good_drift(sweep.boot)
+        message = to_message(sweep, self._site, self._unit, start, pose, drift)
+        arrived_s = time.monotonic()
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
 
         def done(result: Committed | LogError) -> None:
             if isinstance(result, Committed) and result.fresh:
                 self._publish(result.record)
-            self._line.call(lambda: self._committed(sweep, result, placed=pose is not None))
+            self._line.call(lambda: self._committed(sweep, result, arrived_s, placed=pose is not None))
 
         self._sweep_log.append(Arrival(digest, sweep.start, message), done)
 
-    def _committed(self, sweep: Sweep, result: Committed | LogError, placed: bool) -> None:
+    def _committed(self, sweep: Sweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
+        now_s = time.monotonic()
+        self._lateness.note(now_s - arrived_s, now_s)
         if isinstance(result, LogError):
             self._link.failed(sweep)
             return
@@ -175,31 +212,7 @@ class UnitServer:
         self._counters["sweeps_committed"] += result.fresh
         self._counters["sweeps_without_pose"] += result.fresh and not placed
 
-    def _carry_out(self, name: str, request: CommandRequest, future: Future[CommandReply]) -> None:
-        def reply(error: CommandError | None) -> None:
-            future.set_result(
-                CommandReply(
-                    request_id=request.request_id,
-                    done=error is None,
-                    error="" if error is None else str(error),
-                    status=self._status_message(),
-                )
-            )
-
-        try:
-            if name in ENQUIRIES:
-                reply(None)
-            else:
-                ticket = self._link.order(orders.order(name, request, self._plan))
-                self._replies[ticket] = reply
-        except CommandError as error:
-            reply(error)
-
     # ---- What is told of the unit ----
-
-    def _change(self, trouble: str) -> None:
-        self._trouble = trouble
-        self._report_due_s = 0.0
 
     def _tell(self, detail: str) -> None:
         if detail and detail != self._told:
@@ -210,7 +223,15 @@ class UnitServer:
 
     def _status_message(self) -> UnitStatus:
         condition = status.Condition(
-            self._trouble, self._hello, self._status, self._sweep_log.state, self._link.setup.error, self._lost_pose
+            trouble=self._trouble,
+            hello=self._hello,
+            loader=self._loader,
+            status=self._status,
+            log=self._sweep_log.state,
+            setup_error=self._link.setup.error,
+            lost_pose=self._lost_pose,
+            late=self.late,
+            bad_line=self._line_quality.bad,
         )
         message = status.message(condition, self._unit)
         message.site = self._site.name
@@ -230,6 +251,7 @@ class UnitServer:
             "sweeps_repeated": link.receipts.duplicates,
             "requests_unanswered": link.timeouts,
             "poses_refused": self._track.refused,
+            "late_ms": round(1000 * self._lateness.worst_s),
             "log_bytes": self._sweep_log.state.size_bytes,
             **(status.unit_counters(self._status) if self._status else {}),
         }

@@ -75,7 +75,7 @@ class Reading(_message.Message):
     def __init__(self, bearing_rad: _Optional[float] = ..., time_offset_s: _Optional[float] = ..., time_of_flight_s: _Optional[float] = ..., status: _Optional[_Union[ReadingStatus, str]] = ...) -> None: ...
 
 class Sweep(_message.Message):
-    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings")
+    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings", "clock_drift")
     SITE_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     LOG_ID_FIELD_NUMBER: _ClassVar[int]
@@ -89,6 +89,7 @@ class Sweep(_message.Message):
     AIR_TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
     SENSOR_FIELD_NUMBER: _ClassVar[int]
     READINGS_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_DRIFT_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     log_id: str
@@ -102,10 +103,11 @@ class Sweep(_message.Message):
     air_temperature_c: float
     sensor: Sensor
     readings: _containers.RepeatedCompositeFieldContainer[Reading]
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ...) -> None: ...
+    clock_drift: float
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ..., clock_drift: _Optional[float] = ...) -> None: ...
 
 class UnitStatus(_message.Message):
-    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway")
+    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c")
     class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         STATE_UNSPECIFIED: _ClassVar[UnitStatus.State]
@@ -116,6 +118,8 @@ class UnitStatus(_message.Message):
         STATE_WAITING: _ClassVar[UnitStatus.State]
         STATE_FAULT: _ClassVar[UnitStatus.State]
         STATE_PAUSED: _ClassVar[UnitStatus.State]
+        STATE_TURNING: _ClassVar[UnitStatus.State]
+        STATE_LOADER: _ClassVar[UnitStatus.State]
     STATE_UNSPECIFIED: UnitStatus.State
     STATE_DISCONNECTED: UnitStatus.State
     STATE_IDLE: UnitStatus.State
@@ -124,6 +128,8 @@ class UnitStatus(_message.Message):
     STATE_WAITING: UnitStatus.State
     STATE_FAULT: UnitStatus.State
     STATE_PAUSED: UnitStatus.State
+    STATE_TURNING: UnitStatus.State
+    STATE_LOADER: UnitStatus.State
     class CountersEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -149,6 +155,8 @@ class UnitStatus(_message.Message):
     LOG_REMOVED_FIELD_NUMBER: _ClassVar[int]
     COUNTERS_FIELD_NUMBER: _ClassVar[int]
     GATEWAY_FIELD_NUMBER: _ClassVar[int]
+    RESET_CAUSE_FIELD_NUMBER: _ClassVar[int]
+    CHIP_TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     time: _timestamp_pb2.Timestamp
@@ -167,7 +175,9 @@ class UnitStatus(_message.Message):
     log_removed: int
     counters: _containers.ScalarMap[str, int]
     gateway: str
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ...) -> None: ...
+    reset_cause: str
+    chip_temperature_c: float
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ...) -> None: ...
 
 class LogRecords(_message.Message):
     __slots__ = ("log_id", "head", "tail", "sweeps")
@@ -182,7 +192,7 @@ class LogRecords(_message.Message):
     def __init__(self, log_id: _Optional[str] = ..., head: _Optional[int] = ..., tail: _Optional[int] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ...) -> None: ...
 
 class SweepPlan(_message.Message):
-    __slots__ = ("first_bearing_rad", "bearing_step_rad", "count", "ping_interval_s", "top_speed_half_steps_s", "ramp_s", "settle_s")
+    __slots__ = ("first_bearing_rad", "bearing_step_rad", "count", "ping_interval_s", "top_speed_half_steps_s", "ramp_s", "settle_s", "pings")
     FIRST_BEARING_RAD_FIELD_NUMBER: _ClassVar[int]
     BEARING_STEP_RAD_FIELD_NUMBER: _ClassVar[int]
     COUNT_FIELD_NUMBER: _ClassVar[int]
@@ -190,6 +200,7 @@ class SweepPlan(_message.Message):
     TOP_SPEED_HALF_STEPS_S_FIELD_NUMBER: _ClassVar[int]
     RAMP_S_FIELD_NUMBER: _ClassVar[int]
     SETTLE_S_FIELD_NUMBER: _ClassVar[int]
+    PINGS_FIELD_NUMBER: _ClassVar[int]
     first_bearing_rad: float
     bearing_step_rad: float
     count: int
@@ -197,31 +208,72 @@ class SweepPlan(_message.Message):
     top_speed_half_steps_s: float
     ramp_s: float
     settle_s: float
-    def __init__(self, first_bearing_rad: _Optional[float] = ..., bearing_step_rad: _Optional[float] = ..., count: _Optional[int] = ..., ping_interval_s: _Optional[float] = ..., top_speed_half_steps_s: _Optional[float] = ..., ramp_s: _Optional[float] = ..., settle_s: _Optional[float] = ...) -> None: ...
+    pings: int
+    def __init__(self, first_bearing_rad: _Optional[float] = ..., bearing_step_rad: _Optional[float] = ..., count: _Optional[int] = ..., ping_interval_s: _Optional[float] = ..., top_speed_half_steps_s: _Optional[float] = ..., ramp_s: _Optional[float] = ..., settle_s: _Optional[float] = ..., pings: _Optional[int] = ...) -> None: ...
+
+class Calibration(_message.Message):
+    __slots__ = ("half_steps_per_turn", "backlash_half_steps", "home", "home_bearing_rad")
+    class Home(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        HOME_UNSPECIFIED: _ClassVar[Calibration.Home]
+        HOME_SWITCH: _ClassVar[Calibration.Home]
+        HOME_STOP: _ClassVar[Calibration.Home]
+    HOME_UNSPECIFIED: Calibration.Home
+    HOME_SWITCH: Calibration.Home
+    HOME_STOP: Calibration.Home
+    HALF_STEPS_PER_TURN_FIELD_NUMBER: _ClassVar[int]
+    BACKLASH_HALF_STEPS_FIELD_NUMBER: _ClassVar[int]
+    HOME_FIELD_NUMBER: _ClassVar[int]
+    HOME_BEARING_RAD_FIELD_NUMBER: _ClassVar[int]
+    half_steps_per_turn: float
+    backlash_half_steps: int
+    home: Calibration.Home
+    home_bearing_rad: float
+    def __init__(self, half_steps_per_turn: _Optional[float] = ..., backlash_half_steps: _Optional[int] = ..., home: _Optional[_Union[Calibration.Home, str]] = ..., home_bearing_rad: _Optional[float] = ...) -> None: ...
+
+class UnitSettings(_message.Message):
+    __slots__ = ("plan", "calibration", "temperature_trim_k", "stored")
+    PLAN_FIELD_NUMBER: _ClassVar[int]
+    CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_TRIM_K_FIELD_NUMBER: _ClassVar[int]
+    STORED_FIELD_NUMBER: _ClassVar[int]
+    plan: SweepPlan
+    calibration: Calibration
+    temperature_trim_k: float
+    stored: bool
+    def __init__(self, plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_trim_k: _Optional[float] = ..., stored: _Optional[bool] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
-    __slots__ = ("request_id", "plan", "pause_s", "waypoint")
+    __slots__ = ("request_id", "plan", "pause_s", "waypoint", "bearing_rad", "calibration", "temperature_c")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
     PAUSE_S_FIELD_NUMBER: _ClassVar[int]
     WAYPOINT_FIELD_NUMBER: _ClassVar[int]
+    BEARING_RAD_FIELD_NUMBER: _ClassVar[int]
+    CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     plan: SweepPlan
     pause_s: float
     waypoint: int
-    def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ...) -> None: ...
+    bearing_rad: float
+    calibration: Calibration
+    temperature_c: float
+    def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ..., bearing_rad: _Optional[float] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_c: _Optional[float] = ...) -> None: ...
 
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status")
+    __slots__ = ("request_id", "done", "error", "status", "settings")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
+    SETTINGS_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
     error: str
     status: UnitStatus
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ...) -> None: ...
+    settings: UnitSettings
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence")

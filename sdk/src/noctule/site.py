@@ -14,6 +14,7 @@ from noctule.toml_table import Table
 
 MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
 MAX_READINGS = 64
+PINGS = (1, 3, 5)  # of which there is a median
 MAX_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is a unit that was flashed without one
 ABSOLUTE_ZERO_C = -273.15
 
@@ -178,8 +179,18 @@ def _plan(sweep: Table) -> SweepPlan | None:
         top_speed_half_steps_s=sweep.optional_number("top_speed_half_steps_s", over=0.0),
         ramp_s=sweep.optional_number("ramp_s", least=0.0),
         settle_s=sweep.optional_number("settle_s", least=0.0),
+        pings=_pings(sweep),
     )
     return plan if plan.ListFields() else None
+
+
+def _pings(sweep: Table) -> int | None:
+    if not sweep.has("pings"):
+        return None
+    pings = sweep.integer("pings", PINGS[0], PINGS[-1])
+    if pings not in PINGS:
+        raise sweep.error("pings", f"is {pings}: give {', '.join(map(str, PINGS[:-1]))} or {PINGS[-1]}")
+    return pings
 
 
 def _pose_source(unit: Table) -> FixedPose | WaypointPath | PoseKey:

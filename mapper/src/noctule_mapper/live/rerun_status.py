@@ -15,8 +15,15 @@ _STATES: dict[int, tuple[str, tuple[int, int, int]]] = {
     UnitStatus.STATE_WAITING: ("waiting", (215, 160, 60)),
     UnitStatus.STATE_FAULT: ("fault", (214, 80, 80)),
     UnitStatus.STATE_PAUSED: ("paused", (84, 110, 122)),
+    UnitStatus.STATE_TURNING: ("turning", (110, 120, 200)),
+    UnitStatus.STATE_LOADER: ("loader", (190, 90, 140)),
 }
-_TROUBLE = (UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_WAITING, UnitStatus.STATE_FAULT)
+_TROUBLE = (
+    UnitStatus.STATE_DISCONNECTED,
+    UnitStatus.STATE_WAITING,
+    UnitStatus.STATE_FAULT,
+    UnitStatus.STATE_LOADER,
+)
 
 
 def draw_state(status: UnitStatus) -> Entries:

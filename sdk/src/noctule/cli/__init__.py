@@ -10,7 +10,7 @@ try:
 except ModuleNotFoundError as error:
     raise SystemExit("the command noctule needs typer, rich and mcap: install noctule[cli]") from error
 
-from noctule.cli import ask, record, replay, show
+from noctule.cli import ask, command, record, replay, show
 from noctule.errors import NoctuleError
 
 commands = typer.Typer(
@@ -19,8 +19,8 @@ commands = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, ask.rpc):
-    commands.command()(command)
+for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, command.rpc):
+    commands.command()(each)
 
 
 def app() -> None:

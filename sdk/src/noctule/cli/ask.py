@@ -1,6 +1,5 @@
-"""The commands that ask one question: a unit's log, a message's schema, a command to a unit."""
+"""The commands that ask one question: a unit's log, a message's schema."""
 
-import math
 from typing import Annotated
 
 import typer
@@ -9,9 +8,6 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from noctule import bus, keys, survey
 from noctule.cli.joining import DEFAULT_CONNECT, SHORT_PATIENCE_S, Connect, SiteName, UnitName, joined
 from noctule.errors import BusError
-from noctule.messages_pb2 import CommandRequest, SweepPlan
-
-COMMANDS = ("hello", "status", "start", "stop", "single", "home", "set_waypoint", "configure")
 
 
 def log(
@@ -53,42 +49,3 @@ def schema(
         for described in file.message_type:
             if f"{file.package}.{described.name}" == message:
                 typer.echo(str(described).rstrip())
-
-
-def rpc(
-    site: SiteName,
-    unit: UnitName,
-    command: Annotated[str, typer.Argument(metavar="COMMAND", help=f"One of {', '.join(COMMANDS)}.")],
-    connect: Connect = DEFAULT_CONNECT,
-    timeout_s: Annotated[float, typer.Option(help="How long to wait for the reply.")] = 30.0,
-    pause_s: Annotated[float, typer.Option(help="start: between two sweeps.")] = 0.0,
-    waypoint: Annotated[int | None, typer.Option(help="set_waypoint: none if left out.")] = None,
-    first_bearing_deg: Annotated[float | None, typer.Option(help="configure.")] = None,
-    bearing_step_deg: Annotated[float | None, typer.Option(help="configure.")] = None,
-    count: Annotated[int | None, typer.Option(help="configure: readings per sweep.")] = None,
-    ping_interval_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    top_speed_half_steps_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    ramp_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    settle_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-) -> None:
-    """Have a unit carry out a command."""
-    if command not in COMMANDS:
-        raise typer.BadParameter(f"{command!r} is not one of {', '.join(COMMANDS)}", param_hint="COMMAND")
-    request = CommandRequest(pause_s=pause_s, waypoint=waypoint)
-    if command == "configure":
-        request.plan.CopyFrom(
-            SweepPlan(
-                first_bearing_rad=None if first_bearing_deg is None else math.radians(first_bearing_deg),
-                bearing_step_rad=None if bearing_step_deg is None else math.radians(bearing_step_deg),
-                count=count,
-                ping_interval_s=ping_interval_s,
-                top_speed_half_steps_s=top_speed_half_steps_s,
-                ramp_s=ramp_s,
-                settle_s=settle_s,
-            )
-        )
-    with joined(site, connect) as client:
-        reply = client.command(unit, command, request, timeout_s)
-    if not reply.done:
-        raise BusError(f"unit {unit!r} did not {command}: {reply.error}")
-    typer.echo(survey.to_json(reply))

@@ -1,0 +1,87 @@
+"""The commands of the bus to one unit: carried out through its link, or answered from what is known of it.
+
+All methods are called on the line's thread, but for the futures' own.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
+from noctule_gateway import orders, settings
+from noctule_gateway.errors import CommandError
+from noctule_gateway.events import OrderSettled
+from noctule_gateway.frames import Settings
+from noctule_gateway.link import Link
+
+AT_ONCE = ("hello", "status")
+SETTINGS = "settings"
+
+
+@dataclass(frozen=True)
+class _Command:
+    name: str
+    request: CommandRequest
+    reply: Future[CommandReply]
+
+
+class Execution:
+    """Commands under way; ``status`` gives the unit's status for a reply."""
+
+    def __init__(self, link: Link, status: Callable[[], UnitStatus]) -> None:
+        self._link, self._status = link, status
+        self._ordered: dict[int, _Command] = {}
+        self._await_settings: deque[_Command] = deque()
+
+    def begin(self, name: str, request: CommandRequest, reply: Future[CommandReply]) -> None:
+        """Carry out a command; ``reply`` says what became of it, when that is known."""
+        command = _Command(name, request, reply)
+        try:
+            if name in AT_ONCE:
+                self._end(command)
+            elif name == SETTINGS or orders.needs_settings(name):
+                self._begin_with_settings(command)
+            else:
+                self._ordered[self._link.order(orders.order(name, request))] = command
+        except CommandError as error:
+            self._end(command, error)
+
+    def settings_read(self) -> None:
+        """The link has read the unit's settings: go on with what waits for them."""
+        waiting, self._await_settings = self._await_settings, deque()
+        for command in waiting:
+            self.begin(command.name, command.request, command.reply)
+
+    def settled(self, event: OrderSettled) -> None:
+        """Something became of an order."""
+        self._end(self._ordered.pop(event.ticket), event.error)
+
+    def lost(self, why: str) -> None:
+        """The unit can't be asked any more."""
+        waiting, self._await_settings = self._await_settings, deque()
+        for command in waiting:
+            self._end(command, CommandError(why))
+
+    def _begin_with_settings(self, command: _Command) -> None:
+        present = self._link.settings
+        if not self._link.identified:
+            raise CommandError("the unit is not connected")
+        if present is None:
+            self._await_settings.append(command)
+        elif command.name == SETTINGS:
+            self._end(command, known=present)
+        else:
+            order = orders.order_over(command.name, command.request, present)
+            self._ordered[self._link.order(order)] = command
+
+    def _end(self, command: _Command, error: CommandError | None = None, known: Settings | None = None) -> None:
+        command.reply.set_result(
+            CommandReply(
+                request_id=command.request.request_id,
+                done=error is None,
+                error="" if error is None else str(error),
+                status=self._status(),
+                settings=None if known is None else settings.to_message(known),
+            )
+        )

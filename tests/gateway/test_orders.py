@@ -1,0 +1,109 @@
+"""Commands of the bus to orders, and settings back: expected figures are firmware/README.md's definitions."""
+
+from dataclasses import replace
+from math import inf, nan, pi
+
+import pytest
+from gateway.model_unit import ModelUnit
+
+from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
+from noctule_gateway import frames, orders, settings
+from noctule_gateway.errors import CommandError
+from noctule_gateway.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
+from noctule_gateway.orders import DEFAULT_PLAN
+
+CALIBRATION = Calibrate(0, 1_043_397, 0, HomeKind.SWITCH, -27307)
+SETTINGS = Settings(
+    *(0, 1, -24576, 4096, 13, 60, 600, 100, 20, 1),  # stored, and the default plan
+    *(1_043_397, 3, HomeKind.STOP, -30000, -250),
+)
+
+
+def test_a_plan_keeps_the_present_value_of_what_it_leaves_out() -> None:
+    plan = orders.configure(SweepPlan(first_bearing_rad=-pi / 2, ping_interval_s=0.05, ramp_s=0.2), DEFAULT_PLAN)
+    assert plan == replace(DEFAULT_PLAN, first_bearing=-16384, ping_interval_ms=50, ramp_ms=200)
+    assert orders.configure(SweepPlan(pings=5), DEFAULT_PLAN) == replace(DEFAULT_PLAN, pings=5)
+
+
+def test_a_calibration_keeps_the_present_value_of_what_it_leaves_out() -> None:
+    measured = Calibration(half_steps_per_turn=4080.5, backlash_half_steps=7)
+    assert orders.calibrate(measured, CALIBRATION) == replace(
+        CALIBRATION, half_steps_per_turn=4080 * 256 + 128, backlash=7
+    )
+    stop = Calibration(home=Calibration.HOME_STOP, home_bearing_rad=-pi)
+    assert orders.calibrate(stop, CALIBRATION) == replace(CALIBRATION, home=HomeKind.STOP, home_bearing=-32768)
+
+
+def test_settings_come_to_the_bus_in_si_units() -> None:
+    told = settings.to_message(SETTINGS)
+    assert told.stored
+    assert told.plan.first_bearing_rad == pytest.approx(-0.75 * pi)
+    assert (told.plan.bearing_step_rad, told.plan.count, told.plan.pings) == (pytest.approx(pi / 8), 13, 1)
+    assert (told.plan.ping_interval_s, told.plan.ramp_s, told.plan.settle_s) == (0.06, 0.1, 0.02)
+    # 25792/405 * 64, the gear train's ratio, to a 256th of a half step
+    assert told.calibration.half_steps_per_turn == pytest.approx(25792 / 405 * 64, abs=1 / 256)
+    assert (told.calibration.backlash_half_steps, told.calibration.home) == (3, Calibration.HOME_STOP)
+    assert told.calibration.home_bearing_rad == pytest.approx(-30000 / 65536 * 2 * pi)
+    assert told.temperature_trim_k == -2.5
+    untrimmed = settings.to_message(replace(SETTINGS, temperature_trim=frames.NO_TEMPERATURE))
+    assert not untrimmed.HasField("temperature_trim_k")
+
+
+def test_settings_that_are_ordered_as_they_were_told_are_the_same_settings() -> None:
+    told = settings.to_message(SETTINGS)
+    unit = ModelUnit()
+    assert orders.configure(told.plan, unit.plan) == settings.plan_of(SETTINGS)
+    assert orders.calibrate(told.calibration, unit.calibration) == settings.calibration_of(SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("name", "request_", "order"),
+    [
+        ("set_waypoint", CommandRequest(), frames.SetWaypoint(0, NO_WAYPOINT)),
+        ("set_waypoint", CommandRequest(waypoint=0), frames.SetWaypoint(0, 0)),
+        ("go_to", CommandRequest(bearing_rad=-pi / 4), frames.GoTo(0, -8192)),
+        ("trim_temperature", CommandRequest(temperature_c=-5.12), frames.TrimTemperature(0, -512)),
+        ("store", CommandRequest(), frames.Store(0)),
+        ("reset", CommandRequest(), frames.Reset(0)),
+    ],
+)
+def test_a_command_is_the_order_of_the_wire(name: str, request_: CommandRequest, order: frames.Order) -> None:
+    assert orders.order(name, request_) == order
+
+
+@pytest.mark.parametrize(
+    ("name", "request_"),
+    [
+        ("configure", CommandRequest(plan=SweepPlan(first_bearing_rad=4.0))),
+        ("configure", CommandRequest(plan=SweepPlan(bearing_step_rad=-0.1))),
+        ("configure", CommandRequest(plan=SweepPlan(settle_s=nan))),
+        ("configure", CommandRequest(plan=SweepPlan(pings=256))),
+        ("calibrate", CommandRequest(calibration=Calibration(half_steps_per_turn=-1.0))),
+        ("calibrate", CommandRequest(calibration=Calibration(backlash_half_steps=256))),
+        ("calibrate", CommandRequest(calibration=Calibration(home=Calibration.HOME_UNSPECIFIED))),
+    ],
+)
+def test_settings_that_do_not_fit_the_wire_are_refused_before_they_are_sent(
+    name: str, request_: CommandRequest
+) -> None:
+    assert orders.needs_settings(name)
+    with pytest.raises(CommandError):
+        orders.order_over(name, request_, SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("name", "request_"),
+    [
+        ("start", CommandRequest(pause_s=66.0)),
+        ("start", CommandRequest(pause_s=inf)),
+        ("set_waypoint", CommandRequest(waypoint=65536)),
+        ("go_to", CommandRequest(bearing_rad=pi)),
+        ("go_to", CommandRequest()),
+        ("trim_temperature", CommandRequest(temperature_c=400.0)),
+        ("trim_temperature", CommandRequest()),
+        ("jump", CommandRequest()),
+    ],
+)
+def test_what_does_not_fit_the_wire_is_refused_before_it_is_sent(name: str, request_: CommandRequest) -> None:
+    with pytest.raises(CommandError):
+        orders.order(name, request_)

@@ -1,0 +1,62 @@
+"""The link and the real firmware on a cable that spoils one byte in twenty and is pulled out every ten minutes.
+
+At that rate a frame of n bytes comes through intact with a chance of 0.95^n: a sweep of the default plan's 13 readings,
+129 bytes on the line, one time in 750. So the unit sweeps by a plan that such a line can carry. A sweep of 3 readings
+takes 49 bytes, one try in 12, and its acknowledgement 13, one in 2; two tries a second bring one across each 8 s, as
+measured with a ring that is never empty. By the plan here it makes one each 10 s.
+"""
+
+from dataclasses import replace
+from random import Random
+
+import pytest
+from firmware.stepped_unit import stepped_unit
+from gateway.bad_line import Faults
+from system.lockstep import CLEAN, Lockstep
+
+from noctule_gateway.frames import Start, Stop
+from noctule_gateway.link import Link
+from noctule_gateway.orders import DEFAULT_PLAN
+from noctule_gateway.setup import Wanted
+
+ONE_IN_TWENTY = Faults(corrupted=0.05)
+PULLED_EVERY_S = 600.0
+HOUR_S = 3600.0
+
+
+def survey(duration_s: float, readings: int, pause_ms: int, seed: int) -> int:
+    """Sweep for so long and check what has come of it; the number of sweeps."""
+    wanted = Wanted(replace(DEFAULT_PLAN, count=readings), Start(0, pause_ms), running=True)
+    link = Link(serial=1, wanted=wanted, first_request=0)
+    random = Random(seed)
+    with stepped_unit("--laps", "0") as unit:
+        cable = Lockstep(unit, link, ONE_IN_TWENTY, seed)
+        while unit.now_s < duration_s:
+            cable.run(PULLED_EVERY_S)
+            cable.pull(random.uniform(1.0, 120.0))
+        cable.spoil(CLEAN)
+        cable.run(10.0)
+        cable.carry_out(Stop(0), within_s=10.0)
+        status = cable.drained(within_s=60.0)
+
+    made = cable.tally.made
+    assert link.reader.frames_bad > link.reader.frames_read  # a bad line indeed
+    assert status.sweeps_made == len(made)
+    assert [sequence for _, sequence in made] == list(range(len(made)))
+    assert cable.tally.arrived == list(made.values())
+    return len(made)
+
+
+def test_for_an_hour_no_sweep_is_lost_doubled_or_wrong() -> None:
+    assert survey(HOUR_S, readings=3, pause_ms=9000, seed=1) > 300
+
+
+def test_with_a_ring_that_is_full_all_the_time_no_sweep_is_lost_doubled_or_wrong() -> None:
+    # 84 sweeps of one reading fill the ring in 10 s, and at 3 s each it takes as long to go round as an outage.
+    assert survey(0.5 * HOUR_S, readings=1, pause_ms=0, seed=2) > 400
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(900)
+def test_for_a_day_no_sweep_is_lost_doubled_or_wrong() -> None:
+    assert survey(24 * HOUR_S, readings=3, pause_ms=9000, seed=3) > 8000
