@@ -1,4 +1,4 @@
-"""What a fleet of simulated units costs one core at real time, their sweeps taken and acknowledged over TCP by another."""
+"""What a fleet of simulated units costs one core at real time, with another core taking their sweeps over TCP."""
 
 import os
 import re
@@ -20,7 +20,7 @@ class Load:
     """What was seen of a fleet over a run."""
 
     pace: float  # simulated seconds per second: 1 if the core kept up
-    core_share: float  # of the core's time that the simulator used
+    core_share: float  # seconds of processor time per simulated second
     sweeps: int  # acknowledged, each once
     missed: int  # sequence numbers that were skipped
 
@@ -99,9 +99,11 @@ def _children_s() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def main() -> None:
-    print(load(300, 60.0))
-
-
-if __name__ == "__main__":
-    main()
+def table() -> list[str]:
+    """A fleet of the size that one core is to hold."""
+    seen = load(units=300, duration_s=60.0)
+    return [
+        f"{seen.pace:12.2f} simulated seconds a second",
+        f"{seen.core_share:12.2f} of the core's time for each of them",
+        f"{seen.sweeps:12} sweeps acknowledged, {seen.missed} missed",
+    ]

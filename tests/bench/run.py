@@ -4,7 +4,7 @@ failed here.
 
 from collections.abc import Callable, Sequence
 
-from bench import belief, large_map, live, range_grid, shapes, simulator
+from bench import belief, fleet, large_map, live, range_grid, shapes, simulator
 
 
 def _numbers() -> list[str]:
@@ -22,6 +22,7 @@ def _live() -> list[str]:
 
 SECTIONS: Sequence[tuple[str, Callable[[], list[str]]]] = (
     ("Simulator and map", _numbers),
+    ("300 simulated units at real time on one core, their far ends on another, over TCP", fleet.table),
     ("The grid beside MRPT's COccupancyGridMap2D with CObservationRange, one core", range_grid.table),
     ("Fusion of one cell", belief.table),
     ("Lines and circles in feature points, ten walks through the paper's room: time, mean error", shapes.table),
