@@ -200,7 +200,7 @@ impl Unit {
             }
             if self.chip.touched.get() {
                 self.accessed_at = pc;
-                self.one_more = self.cpu.defers_interrupts();
+                self.one_more = self.cpu.take_deferral();
                 return self.after_access(self.chip.now);
             }
             if self.chip.now >= limit {
