@@ -92,15 +92,16 @@ impl Line {
         self.unread.extend(&sent[..sent.len().min(room)]);
         let outcome = match &mut self.end {
             End::Tcp { listener, client } => {
-                if ready {
-                    welcome(listener, client);
-                }
                 let outcome = match client {
                     Some(stream) => talk(stream, &mut self.unread, ready, buffer),
                     None => Err(ErrorKind::NotConnected.into()),
                 };
                 if outcome.is_err() {
                     *client = None;
+                }
+                // Last: a client that has hung up makes room for the next.
+                if ready {
+                    welcome(listener, client);
                 }
                 outcome
             }
