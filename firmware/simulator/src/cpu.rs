@@ -7,7 +7,7 @@
 use crate::chip::{Chip, sfr};
 use crate::cycles::INTERRUPT_ENTRY;
 use crate::fault::Violation;
-use crate::opcode::{Kind, TRAITS, USES, reads_latch, subtracts, takes_carry};
+use crate::opcode::{Kind, TRAITS, USES, subtracts, takes_carry};
 use i8051::{Cpu as Core, Flag, Interrupt};
 
 pub const IRAM_SIZE: usize = 256;
@@ -42,9 +42,10 @@ impl Cpu {
         self.core.sp()
     }
 
-    /// Whether the last instruction was a RETI or a write to IE or IP, after which one more runs before an interrupt.
-    pub fn defers_interrupts(&self) -> bool {
-        self.defers_interrupts
+    /// Whether a RETI or an access to IE or IP has run since this was last asked: one more instruction runs before an
+    /// interrupt.
+    pub fn take_deferral(&mut self) -> bool {
+        std::mem::take(&mut self.defers_interrupts)
     }
 
     /// Goes to an interrupt's vector; gives the clocks that it takes.
@@ -61,15 +62,14 @@ impl Cpu {
         chip.check_code_address(pc);
         let opcode = chip.flash.byte(pc);
         let traits = &TRAITS[opcode as usize];
-        self.defers_interrupts = false;
         let second = chip.flash.byte(pc.wrapping_add(1));
         if USES[second as usize] & traits.cares_for == 0 {
             self.core.step(chip);
         } else {
             self.step_special(traits.kind, opcode, pc, chip);
         }
-        let jumped = self.core.pc != pc.wrapping_add(u16::from(traits.length));
-        u64::from(traits.clocks) + u64::from(traits.taken) * u64::from(jumped)
+        let jumped = traits.taken != 0 && self.core.pc != pc.wrapping_add(u16::from(traits.length));
+        u64::from(traits.clocks) + if jumped { u64::from(traits.taken) } else { 0 }
     }
 
     /// An instruction before and after which something else must be made good.
@@ -84,9 +84,9 @@ impl Cpu {
                 self.step_on_registers(opcode, &[first, second], chip);
             }
             Kind::ArithmeticDirect => {
-                self.prepare(opcode, &[first], chip);
+                let touches_interrupts = self.prepare(opcode, &[first], chip);
                 self.step_arithmetic(opcode, chip);
-                self.finish(&[first], chip);
+                self.finish(touches_interrupts, chip);
             }
             Kind::DecimalAdjust => {
                 let (half_carry, overflow) = (self.core.psw(Flag::AC), self.core.psw(Flag::OV));
@@ -122,9 +122,9 @@ impl Cpu {
     }
 
     fn step_on_registers(&mut self, opcode: u8, addresses: &[u8], chip: &mut Chip) {
-        self.prepare(opcode, addresses, chip);
+        let touches_interrupts = self.prepare(opcode, addresses, chip);
         self.core.step(chip);
-        self.finish(addresses, chip);
+        self.finish(touches_interrupts, chip);
     }
 
     fn step_movc(&mut self, base: u16, chip: &mut Chip) {
@@ -132,25 +132,28 @@ impl Cpu {
         self.core.step(chip);
     }
 
-    /// Readies chip and core for the registers among the addresses that the instruction names. IE and IP live in the
-    /// core only while an instruction works on them.
+    /// Readies chip and core for the registers among the addresses that the instruction names; tells whether IE or IP is
+    /// among them, which live in the core only while an instruction works on them.
     #[inline]
-    fn prepare(&mut self, opcode: u8, addresses: &[u8], chip: &mut Chip) {
+    fn prepare(&mut self, opcode: u8, addresses: &[u8], chip: &mut Chip) -> bool {
+        let mut touches_interrupts = false;
         for &address in addresses {
             match address {
                 sfr::PSW => self.core.psw_set(Flag::P, self.core.a().count_ones() % 2 == 1),
                 sfr::IE | sfr::IP => {
+                    touches_interrupts = true;
                     self.core.ie_set(chip.interrupts.read(sfr::IE));
                     self.core.ip_set(chip.interrupts.read(sfr::IP));
                 }
-                _ => chip.prepare_access(address, reads_latch(opcode)),
+                _ => chip.prepare_access(address, TRAITS[opcode as usize].reads_latch),
             }
         }
+        touches_interrupts
     }
 
     #[inline]
-    fn finish(&mut self, addresses: &[u8], chip: &mut Chip) {
-        if addresses.iter().any(|address| matches!(*address, sfr::IE | sfr::IP)) {
+    fn finish(&mut self, touched_interrupts: bool, chip: &mut Chip) {
+        if touched_interrupts {
             self.defers_interrupts = true;
             chip.set_interrupt_registers(self.core.ie(), self.core.ip());
             self.core.ie_set(0);

@@ -99,7 +99,7 @@ impl Line {
                 if outcome.is_err() {
                     *client = None;
                 }
-                // Only now: the one before may just have left.
+                // Last: a client that has hung up makes room for the next.
                 if ready {
                     welcome(listener, client);
                 }

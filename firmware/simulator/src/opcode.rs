@@ -37,13 +37,16 @@ pub struct Traits {
     /// Further clocks if the program counter does not go on to the next instruction.
     pub taken: u8,
     pub length: u8,
+    /// It reads the latch of a port, not its pins.
+    pub reads_latch: bool,
     pub kind: Kind,
     /// The core can be left alone with it if its second byte has none of these uses in [`USES`].
     pub cares_for: u8,
 }
 
 pub static TRAITS: [Traits; 256] = {
-    let mut table = [Traits { clocks: 0, taken: 0, length: 0, kind: Kind::Plain, cares_for: 0 }; 256];
+    let mut table =
+        [Traits { clocks: 0, taken: 0, length: 0, reads_latch: false, kind: Kind::Plain, cares_for: 0 }; 256];
     let mut index = 0;
     while index < 256 {
         let opcode = index as u8;
@@ -51,6 +54,7 @@ pub static TRAITS: [Traits; 256] = {
             clocks: CLOCKS[index],
             taken: if is_conditional_branch(opcode) { TAKEN_BRANCH } else { 0 },
             length: branch_length(opcode),
+            reads_latch: reads_latch(opcode),
             kind: kind(opcode),
             cares_for: cares_for(kind(opcode)),
         };
@@ -121,7 +125,7 @@ pub const fn takes_carry(opcode: u8) -> bool {
 }
 
 /// Instructions that read the latch of a port, not its pins (8051 manuals: "read-modify-write").
-pub const fn reads_latch(opcode: u8) -> bool {
+const fn reads_latch(opcode: u8) -> bool {
     matches!(
         opcode,
         0x05 | 0x15 | 0xD5 | 0x42 | 0x43 | 0x52 | 0x53 | 0x62 | 0x63 | 0x10 | 0x92 | 0xB2 | 0xC2 | 0xD2
