@@ -34,8 +34,8 @@ class Budget:
 
 
 # The one table of limits. README.md, Flash, has the pages of code, and Layout what the margins are for.
-CODE = Budget("code: application", 0x7FE0 - 0x1000, "bytes")
 LOADER = Budget("code: loader", 0x1000, "bytes")
+CODE = Budget("code: application", 0x7FE0 - 0x1000, "bytes")
 XRAM = Budget("XRAM: variables (the ring has the rest)", 0x0400, "bytes")
 IRAM = Budget("IRAM: registers and variables", 120, "bytes")
 STACK = Budget("IRAM: stack, the deepest measured", 112, "bytes")
@@ -69,15 +69,13 @@ def measured(image: Path) -> str:
 
 
 def usage(build: Path) -> dict[Budget, float]:
-    report = build / "noctule.mem"
+    report = build / "application.mem"
     stack_start = int(found(r"Stack starts at: (0x\w+)", report.read_text(), report), 16)
     line = measured(build / "noctule.ihx")
     stack_top = int(found(r"stack to (0x\w+)", line, line), 16)
-    used: dict[Budget, float] = {CODE: size_of("ROM/EPROM/FLASH", report)}
-    loader = build / "loader.mem"
-    if loader.exists():
-        used[LOADER] = size_of("ROM/EPROM/FLASH", loader)
-    return used | {
+    return {
+        LOADER: size_of("ROM/EPROM/FLASH", build / "loader.mem"),
+        CODE: size_of("ROM/EPROM/FLASH", report),
         XRAM: size_of("EXTERNAL RAM", report),
         IRAM: stack_start,
         STACK: stack_top + 1 - stack_start,

@@ -22,7 +22,12 @@ uint8_t flash_read(uint16_t address)
 
 uint16_t flash_read16(uint16_t address)
 {
-    return flash_read(address) | (uint16_t)flash_read(address + 1) << 8;
+    return *(const __code uint16_t *)address;
+}
+
+uint32_t flash_read32(uint16_t address)
+{
+    return *(const __code uint32_t *)address;
 }
 
 void flash_write(uint16_t address, uint8_t value)

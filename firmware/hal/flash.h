@@ -9,6 +9,7 @@
 
 uint8_t flash_read(uint16_t address);
 uint16_t flash_read16(uint16_t address);
+uint32_t flash_read32(uint16_t address);
 
 // Clears those bits of a byte, or of two, that are 0 in `value`; stops the CPU for some 55 us a byte.
 void flash_write(uint16_t address, uint8_t value);

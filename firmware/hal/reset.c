@@ -19,23 +19,28 @@ static volatile __xdata __at(0x0406) struct {
     uint8_t complement;
 } letter;
 
-static uint8_t take_letter(void)
+bool reset_take_note(uint8_t note)
 {
-    uint8_t note = letter.note;
-    if (letter.magic_low != LETTER_MAGIC_LOW || letter.magic_high != LETTER_MAGIC_HIGH ||
+    if (letter.magic_low != LETTER_MAGIC_LOW || letter.magic_high != LETTER_MAGIC_HIGH || letter.note != note ||
         letter.complement != (uint8_t)~note)
-        return NOTE_NONE;
+        return false;
     letter.magic_low = 0;
-    return note;
+    return true;
+}
+
+void reset_guard_supply(void)
+{
+    VDM0CN = VDM0CN_VDMEN;
+    clock_wait_us(VDD_MONITOR_SETTLES_US); // selected sooner, it would reset the chip
+    RSTSRC = RSTSRC_PORSF; // written whole: reading and writing back would set the bits read as causes
 }
 
 void reset_start(void)
 {
+    uint8_t note = letter.note;
     cause = RSTSRC;
-    found = take_letter();
-    VDM0CN = VDM0CN_VDMEN;
-    clock_wait_us(VDD_MONITOR_SETTLES_US); // selected sooner, it would reset the chip
-    RSTSRC = RSTSRC_PORSF; // written whole: reading and writing back would set the bits read as causes
+    found = reset_take_note(note) ? note : NOTE_NONE;
+    reset_guard_supply();
 }
 
 uint8_t reset_cause(void)

@@ -2,14 +2,20 @@
 #ifndef RESET_H
 #define RESET_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 // Why the firmware itself reset the chip.
-enum reset_note { NOTE_NONE, NOTE_RESET, NOTE_STACK, NOTE_UPDATE };
+enum reset_note { NOTE_NONE, NOTE_RESET, NOTE_STACK, NOTE_UPDATE, NOTE_LOADER };
 
 // Notes the reset's cause, and the note of the one who made it, and makes the VDD monitor a reset source, without which
 // flash must not be written. To be called once, after clock_start().
 void reset_start(void);
+
+// The two parts of it that the loader needs, which leaves the cause and all other notes to the application: takes the note, if
+// the reset was made with this one; and makes the VDD monitor a reset source.
+bool reset_take_note(uint8_t note);
+void reset_guard_supply(void);
 
 // RSTSRC as it was found.
 uint8_t reset_cause(void);

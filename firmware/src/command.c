@@ -15,6 +15,7 @@
 #include "thermometer.h"
 #include "transmit.h"
 #include "unit.h"
+#include "update.h"
 
 #define REPEATS_WITHIN 32 // requests; a host that counts them comes back to a number only after 255
 
@@ -77,6 +78,8 @@ static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
         return store();
     case FRAME_RESET:
         return reset();
+    case FRAME_UPDATE:
+        return update_begin(get32(payload));
     default:
         return unit_set_waypoint(get16(payload));
     }

@@ -22,6 +22,8 @@ uint8_t request_length(uint8_t type)
     case FRAME_GO_TO:
     case FRAME_TRIM_TEMPERATURE:
         return 4;
+    case FRAME_UPDATE:
+        return 6;
     case FRAME_ACK:
         return 7;
     case FRAME_CALIBRATE:

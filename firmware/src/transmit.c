@@ -10,10 +10,11 @@
 #include "memory.h"
 #include "protocol.h"
 #include "unit.h"
+#include "update.h"
 
 #define CLOCK_LEAD_TICKS (500 * TICKS_PER_US) // longer than it takes to compose a CLOCK answer
 
-static enum { NOTHING, ANSWER, SWEEP } going_out;
+static enum { NOTHING, ANSWER, GREETING, SWEEP } going_out;
 
 static __xdata struct {
     uint8_t type; // 0: none waits
@@ -107,8 +108,8 @@ static void begin_answer(void)
         answer_rejected(waiting.outcome, waiting.subject);
         break;
     }
+    going_out = waiting.type == FRAME_HELLO_ANSWER && waiting.request != REQUEST_NONE ? GREETING : ANSWER;
     waiting.type = 0;
-    going_out = ANSWER;
 }
 
 static void begin_frame(void)
@@ -136,6 +137,8 @@ static void send_encoded(void)
             continue;
         if (going_out == SWEEP)
             delivery_end();
+        else if (going_out == GREETING)
+            update_confirm();
         going_out = NOTHING;
     }
 }

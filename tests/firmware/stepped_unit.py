@@ -41,7 +41,7 @@ class SteppedUnit:
         self._heard: list[Frame] = []
         self._request = 0
         self.now_s = 0.0
-        self.truth: dict[str, Any] = {}
+        self.truth: dict[str, Any] = {}  # how things are, as the simulator knows them
 
     def step(self, **request: Any) -> bytes:
         """One request of ``noctule-sim --control``; what the unit has sent."""

@@ -43,7 +43,7 @@ def test_every_budget_is_kept():
     report = size(FIRMWARE)
     assert report.returncode == 0, report.stdout + report.stderr
     rows = report.stdout.splitlines()
-    for name in ("code: application", "XRAM", "IRAM", "stack", "interrupts", "asleep"):
+    for name in ("code: loader", "code: application", "XRAM", "IRAM", "stack", "interrupts", "asleep"):
         assert any(name in row for row in rows), name
 
 

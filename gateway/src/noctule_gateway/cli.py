@@ -11,11 +11,15 @@ from typing import Annotated
 
 import typer
 import zenoh
+from rich.console import Console
 
 from noctule import bus, site
 from noctule.errors import NoctuleError
 from noctule_gateway.log_file import Retention
 from noctule_gateway.service import Gateway
+from noctule_gateway.update_image import load
+from noctule_gateway.update_report import Bars, report
+from noctule_gateway.update_site import update_units
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 _REPORT_EVERY_S = 1.0
@@ -53,6 +57,32 @@ def run(
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
+
+
+@app.command()
+def update(
+    site_file: Annotated[Path, typer.Argument(metavar="SITE.toml", help="The site whose units to update.")],
+    image_file: Annotated[Path, typer.Option("--image", help="build/update.hex of the firmware.")],
+    unit: Annotated[list[str] | None, typer.Option(help="Only this unit; give more for several.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
+) -> None:
+    """Update the firmware of a site's units, over their lines: stop the gateway that holds these first."""
+    threading.excepthook = _die
+    console = Console()
+    try:
+        known = site.load(site_file)
+        image = load(image_file)
+        units = [known.unit(name) for name in dict.fromkeys(unit)] if unit else known.units
+        with Bars(console) as bars:
+            updates = update_units(units, image, force, bars.show)
+    except (NoctuleError, OSError) as error:
+        Console(stderr=True).print(str(error), style="red", soft_wrap=True)
+        raise typer.Exit(1) from error
+    except KeyboardInterrupt as stop:
+        console.print("stopped: units that were under way go on where they were when they are updated again")
+        raise typer.Exit(130) from stop
+    if not report(console, updates, image):
+        raise typer.Exit(1)
 
 
 def _serve(site_file: Path, data: Path, name: str, retention: Retention, connect: list[str], listen: list[str]) -> None:

@@ -23,5 +23,25 @@ class CommandError(GatewayError):
     """A unit did not carry out a command."""
 
 
+class ImageError(GatewayError):
+    """A file is not an image that a unit can be updated with."""
+
+
+class UpdateError(GatewayError):
+    """A unit could not be updated. It has its old application, the new one, or waits in its loader for another try."""
+
+
+class HardwareError(UpdateError):
+    """The image was made for other hardware than the unit's."""
+
+
+class UnitGoneError(UpdateError):
+    """The unit has stopped answering, or does not come back."""
+
+
+class FlashError(UpdateError):
+    """The unit's flash does not hold what it was given."""
+
+
 class LogError(GatewayError):
     """A unit's log can't be opened, read or written."""

@@ -66,6 +66,7 @@ class Stay(IntEnum):
     ASKED = 0
     NO_APPLICATION = 1
     NOT_CONFIRMED = 2
+    FLASH_FAILED = 3
 
 
 class Outcome(IntEnum):

@@ -1,10 +1,10 @@
 """Is the unit on the line the one that the site file names there, and does it speak our protocol?"""
 
 from noctule_gateway.errors import WrongUnitError
-from noctule_gateway.frames import NO_SERIAL, PROTOCOL, Hello
+from noctule_gateway.frames import NO_SERIAL, PROTOCOL, Hello, Loader
 
 
-def mismatch(hello: Hello, serial: int) -> WrongUnitError | None:
+def mismatch(hello: Hello | Loader, serial: int) -> WrongUnitError | None:
     """What is wrong with who says ``hello`` where unit ``serial`` is expected; None if nothing is."""
     if hello.protocol != PROTOCOL:
         return WrongUnitError(f"the unit speaks protocol {hello.protocol}, the gateway {PROTOCOL}: update one of them")

@@ -1,0 +1,264 @@
+"""How a unit is updated, as a conversation: what is sent, and what each answer leads to.
+
+However the unit is met, it is greeted first, and what it says decides: an application of another version is sent into
+its loader, a loader gets the pages that it does not hold yet, installs them and starts them, and an application of the
+image's version is the end. So whatever cuts an update off, greeting the unit again resumes it.
+"""
+
+import zlib
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import TypeVar
+
+from noctule_gateway.errors import FlashError, HardwareError, UnitGoneError, UpdateError, WrongUnitError
+from noctule_gateway.frames import (
+    MAX_REQUEST,
+    AskHello,
+    Hello,
+    Install,
+    Loader,
+    Outcome,
+    Program,
+    Put,
+    Result,
+    Run,
+    Stay,
+    Stop,
+    Update,
+)
+from noctule_gateway.identity import mismatch
+from noctule_gateway.update_image import Image
+
+GREETING_TIMEOUT_S = 0.5
+PUT_TIMEOUT_S = 0.3
+RESULT_TIMEOUT_S = 1.0
+INSTALL_TIMEOUT_S = 8.0  # 56 pages at the datasheet's longest times are 3.4 s, two looks at 28 KB one more
+BUSY_RETRY_S = 0.5
+BUSY_RETRIES = 120
+ATTEMPTS = 10
+FLASH_ATTEMPTS = 3
+FRUITLESS = 20  # greetings, and not a page between them
+BLOCK_BYTES = (128, 32, 16)
+LARGER_AFTER = 32  # blocks that went through at once
+
+_NONE = 0xFF  # each number of the version, where there is no application
+
+Asked = AskHello | Stop | Update | Put | Program | Install | Run
+Answer = Hello | Loader | Result
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A frame to be sent once, and how long its answer is awaited; without a frame, a rest."""
+
+    frame: Asked | None
+    within_s: float
+
+
+Talk = Generator[Attempt, Answer | None, _T]
+
+
+class RestartedError(Exception):
+    """The unit is not where it was: it must be greeted again."""
+
+
+class Step(Enum):
+    """How far an update is."""
+
+    GREETING = "looking for the unit"
+    ENTERING = "into the loader"
+    SENDING = "sending"
+    INSTALLING = "installing"
+    STARTING = "starting"
+
+
+@dataclass(frozen=True)
+class Updated:
+    """The unit runs the image; ``before`` is the version that it had, None if it had no sound application."""
+
+    before: str | None
+
+
+@dataclass(frozen=True)
+class Current:
+    """The unit has the image's version already, and was left alone."""
+
+
+class Steps:
+    """The update of unit ``serial`` to ``image``; one that has its version already is left alone unless ``again``."""
+
+    def __init__(self, serial: int, image: Image, again: bool, first_request: int) -> None:
+        self.step = Step.GREETING
+        self.held: set[int] = set()  # pages that staging is known to hold
+        self._serial, self._image, self._again = serial, image, again
+        self._number = first_request % MAX_REQUEST
+        self._before: str | None = None
+        self._met = self._entered = self._installed = False
+        self._fruitless = 0
+        self._block = 0  # index of BLOCK_BYTES
+        self._through = 0
+
+    def talk(self) -> Talk[Updated | Current]:
+        """The whole conversation. RestartedError may be thrown in at any time; raises what ends the update."""
+        while self._fruitless < FRUITLESS:
+            self._fruitless += 1
+            try:
+                met = yield from self._greet()
+                if isinstance(met, Loader):
+                    yield from self._load(met)
+                elif self._is_done(met):
+                    return Updated(self._before) if self._entered else Current()
+                else:
+                    yield from self._enter(met)
+            except RestartedError:
+                continue
+        raise UnitGoneError(f"the unit was met {FRUITLESS} times and got no further than {self.step.value}: try again")
+
+    # ---- Greeting ------------------------------------------------------------------------------
+
+    def _greet(self) -> Talk[Hello | Loader]:
+        answer = yield from self._ask(AskHello(0), GREETING_TIMEOUT_S)
+        assert isinstance(answer, Hello | Loader)
+        error = mismatch(answer, self._serial)
+        if error is not None:
+            raise error
+        if not self._met:
+            self._met = True
+            self._before = _version(answer)
+        return answer
+
+    def _is_done(self, hello: Hello) -> bool:
+        if hello.version == self._image.version_text:
+            return self._installed or not self._again
+        if self._installed:
+            raise UpdateError(f"the unit runs {hello.version} after all: is the image's description its own?")
+        return False
+
+    def _enter(self, hello: Hello) -> Talk[None]:
+        """Bring the unit to rest and into its loader."""
+        self.step = Step.ENTERING
+        yield from self._order(Stop(0))
+        for _ in range(BUSY_RETRIES):
+            match (yield from self._order(Update(0, self._serial))):
+                case Outcome.DONE:
+                    self._entered = True
+                    return
+                case Outcome.BUSY:
+                    yield Attempt(None, BUSY_RETRY_S)
+                case Outcome.NOT_FOR_THIS_UNIT:
+                    raise WrongUnitError(f"unit {hello.serial} says that it is not {self._serial}: check the cable")
+                case result:
+                    raise UpdateError(f"the unit answers UPDATE with result {result}")
+        raise UpdateError(f"the unit did not come to rest within {BUSY_RETRIES * BUSY_RETRY_S:.0f} s: stop it first")
+
+    # ---- Loading -------------------------------------------------------------------------------
+
+    def _load(self, loader: Loader) -> Talk[None]:
+        self._entered = True
+        if loader.hardware != self._image.hardware:
+            raise _other_hardware(self._image, loader.hardware)
+        if self._installed and loader.reason == Stay.NOT_CONFIRMED:
+            raise UpdateError(
+                f"{self._image.version_text} does not start: it has not reported in, and the unit waits in its loader. "
+                "Update it with an image that works"
+            )
+        if not self._installed or loader.reason != Stay.ASKED:
+            yield from self._install()
+        self.step = Step.STARTING
+        result = yield from self._order(Run(0))
+        if result != Outcome.DONE:
+            raise FlashError(f"the loader finds no application that it may start (result {result}): try again")
+
+    def _install(self) -> Talk[None]:
+        self._installed = False
+        for _ in range(FLASH_ATTEMPTS):
+            self.step = Step.SENDING
+            for page in self._image.pages:
+                yield from self._send(page)
+                self._fruitless = 0
+            self.step = Step.INSTALLING
+            result = yield from self._order(Install(0), INSTALL_TIMEOUT_S)
+            if result == Outcome.DONE:
+                self._installed = True
+                return
+            if result == Outcome.NOT_FOR_THIS_UNIT:
+                raise HardwareError("the loader says that the image is for other hardware: take the one for this unit")
+        raise FlashError(f"the unit's flash does not hold the image (result {result}): try again, or change the chip")
+
+    def _send(self, page: int) -> Talk[None]:
+        """Have staging hold ``page``; what it holds already is not sent."""
+        content = self._image.pages[page]
+        order = Program(0, page, zlib.crc32(content))
+        sent = failed = 0
+        while (result := (yield from self._order(order))) != Outcome.DONE:
+            self.held.discard(page)
+            if result == Outcome.BAD_CRC and sent < ATTEMPTS:
+                sent += 1
+                yield from self._put(content)
+            elif result == Outcome.FLASH_FAILED and failed < FLASH_ATTEMPTS:
+                failed += 1
+            else:
+                raise FlashError(f"page {page} of the unit's staging does not hold what it was given (result {result})")
+        self.held.add(page)
+
+    def _put(self, content: bytes) -> Talk[None]:
+        at = 0
+        while at < len(content):
+            size = BLOCK_BYTES[self._block]
+            block = content[at : at + size - at % size]
+            result = yield from self._put_block(Put(0, at, block))
+            if result is None:
+                continue  # in smaller blocks
+            if result != Outcome.DONE:
+                raise UpdateError(f"the loader refuses bytes {at} to {at + len(block)} of a page (result {result})")
+            at += len(block)
+
+    def _put_block(self, put: Put) -> Talk[int | None]:
+        """What became of a block; None if it did not get through, and smaller ones are to be tried."""
+        for attempt in range(ATTEMPTS):
+            answer = yield Attempt(self._numbered(put), PUT_TIMEOUT_S)
+            if isinstance(answer, Result):
+                self._through = self._through + 1 if attempt == 0 else 0
+                if self._through == LARGER_AFTER and self._block > 0:
+                    self._block, self._through = self._block - 1, 0
+                return answer.result
+            self._through = 0
+            if attempt > 0 and self._block < len(BLOCK_BYTES) - 1:
+                self._block += 1
+                return None
+        raise RestartedError
+
+    # ---- Asking --------------------------------------------------------------------------------
+
+    def _order(self, order: Stop | Update | Program | Install | Run, within_s: float = RESULT_TIMEOUT_S) -> Talk[int]:
+        answer = yield from self._ask(order, within_s)
+        assert isinstance(answer, Result)
+        return answer.result
+
+    def _ask(self, frame: Asked, within_s: float) -> Talk[Answer]:
+        """The answer to ``frame``, which is sent again, under its own number, as long as there is none."""
+        numbered = self._numbered(frame)
+        for _ in range(ATTEMPTS):
+            answer = yield Attempt(numbered, within_s)
+            if answer is not None:
+                return answer
+        raise RestartedError
+
+    def _numbered(self, frame: Asked) -> Asked:
+        self._number = self._number % MAX_REQUEST + 1
+        return replace(frame, request=self._number)
+
+
+def _version(met: Hello | Loader) -> str | None:
+    if isinstance(met, Hello):
+        return met.version
+    numbers = (met.application_major, met.application_minor, met.application_patch)
+    return None if numbers == (_NONE,) * 3 else ".".join(map(str, numbers))
+
+
+def _other_hardware(image: Image, hardware: int) -> HardwareError:
+    return HardwareError(
+        f"the image is for hardware {image.hardware}, the unit is hardware {hardware}: take the image for this unit"
+    )

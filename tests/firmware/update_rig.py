@@ -1,0 +1,42 @@
+"""An update of a stepped unit by the gateway's Updater, in the time of the simulation."""
+
+from math import inf
+
+from firmware.stepped_unit import SteppedUnit
+from noctule_gateway.errors import GatewayError
+from noctule_gateway.update import Updater
+from noctule_gateway.update_image import Image
+from noctule_gateway.update_steps import Current, Step, Updated
+
+SERIAL = 1  # noctule-sim's first unit
+
+
+class Update:
+    """The update of ``unit`` to ``image``, which begins when it is run."""
+
+    def __init__(self, unit: SteppedUnit, image: Image, again: bool = False) -> None:
+        self._unit = unit
+        self._updater = Updater(SERIAL, image, again, first_request=1)
+        self._updater.opened(unit.now_s)
+
+    def run(self, until_operation: float = inf, until_step: Step | None = None) -> Updated | Current | GatewayError | None:
+        """How it ends; None if the unit's flash, or the update, has got as far as that before."""
+        while self._updater.outcome is None:
+            if self._unit.truth.get("flash_operations", 0) >= until_operation:
+                return None
+            if self._updater.progress.step is until_step:
+                return None
+            self._exchange()
+        return self._updater.outcome
+
+    def _exchange(self) -> None:
+        unit, updater = self._unit, self._updater
+        updater.advance(unit.now_s)
+        feed = updater.output(unit.now_s).hex()
+        sent = unit.step(feed=[feed], until_s=max(updater.next_s, unit.now_s), stop_at_frame=True)
+        updater.receive(sent, unit.now_s)
+
+
+def update(unit: SteppedUnit, image: Image, again: bool = False) -> Updated | Current | GatewayError | None:
+    """Take the unit to ``image``, or to where that ends."""
+    return Update(unit, image, again).run()
