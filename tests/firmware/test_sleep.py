@@ -14,8 +14,8 @@ SIMULATED_S = 60
     ("arguments", "most"),
     [
         # firmware/README.md, Layout: millions of instructions/s, and a tenth more for homing and rounding
-        pytest.param(["--acknowledge"], 0.22, id="sweeping"),
-        pytest.param(["--laps", "0", "--tcp", "127.0.0.1:0"], 0.066, id="idle"),
+        pytest.param(["--acknowledge"], 0.187, id="sweeping"),
+        pytest.param(["--laps", "0", "--tcp", "127.0.0.1:0"], 0.077, id="idle"),
     ],
 )
 def test_the_cpu_sleeps_when_it_has_nothing_to_do(arguments, most):
