@@ -28,7 +28,7 @@ from noctule_gateway.frames import (
     Update,
 )
 from noctule_gateway.identity import mismatch
-from noctule_gateway.update_image import Image
+from noctule_gateway.update_image import PAGES, Image
 
 TIMEOUT_S = 0.1  # a loader answers within 20 ms, PROGRAM and RUN within 80
 LONG_TIMEOUT_S = 0.5  # every so many attempts, for lines that take their time
@@ -174,10 +174,13 @@ class Steps:
 
     def _install(self) -> Talk[None]:
         self._installed = False
-        for _ in range(FLASH_ATTEMPTS):
+        for attempt in range(FLASH_ATTEMPTS):
             self.step = Step.SENDING
-            for page in self._image.pages:
-                yield from self._send(page)
+            for page, content in self._image.pages.items():
+                # A page that ends in its own CRC has the CRC of every such page, so the description is always sent.
+                if attempt > 0 or page == PAGES - 1:
+                    yield from self._put(content)
+                yield from self._program(page, content)
                 self._fruitless = 0
             self.step = Step.INSTALLING
             result = yield from self._order(Install(0), INSTALL_TIMEOUT_S)
@@ -188,9 +191,8 @@ class Steps:
                 raise HardwareError("the loader says that the image is for other hardware: take the one for this unit")
         raise FlashError(f"the unit's flash does not hold the image (result {result}): try again, or change the chip")
 
-    def _send(self, page: int) -> Talk[None]:
-        """Have staging hold ``page``; what it holds already is not sent."""
-        content = self._image.pages[page]
+    def _program(self, page: int, content: bytes) -> Talk[None]:
+        """Have staging hold ``page``; what it holds already, by its CRC, is not sent."""
         order = Program(0, page, zlib.crc32(content))
         sent = failed = 0
         while (result := (yield from self._order(order))) != Outcome.DONE:
