@@ -9,7 +9,7 @@ from firmware.stepped_unit import SteppedUnit
 from gateway.bad_line import BadLine, Faults
 
 from noctule_gateway.codec import FrameReader
-from noctule_gateway.events import Event, Identified, InLoader, OrderSettled, StatusRead, SweepRead
+from noctule_gateway.events import Event, OrderSettled, StatusRead, SweepRead
 from noctule_gateway.frames import Order, Status, Sweep
 from noctule_gateway.link import Link
 
@@ -29,7 +29,7 @@ class Tally:
     events: list[Event] = field(default_factory=list)
 
     def of_type(self, kind: type[E]) -> list[E]:
-        """The link's events of this kind: Identified, InLoader or OrderSettled."""
+        """The link's events of this kind, but for SweepRead and StatusRead."""
         return [event for event in self.events if isinstance(event, kind)]
 
 
@@ -116,5 +116,5 @@ class Lockstep:
                     self._link.committed(sweep)
                 case StatusRead(status):
                     self.tally.status = status
-                case Identified() | InLoader() | OrderSettled():
+                case _:
                     self.tally.events.append(event)
