@@ -56,10 +56,10 @@ def test_the_stack_that_is_left_is_among_the_counters() -> None:
 )
 def test_a_unit_in_its_loader_is_shown_with_why_and_what_to_do(reason: Stay, words: str) -> None:
     loader = Loader(0, 2, 7, 1, 1, reason, 0xFF, 0xFF, 0xFF)
-    told = status.message(replace(GOOD, trouble=status.in_loader(loader), loader=loader), UNIT)
+    told = status.message(replace(GOOD, trouble=status.in_loader(loader, UNIT), loader=loader), UNIT)
     assert (told.state, told.serial) == (UnitStatus.STATE_LOADER, 7)
     assert words in told.detail
-    assert "noctule-gateway update" in told.detail
+    assert "noctule-gateway update --unit u1" in told.detail
 
 
 def test_a_full_ring_is_the_gateways_fault_where_the_gateway_is_late() -> None:

@@ -1,7 +1,9 @@
 """A gateway's link and a unit's real firmware on one bad cable, in lockstep on simulated time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from random import Random
+from typing import TypeVar
 
 from firmware.stepped_unit import SteppedUnit
 from gateway.bad_line import BadLine, Faults
@@ -10,6 +12,8 @@ from noctule_gateway.codec import FrameReader
 from noctule_gateway.events import Event, OrderSettled, StatusRead, SweepRead
 from noctule_gateway.frames import Order, Status, Sweep
 from noctule_gateway.link import Link
+
+E = TypeVar("E", bound=Event)
 
 CLEAN = Faults()
 _INSTANT_S = 1e-6  # what the simulator's ticks may leave of a time
@@ -22,7 +26,11 @@ class Tally:
     made: dict[tuple[int, int], Sweep] = field(default_factory=dict)
     arrived: list[Sweep] = field(default_factory=list)
     status: Status | None = None
-    settled: list[OrderSettled] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+    def of_type(self, kind: type[E]) -> list[E]:
+        """The link's events of this kind, but for SweepRead and StatusRead."""
+        return [event for event in self.events if isinstance(event, kind)]
 
 
 class Lockstep:
@@ -55,23 +63,32 @@ class Lockstep:
         self._plugged = True
         self._take(self._link.connected(self._unit.now_s))
 
+    @property
+    def state(self) -> int | None:
+        """What the unit is doing, by its last STATUS."""
+        return self.tally.status.state if self.tally.status else None
+
+    def wait_for(self, condition: Callable[[], bool], within_s: float) -> None:
+        """Let time pass until ``condition`` holds."""
+        end_s = self._unit.now_s + within_s
+        while not condition():
+            assert self._unit.now_s < end_s - _INSTANT_S, (
+                f"not within {within_s} s of simulated time: {self.tally.status}"
+            )
+            self._exchange(end_s)
+
     def carry_out(self, order: Order, within_s: float) -> None:
         """Have the unit carry ``order`` out."""
         ticket = self._link.order(order)
-        end_s = self._unit.now_s + within_s
-        while not any(settled.ticket == ticket for settled in self.tally.settled):
-            assert self._unit.now_s < end_s, f"{order} was not settled within {within_s} s"
-            self._exchange(end_s)
-        assert self.tally.settled[-1].error is None
+        self.wait_for(lambda: ticket in (each.ticket for each in self.tally.of_type(OrderSettled)), within_s)
+        assert self.tally.of_type(OrderSettled)[-1].error is None
 
     def drained(self, within_s: float) -> Status:
         """The first status from now on that says that no sweep waits."""
         self.tally.status = None
-        end_s = self._unit.now_s + within_s
-        while (status := self.tally.status) is None or status.sweeps_waiting:
-            assert self._unit.now_s < end_s, f"sweeps still wait after {within_s} s: {status}"
-            self._exchange(end_s)
-        return status
+        self.wait_for(lambda: self.tally.status is not None and not self.tally.status.sweeps_waiting, within_s)
+        assert self.tally.status is not None
+        return self.tally.status
 
     def _exchange(self, end_s: float) -> None:
         """What the link has to say goes down; then time passes until the unit has sent a frame or the link is due."""
@@ -99,5 +116,5 @@ class Lockstep:
                     self._link.committed(sweep)
                 case StatusRead(status):
                     self.tally.status = status
-                case OrderSettled():
-                    self.tally.settled.append(event)
+                case _:
+                    self.tally.events.append(event)

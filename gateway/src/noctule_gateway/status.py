@@ -23,7 +23,7 @@ _FAULTS = {
     2: "the home switch does not open: check whether it sticks or its wire is grounded, and the motor's wiring",
 }
 _STAYS: dict[int, str] = {
-    Stay.ASKED: "an update of its firmware was begun and not ended",
+    Stay.ASKED: "an update of its firmware was begun and not ended (it leaves by itself after a minute, if it can)",
     Stay.NO_APPLICATION: "it has no sound firmware to run",
     Stay.NOT_CONFIRMED: "its new firmware was started again and again and never answered a host",
 }
@@ -114,10 +114,10 @@ def unit_counters(status: Status) -> dict[str, int]:
     }
 
 
-def in_loader(loader: Loader) -> str:
+def in_loader(loader: Loader, unit: Unit) -> str:
     """The sentence for the operator of a unit that sits in its loader."""
-    why = _STAYS.get(loader.reason, f"reason {loader.reason}")
-    return f"the unit is in its loader, for {why}: give it its firmware by noctule-gateway update"
+    why = _STAYS.get(loader.reason, f"it says so for reason {loader.reason}")
+    return f"in its loader, for {why}: stop this gateway and run noctule-gateway update --unit {unit.name}"
 
 
 def _waiting(condition: Condition) -> str:

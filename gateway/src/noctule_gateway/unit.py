@@ -154,7 +154,7 @@ class UnitServer:
                 case Refused(error):
                     self._lose(str(error))
                 case InLoader(loader):
-                    self._lose(status.in_loader(loader), loader)
+                    self._lose(status.in_loader(loader, self._unit), loader)
                 case Silent():
                     self._lose(f"no answer on {self._unit.address}")
                 case ClockRead(exchange):
