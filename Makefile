@@ -26,6 +26,7 @@ lint: packages-test setup firmware
 	ruff format --check
 	pyright
 	sh sdk/check_generated.sh
+	$(MAKE) --no-print-directory -C firmware check
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
 
 packages-run packages-test:

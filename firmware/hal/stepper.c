@@ -1,39 +1,49 @@
-// The 28BYJ-48: timer 3 at SYSCLK/12 paces the half steps (datasheet chapter "Timers"), port 2 drives the ULN2003.
+// The 28BYJ-48: timer 3 at SYSCLK/12, with automatic reload, paces the half steps (datasheet chapter "Timers"), port 2
+// drives the ULN2003.
 #include "stepper.h"
 
 #include "board.h"
 
-#define QUEUE_SIZE 8 // a power of two; 7 ms of the fastest half steps, for the main loop to be late
-#define LONGEST_RUN_US 16383 // of the timer
+#define ROOM_BELOW 8 // half steps queued; at the fastest that is 8 ms for the main loop to be late
+#define RUNS 16 // that many half steps at their slowest
+#define LONGEST_PERIOD_US 16383 // of the timer
 #define CLOCKS_PER_US 4
 
 // Half steps of a rising bearing: IN1, IN1+IN2, IN2, IN2+IN3, IN3, IN3+IN4, IN4, IN4+IN1.
-static const __code uint8_t coils[STEPPER_PHASES] = {0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9};
-
-// A run of the timer, and how things stand when it ends.
-struct run {
-    uint16_t start; // where the timer begins to count
-    int16_t position;
-    uint8_t coils;
+// In internal memory, where the service routine finds them in half the time.
+static const __idata uint8_t coils[STEPPER_PHASES] = {
+    COILS_OFF | 0x1, COILS_OFF | 0x3, COILS_OFF | 0x2, COILS_OFF | 0x6,
+    COILS_OFF | 0x4, COILS_OFF | 0xC, COILS_OFF | 0x8, COILS_OFF | 0x9,
 };
 
-static __idata struct run runs[QUEUE_SIZE];
+// Half steps the same period of the timer apart; none: one period in which the motor stands still.
+struct run {
+    uint8_t reload_low; // of the timer, for one period
+    uint8_t reload_high;
+    uint8_t half_steps;
+};
+
+static __idata struct run runs[RUNS];
 static __idata struct run *next = runs; // to be queued
 static __idata struct run *volatile running = runs;
-static volatile uint8_t queued; // runs, modulo 256
+static volatile uint8_t queued; // half steps, modulo 256
 static volatile uint8_t made;
+static volatile uint8_t home_made; // when the switch was found closed
 static volatile __bit turning;
 static volatile __bit watching_home;
 static __bit falling; // towards lower bearings
-static uint8_t last_phase; // after the last run queued, as the next one
-static int16_t last_position;
-static volatile int16_t position;
-static volatile int16_t home_position;
+static uint8_t phase; // the service routine's alone while it is turning, as is:
+static uint8_t left; // half steps of the run
+static int16_t last_position; // when all that is queued has been made
 
 // A macro, because the main program and the service routine both need it.
-#define RUN_TIMER()                                                                                                    \
+#define BEGIN_RUN()                                                                                                    \
     do {                                                                                                               \
-        TMR3 = running->start;                                                                                         \
+        TMR3RLL = running->reload_low;                                                                                 \
+        TMR3RLH = running->reload_high;                                                                                \
+        TMR3L = running->reload_low;                                                                                   \
+        TMR3H = running->reload_high;                                                                                  \
+        left = running->half_steps;                                                                                    \
         TMR3CN = TMR3CN_TR3;                                                                                           \
     } while (0)
 
@@ -49,38 +59,32 @@ void stepper_set_direction(bool decreasing)
 
 bool stepper_has_room(void)
 {
-    return (uint8_t)(queued - made) < QUEUE_SIZE - 1; // a half step may need two runs
+    return (uint8_t)(queued - made) < ROOM_BELOW;
 }
 
-static void push_run(uint16_t run_us)
+static inline void push_run(uint16_t period_us, uint8_t half_steps)
 {
-    next->start = -(run_us * CLOCKS_PER_US);
-    next->position = last_position;
-    next->coils = COILS_OFF | coils[last_phase % STEPPER_PHASES];
-    if (++next == runs + QUEUE_SIZE)
+    uint16_t reload = -(period_us * CLOCKS_PER_US);
+    next->reload_low = (uint8_t)reload;
+    next->reload_high = reload >> 8;
+    next->half_steps = half_steps;
+    if (++next == runs + RUNS)
         next = runs;
-    queued++;
+    queued += half_steps;
+    last_position += falling ? -half_steps : half_steps;
 }
 
-void stepper_push(uint16_t interval_us)
+void stepper_push(uint16_t interval_us, uint8_t half_steps)
 {
-    if (!turning)
-        PORT_COILS = COILS_OFF | coils[last_phase % STEPPER_PHASES]; // holds the motor for the first interval
-    if (interval_us > LONGEST_RUN_US) {
+    if (interval_us > LONGEST_PERIOD_US) {
         interval_us /= 2;
-        push_run(interval_us); // the motor stands still until the next
+        push_run(interval_us, 0);
     }
-    if (falling) {
-        last_position--;
-        last_phase--;
-    } else {
-        last_position++;
-        last_phase++;
-    }
-    push_run(interval_us);
+    push_run(interval_us, half_steps);
     if (!turning) {
+        PORT_COILS = coils[phase % STEPPER_PHASES]; // holds the motor for the first interval
         turning = 1;
-        RUN_TIMER();
+        BEGIN_RUN();
     }
 }
 
@@ -94,25 +98,25 @@ void stepper_release(void)
     PORT_COILS = COILS_OFF;
 }
 
+static int16_t position_when(uint8_t half_steps_made)
+{
+    uint8_t to_come = queued - half_steps_made;
+    return falling ? last_position + to_come : last_position - to_come;
+}
+
 int16_t stepper_position(void)
 {
-    int16_t now;
-    __critical
-    {
-        now = position;
-    }
-    return now;
+    return position_when(made);
 }
 
 void stepper_set_position(int16_t half_steps)
 {
-    position = half_steps;
     last_position = half_steps;
 }
 
 uint8_t stepper_phase(void)
 {
-    return last_phase % STEPPER_PHASES;
+    return phase % STEPPER_PHASES;
 }
 
 void stepper_watch_home(void)
@@ -127,22 +131,31 @@ bool stepper_saw_home(void)
 
 int16_t stepper_home_position(void)
 {
-    return home_position;
+    return position_when(home_made);
 }
 
 void stepper_isr(void) __interrupt(IRQ_TIMER3)
 {
-    TMR3CN = 0;
-    if (watching_home && !PIN_HOME) {
-        home_position = position;
-        watching_home = 0;
+    TMR3CN = TMR3CN_TR3; // the flag is down, and the next period has begun
+    if (left != 0) {
+        if (watching_home && !PIN_HOME) {
+            home_made = made;
+            watching_home = 0;
+        }
+        if (falling)
+            phase--;
+        else
+            phase++;
+        PORT_COILS = coils[phase % STEPPER_PHASES];
+        made++;
+        if (--left != 0)
+            return;
     }
-    position = running->position;
-    PORT_COILS = running->coils;
-    if (++running == runs + QUEUE_SIZE)
+    TMR3CN = 0;
+    if (++running == runs + RUNS)
         running = runs;
-    if (++made == queued)
+    if (made == queued)
         turning = 0;
     else
-        RUN_TIMER();
+        BEGIN_RUN();
 }

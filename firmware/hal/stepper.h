@@ -16,8 +16,9 @@ void stepper_set_direction(bool decreasing);
 
 bool stepper_has_room(void);
 
-// Queues one half step, `interval_us` (at most 32,766) after the one before it; there must be room.
-void stepper_push(uint16_t interval_us);
+// Queues half steps (one, where the interval is over 16,383 us), each `interval_us` (at most 32,766) after the one
+// before it; there must be room.
+void stepper_push(uint16_t interval_us, uint8_t half_steps);
 
 // True until the last half step queued has been made.
 bool stepper_is_turning(void);
@@ -36,7 +37,7 @@ uint8_t stepper_phase(void);
 void stepper_watch_home(void);
 bool stepper_saw_home(void);
 
-// The position at which the switch was first found closed, once stepper_saw_home() is true.
+// The position at which the switch was first found closed, to be asked as soon as stepper_saw_home() is true.
 int16_t stepper_home_position(void);
 
 void stepper_isr(void) __interrupt(IRQ_TIMER3);

@@ -9,6 +9,7 @@
 #include "memory.h"
 #include "protocol.h"
 
+#define WORTH_WAITING_TICKS (250 * TICKS_PER_US) // a round sooner than expected; else the next one would ping, 2 ms late
 #define TRIGGER_TICKS (12 * TICKS_PER_US)
 #define SHORTEST_TICKS (100 * TICKS_PER_US) // 17 mm
 #define LONGEST_TICKS (36 * TICKS_PER_MS) // 6.2 m, past the sensor's reach
@@ -46,8 +47,10 @@ static void trigger(void)
 static void await_sensor(void)
 {
     uint32_t now = timebase_now();
-    if (now - triggered < interval_ticks)
+    if (now - triggered + WORTH_WAITING_TICKS < interval_ticks)
         return;
+    while (now - triggered < interval_ticks)
+        now = timebase_now();
     if (!pins_echo_is_high()) {
         trigger();
     } else if (++rounds > FALL_LIMIT_ROUNDS) {

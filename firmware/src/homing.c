@@ -23,6 +23,7 @@
 static __xdata enum { LEAVING_SWITCH, SEEKING_SWITCH, SEEKING_STOP } phase;
 static const __xdata struct calibration *__xdata calibration;
 static __xdata bool seen;
+static __xdata int16_t closed_at; // half step of the motor
 
 static int16_t turn(void)
 {
@@ -93,6 +94,7 @@ static enum homing_outcome switch_step(void)
 {
     if (!seen && stepper_saw_home()) {
         seen = true;
+        closed_at = stepper_home_position();
         motor_end_after(0);
     }
     if (motor_is_moving())
@@ -100,7 +102,7 @@ static enum homing_outcome switch_step(void)
     if (!seen)
         return HOMING_NO_SWITCH;
     // The motor went on for its ramp after the switch was seen.
-    motor_set_half_step(stepper_position() - stepper_home_position() + switch_half_step());
+    motor_set_half_step(stepper_position() - closed_at + switch_half_step());
     return HOMING_FOUND;
 }
 

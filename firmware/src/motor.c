@@ -5,6 +5,8 @@
 #include "backlash.h"
 #include "ramp.h"
 
+#define MOST_AT_ONCE 8 // half steps of the same interval; more would make a move that is ended late to end
+
 static uint16_t to_go; // half steps not planned yet
 static uint16_t level; // half steps that it would take to stop
 static uint16_t interval_us;
@@ -42,21 +44,26 @@ void motor_end_after(uint16_t half_steps)
 
 bool motor_is_moving(void)
 {
-    return stepper_is_turning() || to_go != 0;
+    return to_go != 0 || stepper_is_turning();
 }
 
-static void plan_half_step(void)
+static void plan_half_steps(void)
 {
-    if (to_go <= level)
+    uint8_t half_steps = 1;
+    if (to_go <= level) {
         interval_us = ramp_interval_us(level = to_go);
-    else if (level == 0 || interval_us > ramp_cruise_us())
+    } else if (level == 0 || interval_us > ramp_cruise_us()) {
         interval_us = ramp_interval_us(++level);
-    stepper_push(interval_us);
-    to_go--;
+    } else {
+        uint16_t at_top_speed = to_go - level;
+        half_steps = at_top_speed < MOST_AT_ONCE ? at_top_speed : MOST_AT_ONCE;
+    }
+    stepper_push(interval_us, half_steps);
+    to_go -= half_steps;
 }
 
 void motor_task(void)
 {
     while (to_go != 0 && stepper_has_room())
-        plan_half_step();
+        plan_half_steps();
 }

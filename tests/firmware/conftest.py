@@ -10,7 +10,22 @@ from firmware.images import newer_version
 from noctule_gateway.update_image import Image, load
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-PURE = ["backlash", "bearing", "calibration", "cobs", "crc", "gesture", "median", "plan", "ramp", "ring"]
+PURE = [
+    "backlash",
+    "bearing",
+    "calibration",
+    "cobs",
+    "crc",
+    "gesture",
+    "incoming",
+    "layout",
+    "little_endian",
+    "median",
+    "plan",
+    "ramp",
+    "request",
+    "ring",
+]
 
 
 class PureModules:
@@ -28,6 +43,13 @@ class PureModules:
         answer = self._process.stdout.readline()
         assert answer, self._process.stderr.read()
         return answer.strip()
+
+
+@pytest.fixture(scope="session")
+def firmware() -> Path:
+    """The image of the unit's firmware, built."""
+    subprocess.run(["make", "-C", FIRMWARE], check=True, capture_output=True)
+    return FIRMWARE / "build" / "noctule.ihx"
 
 
 @pytest.fixture(scope="session")

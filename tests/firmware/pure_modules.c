@@ -9,9 +9,13 @@
 #include "cobs.h"
 #include "crc.h"
 #include "gesture.h"
+#include "incoming.h"
+#include "layout.h"
 #include "median.h"
 #include "plan.h"
+#include "protocol.h"
 #include "ramp.h"
+#include "request.h"
 #include "ring.h"
 
 #define MOST_BYTES 4096
@@ -68,6 +72,73 @@ static void decode(const char *hex)
             printf("%02x", (unsigned)byte);
     }
     puts(cobs_decode_is_complete() ? " complete" : " incomplete");
+}
+
+// Why the frame that has come in is rejected, as receive.c and command.c find it.
+static uint8_t reason_to_reject(void)
+{
+    uint8_t reason = incoming_end();
+    if (reason != REASON_NONE)
+        return reason;
+    if (request_length(incoming.frame[0]) == REQUEST_UNKNOWN)
+        return REASON_UNKNOWN_TYPE;
+    return incoming.length == request_length(incoming.frame[0]) ? REASON_NONE : REASON_WRONG_LENGTH;
+}
+
+static void answer_frame(void)
+{
+    uint8_t reason = reason_to_reject();
+    if (reason != REASON_NONE)
+        printf("%u", reason);
+    else
+        for (uint8_t i = 0; i < incoming.length; i++)
+            printf("%02x", incoming.frame[i]);
+}
+
+// For each frame that ends in the stream: its content, or the reason for which it is rejected.
+static void receive(const char *hex)
+{
+    size_t length = parse_hex(hex);
+    incoming_begin();
+    for (size_t i = 0; i < length; i++) {
+        if (bytes[i] != COBS_DELIMITER) {
+            incoming_take(bytes[i]);
+            continue;
+        }
+        if (incoming_is_empty())
+            printf("nothing");
+        else
+            answer_frame();
+        printf(" ");
+        incoming_begin();
+    }
+    puts(".");
+}
+
+static void plan_layout(const char *hex)
+{
+    struct plan plan;
+    parse_hex(hex);
+    layout_read_plan(&plan, bytes);
+    printf("%d %u %u %u %u %u %u %u ", plan.first_bearing, plan.bearing_step, plan.count, plan.ping_interval_ms,
+           plan.top_speed, plan.ramp_ms, plan.settle_ms, plan.pings);
+    layout_write_plan(bytes, &plan);
+    for (size_t i = 0; i < LAYOUT_PLAN_BYTES; i++)
+        printf("%02x", bytes[i]);
+    puts("");
+}
+
+static void calibration_layout(const char *hex)
+{
+    struct calibration calibration;
+    parse_hex(hex);
+    layout_read_calibration(&calibration, bytes);
+    printf("%lu %u %u %d ", (unsigned long)calibration.half_steps_per_turn, calibration.backlash, calibration.home,
+           calibration.home_bearing);
+    layout_write_calibration(bytes, &calibration);
+    for (size_t i = 0; i < LAYOUT_CALIBRATION_BYTES; i++)
+        printf("%02x", bytes[i]);
+    puts("");
 }
 
 static void crc(const char *hex)
@@ -214,6 +285,12 @@ static void answer(const char *command, const char *arguments)
         encode_wrapped(arguments);
     else if (strcmp(command, "decode") == 0)
         decode(arguments);
+    else if (strcmp(command, "receive") == 0)
+        receive(arguments);
+    else if (strcmp(command, "plan_layout") == 0)
+        plan_layout(arguments);
+    else if (strcmp(command, "calibration_layout") == 0)
+        calibration_layout(arguments);
     else if (strcmp(command, "half_step") == 0)
         half_step(arguments);
     else if (strcmp(command, "bearing") == 0)

@@ -33,7 +33,7 @@ class SilenceError(AssertionError):
 
 
 class SteppedUnit:
-    """One unit and the cable to it; ``now_s`` is the simulated time since power-up."""
+    """One unit and the cable to it; ``now_s`` is the simulated time since power-up, ``truth`` how things are then."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -90,6 +90,12 @@ class SteppedUnit:
                 names = " or ".join({one.__name__, other.__name__})
                 raise SilenceError(f"no {names} within {within_s} s of simulated time")
             self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))
+
+    def take(self, frame_type: type[F]) -> list[F]:
+        """The frames of this type that have come by now; the others are forgotten."""
+        taken = [frame for frame in self._heard if isinstance(frame, frame_type)]
+        self._heard.clear()
+        return taken
 
     def ask(self, frame: Enquiry | Order, answer: type[F], within_s: float = 2.0) -> F:
         """The answer to a new request, which is numbered here."""

@@ -12,7 +12,7 @@ HALF_STEPS_PER_TURN = 32 / 9 * 22 / 11 * 26 / 9 * 31 / 10 * 64
 DEFAULT_TURN = round(HALF_STEPS_PER_TURN * 256)
 
 bearings = st.integers(-32768, 32767)
-half_steps = st.integers(-1900, 1900)
+half_steps = st.integers(-1899, 1899)  # less than half of any turn
 turns = st.integers(3800 * 256, 4400 * 256)  # firmware/README.md, CALIBRATE
 
 

@@ -13,7 +13,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.ihx", default_value = "firmware/build/noctule.ihx")]
     pub firmware: PathBuf,
 
-    /// The room: paper, l-shaped, or a TOML file
+    /// The room: paper, l-shaped, lounge, or a TOML file
     #[arg(long, value_name = "ROOM", default_value = "paper")]
     pub room: String,
 

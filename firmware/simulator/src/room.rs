@@ -10,15 +10,18 @@ use crate::sensor::Sensor;
 use serde::Deserialize;
 use thiserror::Error;
 
-const BUILT_IN: [(&str, &str); 2] =
-    [("paper", include_str!("../rooms/paper.toml")), ("l-shaped", include_str!("../rooms/l-shaped.toml"))];
+const BUILT_IN: [(&str, &str); 3] = [
+    ("paper", include_str!("../rooms/paper.toml")),
+    ("l-shaped", include_str!("../rooms/l-shaped.toml")),
+    ("lounge", include_str!("../rooms/lounge.toml")),
+];
 /// A unit nearer than that to anything does not stand in the room.
 const CLEARANCE_M: f64 = 0.02;
 const USUAL_AIR_C: f64 = 20.0;
 
 #[derive(Debug, Error)]
 pub enum RoomError {
-    #[error("room {name}: {source}; rooms that come with the simulator: paper, l-shaped")]
+    #[error("room {name}: {source}; rooms that come with the simulator: paper, l-shaped, lounge")]
     Unreadable { name: String, source: std::io::Error },
     #[error("room {name}: {source}")]
     Malformed { name: String, source: Box<toml::de::Error> },

@@ -21,8 +21,7 @@ const STYLE: &str = "
     .soft-wall { stroke: #c0722c; stroke-width: 7; stroke-dasharray: 3 3; fill: none; }
     .soft-cylinder { stroke: #c0722c; stroke-width: 3; stroke-dasharray: 3 3; fill: #f3dcc6; }
     .floor { fill: #fff; stroke: none; }
-    .share { font-size: 11px; fill: #c0722c; text-anchor: middle; dominant-baseline: central;
-        paint-order: stroke; stroke: #fdfdfb; stroke-width: 4px; }
+    .share { font-size: 11px; fill: #c0722c; text-anchor: middle; dominant-baseline: central; }
     .time { font-size: 10px; fill: #6b7884; text-anchor: middle; dominant-baseline: central;
         paint-order: stroke; stroke: #fdfdfb; stroke-width: 3px; }
     .ghost { opacity: 0.3; }

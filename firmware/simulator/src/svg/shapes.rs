@@ -9,6 +9,8 @@ use std::fmt::Write;
 
 /// Every so many waypoints bear their number.
 const NUMBERED: usize = 5;
+/// From the middle of a wall to the figure of what it absorbs.
+const ABSORPTION_PX: f64 = 24.0;
 
 /// White where the walls, each beginning where the one before ends, go all the way round.
 pub fn write_floor(svg: &mut String, paper: &Paper, room: &Room) {
@@ -52,20 +54,22 @@ fn write_track(svg: &mut String, paper: &Paper, ghosts: Vec<(f64, Point, String)
 pub fn write_wall(svg: &mut String, paper: &Paper, wall: &Wall) {
     let segment = wall.segment(0.0);
     let _ = writeln!(svg, "{}", line(wall_class(wall), paper, &segment));
-    write_absorption(svg, paper, segment.from.toward(segment.to, 0.5), wall.absorption);
+    // Beside the wall: on its left, where the room is if the walls go round it anticlockwise.
+    let middle = paper.at(segment.from.toward(segment.to, 0.5));
+    let across_rad = segment.from.bearing_to(segment.to) + PI / 2.0;
+    write_absorption(svg, moved(middle, across_rad, ABSORPTION_PX), wall.absorption);
 }
 
 pub fn write_cylinder(svg: &mut String, paper: &Paper, cylinder: &Cylinder) {
     let center = cylinder.center_m(0.0);
     let _ = writeln!(svg, "{}", circle(cylinder_class(cylinder), paper, center, cylinder.radius_m));
-    write_absorption(svg, paper, center, cylinder.absorption);
+    write_absorption(svg, paper.at(center), cylinder.absorption);
 }
 
-fn write_absorption(svg: &mut String, paper: &Paper, at: Point, absorption: f64) {
+fn write_absorption(svg: &mut String, (x, y): (f64, f64), absorption: f64) {
     if absorption > 0.0 {
-        let (x, y) = paper.at(at);
-        let _ =
-            writeln!(svg, r#"<text class="share" x="{x:.1}" y="{y:.1}">{:.0} %</text>"#, 100.0 * absorption);
+        let share = 100.0 * absorption;
+        let _ = writeln!(svg, r#"<text class="share" x="{x:.1}" y="{y:.1}">{share:.0} %</text>"#);
     }
 }
 

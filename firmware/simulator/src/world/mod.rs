@@ -72,7 +72,10 @@ impl World {
         let gear = scene.room().gear(index);
         let reach_rad = POWER_UP_RANGE_RAD.min(gear.stop_deg.to_radians());
         let bearing_rad = rng.random_range(-reach_rad..reach_rad);
-        let motor = Motor::new(gear, bearing_rad, rng.random_range(0..8));
+        let phase = rng.random_range(0..8);
+        // Rooms without slack draw nothing for it.
+        let ahead = if gear.backlash_deg > 0.0 { rng.random_range(-1.0..1.0) } else { 0.0 };
+        let motor = Motor::new(gear, bearing_rad, phase, ahead);
         let carrier = Carrier::new(scene.room().waypoints(), laps);
         let standing = scene.room().standing(index);
         Self {

@@ -40,11 +40,12 @@ struct Slips {
 }
 
 impl Motor {
-    /// A motor at power-up: its coils off, its sensor at `bearing_rad` in the middle of the slack, its rotor at rest in
-    /// any phase.
-    pub fn new(gear: Gear, bearing_rad: f64, phase: u8) -> Self {
+    /// A motor at power-up: its coils off, its sensor at `bearing_rad`, its rotor at rest in any phase and `ahead` of the
+    /// sensor by that share of half the slack, -1 to 1.
+    pub fn new(gear: Gear, bearing_rad: f64, phase: u8, ahead: f64) -> Self {
         let position = i64::from(phase) % PERIOD;
-        let zero_rad = bearing_rad - position as f64 * TAU / gear.half_steps_per_turn;
+        let ahead_rad = ahead * gear.backlash_deg.to_radians() / 2.0;
+        let zero_rad = bearing_rad + ahead_rad - position as f64 * TAU / gear.half_steps_per_turn;
         Self {
             gear,
             position,
@@ -147,7 +148,7 @@ mod tests {
     }
 
     fn motor(bearing_rad: f64, phase: u8) -> Motor {
-        Motor::new(Gear::default(), bearing_rad, phase)
+        Motor::new(Gear::default(), bearing_rad, phase, 0.0)
     }
 
     fn turn(motor: &mut Motor, half_steps: i64, interval: Tick) {
@@ -208,7 +209,7 @@ mod tests {
     #[test]
     fn a_stop_of_ones_own_holds_and_a_motor_without_a_switch_is_never_home() {
         let gear = Gear { stop_deg: 10.0, home: Home::None, ..Gear::default() };
-        let mut motor = Motor::new(gear, 0.0, 0);
+        let mut motor = Motor::new(gear, 0.0, 0, 0.0);
         turn(&mut motor, -400, STEP);
         // A stalled rotor hops back by up to half a period and comes again.
         let short_rad = motor.bearing_rad() + 10f64.to_radians();
@@ -220,7 +221,7 @@ mod tests {
     fn the_sensor_stays_until_the_slack_is_taken_up() {
         let half_step_deg = 360.0 / 4075.7728;
         let gear = Gear { backlash_deg: 8.0 * half_step_deg, ..Gear::default() };
-        let mut motor = Motor::new(gear, 0.0, 0);
+        let mut motor = Motor::new(gear, 0.0, 0, 0.0);
         let bearing_deg = |motor: &Motor| motor.bearing_rad().to_degrees() / half_step_deg;
         turn(&mut motor, 4, STEP);
         assert!(bearing_deg(&motor).abs() < 1e-9);
@@ -235,7 +236,7 @@ mod tests {
     #[test]
     fn a_lost_step_costs_a_whole_magnetic_period() {
         let gear = Gear { lost_step_probability: 0.01, ..Gear::default() };
-        let mut motor = Motor::new(gear, -2.0, 0);
+        let mut motor = Motor::new(gear, -2.0, 0, 0.0);
         let mut rng = rng();
         for step in 1..=2000 {
             motor.drive(PHASES[(step % 8) as usize], step * STEP, &mut rng);

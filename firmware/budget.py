@@ -1,0 +1,99 @@
+"""What the firmware uses of the chip, by the linker's report and measured in the simulator, and what it may use.
+
+Fails when a limit is exceeded. The measured run is one unit that sweeps without a pause and is acknowledged; a STORE,
+which keeps interrupts waiting while flash is written, is not in it.
+"""
+
+import argparse
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+STACK_END = 0xFF
+RUN_S = 120
+
+
+@dataclass(frozen=True)
+class Budget:
+    """A row of the table: at most ``limit`` of something, or at least so much."""
+
+    name: str
+    limit: float
+    unit: str
+    at_least: bool = False
+
+    def holds(self, used: float) -> bool:
+        return used >= self.limit if self.at_least else used <= self.limit
+
+    def row(self, used: float) -> str:
+        verdict = "" if self.holds(used) else "  EXCEEDED"
+        bound = "at least" if self.at_least else "at most"
+        return f"{self.name:<42}{used:>8g} of {bound} {self.limit:>6g} {self.unit}{verdict}"
+
+
+# The one table of limits. README.md, Flash, has the pages of code, and Layout what the margins are for.
+LOADER = Budget("code: loader", 0x1000, "bytes")
+CODE = Budget("code: application", 0x7FE0 - 0x1000, "bytes")
+XRAM = Budget("XRAM: variables (the ring has the rest)", 0x0400, "bytes")
+IRAM = Budget("IRAM: registers and variables", 120, "bytes")
+STACK = Budget("IRAM: stack, the deepest measured", 112, "bytes")
+STACK_LEFT = Budget("IRAM: left above it", 24, "bytes", at_least=True)
+LATENCY = Budget("interrupts: longest wait", 10, "us")
+IDLE = Budget("time asleep while sweeping", 97, "%", at_least=True)
+
+
+def found(pattern: str, text: str, source: object) -> str:
+    match = re.search(pattern, text)
+    if match is None:
+        raise SystemExit(f"{source} does not say what budget.py looks for: {pattern}")
+    return match[1]
+
+
+def size_of(memory: str, report: Path) -> int:
+    """A memory's used bytes in the linker's report (name, start, end, size, maximum)."""
+    return int(found(rf"{memory} +(?:0x\w+ +0x\w+ +)?(\d+) +\d+", report.read_text(), report))
+
+
+def measured(image: Path) -> str:
+    """The line of ``noctule-sim --measure``."""
+    command = ["noctule-sim", "--firmware", image, "--acknowledge", "--measure", "--speed", "max"]
+    try:
+        run = subprocess.run([*command, "--duration", str(RUN_S)], check=True, capture_output=True, text=True)
+    except FileNotFoundError:
+        raise SystemExit(
+            "noctule-sim is missing: `make setup` builds it into .venv/bin, which must be on the PATH"
+        ) from None
+    return found(r"(stack to .*)", run.stdout, "noctule-sim --measure")
+
+
+def usage(build: Path) -> dict[Budget, float]:
+    report = build / "application.mem"
+    stack_start = int(found(r"Stack starts at: (0x\w+)", report.read_text(), report), 16)
+    line = measured(build / "noctule.ihx")
+    stack_top = int(found(r"stack to (0x\w+)", line, line), 16)
+    return {
+        LOADER: size_of("ROM/EPROM/FLASH", build / "loader.mem"),
+        CODE: size_of("ROM/EPROM/FLASH", report),
+        XRAM: size_of("EXTERNAL RAM", report),
+        IRAM: stack_start,
+        STACK: stack_top + 1 - stack_start,
+        STACK_LEFT: STACK_END - stack_top,
+        LATENCY: max(float(wait_us) for wait_us in re.findall(r"([\d.]+) us", line)),
+        IDLE: float(found(r"idle ([\d.]+) %", line, line)),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("build", type=Path, help="the folder with the image and the linker's report")
+    used = usage(parser.parse_args().build)
+    for budget, amount in used.items():
+        print(budget.row(amount))
+    if not all(budget.holds(amount) for budget, amount in used.items()):
+        sys.exit("a limit is exceeded: make the firmware smaller, or the limit in budget.py greater if there is room")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""The firmware keeps within the chip: what `make size` checks, and the stack after all that a host can ask for."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from firmware.stepped_unit import stepped_unit
+
+from noctule_gateway.frames import (
+    AskClock,
+    AskHello,
+    AskSettings,
+    AskStatus,
+    Calibrate,
+    Clock,
+    Configure,
+    GoTo,
+    Hello,
+    Home,
+    Outcome,
+    Settings,
+    Single,
+    Start,
+    State,
+    Status,
+    Stop,
+    Store,
+    Sweep,
+    TrimTemperature,
+)
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+# firmware/README.md, Layout
+STACK_RESERVE_BYTES = 24
+
+
+def size(folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(["make", "--no-print-directory", "-C", folder, "size"], capture_output=True, text=True)
+
+
+def test_every_budget_is_kept():
+    report = size(FIRMWARE)
+    assert report.returncode == 0, report.stdout + report.stderr
+    rows = report.stdout.splitlines()
+    for name in ("code: loader", "code: application", "XRAM", "IRAM", "stack", "interrupts", "asleep"):
+        assert any(name in row for row in rows), name
+
+
+@pytest.mark.parametrize(
+    "limit", [r'(CODE = Budget\(".*", )[^"]+(, "bytes"\))', r'(IDLE = Budget\(".*", )[^"]+(, "%", at_least=True\))']
+)
+def test_a_budget_that_is_not_kept_fails(tmp_path, limit):
+    script = (FIRMWARE / "budget.py").read_text()
+    strict, changes = re.subn(limit, lambda found: f"{found[1]}{100 if 'CODE' in limit else 99.99}{found[2]}", script)
+    assert changes == 1
+    (tmp_path / "budget.py").write_text(strict)
+    report = subprocess.run(["python3", tmp_path / "budget.py", FIRMWARE / "build"], capture_output=True, text=True)
+    assert report.returncode == 1
+    assert report.stdout.count("EXCEEDED") == 1
+
+
+def test_the_stack_keeps_its_reserve_whatever_a_host_asks_for():
+    with stepped_unit("--laps", "0") as unit:
+        unit.greet()
+        unit.run(3.0)
+        orders = [
+            Calibrate(0, 1043398, 5, 0, -27307),
+            Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 5),
+            TrimTemperature(0, 2000),
+            Store(0),
+            Home(0),
+        ]
+        for order in orders:
+            assert unit.command(order) == Outcome.DONE
+        unit.wait_for_state(State.IDLE)
+        assert unit.command(GoTo(0, 9000)) == Outcome.DONE
+        unit.wait_for_state(State.IDLE)
+        assert unit.command(Start(0, 0)) == Outcome.DONE
+        for _ in range(5):
+            for enquiry, answer in [
+                (AskHello(0), Hello),
+                (AskStatus(0), Status),
+                (AskClock(0), Clock),
+                (AskSettings(0), Settings),
+            ]:
+                unit.ask(enquiry, answer)
+            unit.acknowledge(unit.receive(Sweep, 60.0))
+        assert unit.command(Stop(0)) == Outcome.DONE
+        unit.wait_for_state(State.IDLE)
+        assert unit.command(Single(0)) == Outcome.DONE
+        left = unit.ask(AskStatus(0), Status).stack_free
+        assert left >= STACK_RESERVE_BYTES
