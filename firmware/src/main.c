@@ -13,6 +13,7 @@
 #include "../hal/watchdog.h"
 #include "answer.h"
 #include "boot_number.h"
+#include "cobs.h"
 #include "counters.h"
 #include "delivery.h"
 #include "echo.h"
@@ -49,6 +50,7 @@ static void start(void)
     settings_start();
     watchdog_start();
     cpu_allow_interrupts();
+    uart_send(COBS_DELIMITER); // ends the frame that the reset may have cut off
     transmit_hello(REQUEST_NONE);
 }
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from firmware.images import built_with_fault
+from firmware.images import newer_version
 
 from noctule_gateway.update_image import Image, load
 
@@ -70,7 +70,5 @@ def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModul
 
 @pytest.fixture(scope="session")
 def new_image(tmp_path_factory: pytest.TempPathFactory) -> Image:
-    """An update: the firmware as version 0.9.0."""
-    folder = tmp_path_factory.mktemp("new")
-    whole = built_with_fault(folder, "src/version.h", ("VERSION_MINOR 2", "VERSION_MINOR 9"))
-    return load(whole.with_name("update.hex"))
+    """The update to version 0.9.0."""
+    return load(newer_version(tmp_path_factory.mktemp("new")))

@@ -1,4 +1,4 @@
-"""The loader of the real firmware: updates, refusals, and what it does after each reset (firmware/README.md, Update)."""
+"""The loader of the real firmware: updates, refusals, what it does after a reset (firmware/README.md, Update)."""
 
 import struct
 import zlib

@@ -71,8 +71,10 @@ def version_after(unit: SteppedUnit) -> str | None:
 
 
 def cut_and_leave(image: Path, new: Image, operation: int, seed: int) -> str | None:
-    """Cut the power at a flash operation of an update, whose host goes away too. What is there then is updated, whatever
-    that is; gives the version that ran by itself before."""
+    """Cut the power at a flash operation of an update, whose host goes away too; the version that then runs by itself.
+
+    Whatever that is, another update succeeds.
+    """
     with stepped_unit("--laps", "0", "--seed", str(seed), image=image) as unit:
         unit.greet()
         unit.befall("power_cut_at_flash_operation", number=operation - unit.truth["flash_operations"])

@@ -106,6 +106,29 @@ def test_a_power_cut_at_any_flash_operation_of_a_store_leaves_the_old_or_the_new
         assert settings(unit) == wanted
 
 
+def test_a_dip_of_the_supply_at_any_moment_of_a_store_leaves_the_old_or_the_new_settings():
+    with stepped_unit("--laps", "0") as unit:
+        unit.greet()
+        found = {"old": 0, "new": 0}
+        held = DEFAULT
+        # From before the request is read to after its answer.
+        for tenths_of_ms in range(5, 300, 5):
+            assert unit.command(replace(PLAN, first_bearing=-9000 + tenths_of_ms)) == Outcome.DONE
+            wanted = replace(settings(unit), stored=1)
+            unit.send(Store(200))
+            unit.run(tenths_of_ms * 1e-4)
+            unit.befall("brown_out")
+            assert unit.receive(Hello).serial == 1
+            now = settings(unit)
+            assert now in (held, wanted)
+            found["new" if now == wanted else "old"] += 1
+            held = now
+        assert min(found.values()) >= 5
+        # The page that did not hold may be in any state: storing goes on.
+        assert unit.command(PLAN) == unit.command(Store(0)) == Outcome.DONE
+        assert settings(unit).stored == 1
+
+
 @pytest.fixture(scope="module")
 def slow_to_erase(tmp_path_factory) -> Path:
     """A firmware for which erasing takes the datasheet's longest, 20 ms: 5 ms more than the simulator's flash."""

@@ -41,11 +41,8 @@ class Update:
         if updater.outcome is not None:
             return
         feed = updater.output(unit.now_s).hex()
-        sent = unit.step(
-            feed=[feed],
-            until_s=max(unit.now_s, min(updater.next_s, unit.now_s + LOOK_EVERY_S)) + TICK_S,
-            stop_at_frame=True,
-        )
+        due_s = max(unit.now_s, min(updater.next_s, unit.now_s + LOOK_EVERY_S))
+        sent = unit.step(feed=[feed], until_s=due_s + TICK_S, stop_at_frame=True)
         updater.receive(sent, unit.now_s)
 
 
