@@ -12,8 +12,8 @@ enum reset_note { NOTE_NONE, NOTE_RESET, NOTE_STACK, NOTE_UPDATE, NOTE_LOADER };
 // flash must not be written. To be called once, after clock_start().
 void reset_start(void);
 
-// The two parts of it that the loader needs, which leaves the cause and all other notes to the application: takes the note, if
-// the reset was made with this one; and makes the VDD monitor a reset source.
+// The two parts of it that the loader needs, which leaves the cause and all other notes to the application: takes the
+// note, if the reset was made with this one; and makes the VDD monitor a reset source.
 bool reset_take_note(uint8_t note);
 void reset_guard_supply(void);
 

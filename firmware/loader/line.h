@@ -12,10 +12,11 @@ extern uint8_t line_length;
 // At 12 MHz.
 void line_start(void);
 
-// Takes the byte that may have come in. Gives REASON_NONE until that ends a frame; then LINE_FRAME if the frame is sound, else
-// the enum reason why it is not. It stays until the next call.
-uint8_t line_receive(void);
 #define LINE_FRAME 0xFF
+
+// Takes the byte that may have come in. Gives REASON_NONE until that ends a frame; then LINE_FRAME if the frame is sound,
+// else the enum reason why it is not. The frame stays until the next byte.
+uint8_t line_receive(void);
 
 // Compose a frame and send it.
 void line_begin(uint8_t type);

@@ -1,5 +1,5 @@
-// The unit's serial number, in its settings pages: `magic:u16 version:u8 length:u8`, `length` bytes from `generation:u16
-// serial:u32` on, `crc:u32` of all that.
+// The unit's serial number, in its settings pages: `magic:u16 version:u8 length:u8`, `length` bytes that begin with
+// `generation:u16 serial:u32`, `crc:u32` of all that.
 #include "serial.h"
 
 #include <stdbool.h>

@@ -4,7 +4,8 @@
 
 #include <stdint.h>
 
-// Serves the line until the chip is reset; `reason` (enum stay) is why the application was not started. Flash must be writable.
+// Serves the line until the chip is reset; `reason` (enum stay) is why the application was not started. Flash must be
+// writable.
 void serve(uint8_t reason);
 
 #endif

@@ -4,7 +4,8 @@
 
 #include <stdint.h>
 
-// The command UPDATE, meant for the unit of this serial number; gives an enum result. The chip is reset once that is out.
+// The command UPDATE, meant for the unit of this serial number; gives an enum result. The chip is reset once that is
+// out.
 uint8_t update_begin(uint32_t serial);
 
 // This application works: the loader need not count its starts any more.

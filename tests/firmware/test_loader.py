@@ -361,3 +361,11 @@ def test_an_update_gets_through_a_line_that_spoils_bytes(new_image, seed, spoile
         unit.greet()
         unit.befall("cable_corrupts", to_unit=spoiled_bytes, to_host=spoiled_bytes)
         assert update(unit, new_image) == Updated("0.2.0")
+
+
+@pytest.mark.soak
+def test_an_update_gets_through_a_line_that_spoils_one_byte_in_twenty(new_image):
+    with stepped_unit("--laps", "0") as unit:
+        unit.greet()
+        unit.befall("cable_corrupts", to_unit=0.05, to_host=0.05)
+        assert update(unit, new_image) == Updated("0.2.0")

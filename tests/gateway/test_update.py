@@ -13,7 +13,7 @@ from gateway.bad_line import BadLine, Faults
 
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import HardwareError, LineError, UnitGoneError, UpdateError, WrongUnitError
-from noctule_gateway.frames import Hello, Loader, Outcome, Put, Result, Stay, Stop
+from noctule_gateway.frames import Ack, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
 from noctule_gateway.frames import Update as EnterLoader
 from noctule_gateway.update import GONE_AFTER_S, Updater
 from noctule_gateway.update_image import Image, load
@@ -163,6 +163,7 @@ class Script:
             updater.advance(self.now_s)
             while asked := reader.feed(updater.output(self.now_s)):
                 for frame in asked:
+                    assert not isinstance(frame, Ack | Rejected | Sweep)
                     if (said := answer(frame)) is not None:
                         updater.receive(encode(replace(said, request=frame.request)), self.now_s)
             self.now_s = min(updater.next_s, self.now_s + 1.0)
