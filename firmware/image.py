@@ -1,8 +1,8 @@
 """Makes the images of a unit out of what the linker gives, all of them Intel HEX: README.md, Flash.
 
-    whole    loader, application and its description, confirmed: what a programmer flashes
-    update   application and description, not confirmed: what an update sends
-    unit     a whole image with a unit's settings page
+whole    loader, application and its description, confirmed: what a programmer flashes
+update   application and description, not confirmed: what an update sends
+unit     a whole image with a unit's settings page
 """
 
 import argparse

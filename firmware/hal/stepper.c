@@ -10,35 +10,39 @@
 #define CLOCKS_PER_US 4
 
 // Half steps of a rising bearing: IN1, IN1+IN2, IN2, IN2+IN3, IN3, IN3+IN4, IN4, IN4+IN1.
-static const __code uint8_t coils[STEPPER_PHASES] = {
+// In internal memory, where the service routine finds them in half the time.
+static const __idata uint8_t coils[STEPPER_PHASES] = {
     COILS_OFF | 0x1, COILS_OFF | 0x3, COILS_OFF | 0x2, COILS_OFF | 0x6,
     COILS_OFF | 0x4, COILS_OFF | 0xC, COILS_OFF | 0x8, COILS_OFF | 0x9,
 };
 
 // Half steps the same period of the timer apart; none: one period in which the motor stands still.
 struct run {
-    uint16_t reload; // of the timer, for one period
+    uint8_t reload_low; // of the timer, for one period
+    uint8_t reload_high;
     uint8_t half_steps;
 };
 
 static __idata struct run runs[RUNS];
 static __idata struct run *next = runs; // to be queued
 static __idata struct run *volatile running = runs;
-static volatile uint8_t left; // half steps of the run
 static volatile uint8_t queued; // half steps, modulo 256
 static volatile uint8_t made;
 static volatile uint8_t home_made; // when the switch was found closed
 static volatile __bit turning;
 static volatile __bit watching_home;
 static __bit falling; // towards lower bearings
-static volatile uint8_t phase;
+static uint8_t phase; // the service routine's alone while it is turning, as is:
+static uint8_t left; // half steps of the run
 static int16_t last_position; // when all that is queued has been made
 
 // A macro, because the main program and the service routine both need it.
 #define BEGIN_RUN()                                                                                                    \
     do {                                                                                                               \
-        TMR3RL = running->reload;                                                                                      \
-        TMR3 = running->reload;                                                                                        \
+        TMR3RLL = running->reload_low;                                                                                 \
+        TMR3RLH = running->reload_high;                                                                                \
+        TMR3L = running->reload_low;                                                                                   \
+        TMR3H = running->reload_high;                                                                                  \
         left = running->half_steps;                                                                                    \
         TMR3CN = TMR3CN_TR3;                                                                                           \
     } while (0)
@@ -58,9 +62,11 @@ bool stepper_has_room(void)
     return (uint8_t)(queued - made) < ROOM_BELOW;
 }
 
-static void push_run(uint16_t period_us, uint8_t half_steps)
+static inline void push_run(uint16_t period_us, uint8_t half_steps)
 {
-    next->reload = -(period_us * CLOCKS_PER_US);
+    uint16_t reload = -(period_us * CLOCKS_PER_US);
+    next->reload_low = (uint8_t)reload;
+    next->reload_high = reload >> 8;
     next->half_steps = half_steps;
     if (++next == runs + RUNS)
         next = runs;

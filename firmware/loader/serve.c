@@ -76,11 +76,9 @@ static uint8_t program(void)
     if (page >= IMAGE_PAGES)
         return RESULT_OUT_OF_RANGE;
     uint16_t address = STAGING + (uint16_t)page * FLASH_PAGE_BYTES;
-    if (checksum_of_flash(address, FLASH_PAGE_BYTES) == crc)
-        return RESULT_DONE;
-    if (page_crc() != crc)
-        return RESULT_BAD_CRC;
-    return page_program(address) ? RESULT_DONE : RESULT_FLASH_FAILED;
+    if (page_crc() == crc)
+        return page_program(address) ? RESULT_DONE : RESULT_FLASH_FAILED;
+    return checksum_of_flash(address, FLASH_PAGE_BYTES) == crc ? RESULT_DONE : RESULT_BAD_CRC;
 }
 
 static uint8_t install_anew(void)

@@ -44,7 +44,7 @@ void motor_end_after(uint16_t half_steps)
 
 bool motor_is_moving(void)
 {
-    return stepper_is_turning() || to_go != 0;
+    return to_go != 0 || stepper_is_turning();
 }
 
 static void plan_half_steps(void)

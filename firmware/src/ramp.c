@@ -23,7 +23,8 @@ static const __code uint16_t inverse_roots[TABLE_END] = {
 };
 
 static uint16_t cruise_us;
-static __xdata uint16_t half_first_us; // half the interval at n = 1
+static uint8_t half_first_low; // of half the interval at n = 1, in us
+static uint8_t half_first_high;
 static __xdata uint8_t slow_levels; // from rest, whose intervals would be longer than the slowest
 
 // Digit by digit, as on paper, with binary digits.
@@ -41,24 +42,23 @@ static uint16_t square_root(uint32_t square)
     return (uint16_t)root;
 }
 
-// half_first_us * inverse_root / 65536, from the products of the bytes, for the 8051 has no others.
+// Half the first interval times inverse_root / 65536, from the products of the bytes, for the 8051 has no others.
 static uint16_t half_interval_us(uint16_t inverse_root)
 {
-    uint16_t first = half_first_us;
-    uint8_t first_low = (uint8_t)first;
-    uint8_t first_high = first >> 8;
-    uint8_t root_low = (uint8_t)inverse_root;
-    uint8_t root_high = inverse_root >> 8;
-    uint16_t middle = first_high * root_low + (uint8_t)(first_low * root_low >> 8);
-    uint16_t other_middle = first_low * root_high + (uint8_t)middle;
-    return first_high * root_high + (uint8_t)(middle >> 8) + (uint8_t)(other_middle >> 8);
+    uint8_t low = (uint8_t)inverse_root;
+    uint8_t high = inverse_root >> 8;
+    uint16_t middle = half_first_high * low + (uint8_t)(half_first_low * low >> 8);
+    uint16_t other_middle = half_first_low * high + (uint8_t)middle;
+    return half_first_high * high + (uint8_t)(middle >> 8) + (uint8_t)(other_middle >> 8);
 }
 
 void ramp_set(uint16_t top_speed, uint16_t ramp_ms)
 {
     uint32_t half_squared = HALF_MICROSECONDS_SQUARED / top_speed * ramp_ms; // T / (2 v), 2.5e9 at most
     cruise_us = (uint16_t)(1000000UL / top_speed);
-    half_first_us = square_root(half_squared);
+    uint16_t half_first_us = square_root(half_squared);
+    half_first_low = (uint8_t)half_first_us;
+    half_first_high = half_first_us >> 8;
     slow_levels = (uint8_t)(half_squared / SLOWEST_HALF_SQUARED); // 25 at most
 }
 

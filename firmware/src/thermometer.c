@@ -17,7 +17,7 @@
 
 #define COLDEST_AIR (-4000)
 #define HOTTEST_AIR 8500
-#define WIDEST_TRIM 3000 // sensor and reference are off by 12 K at the worst, and the chip is warmer than the air
+#define WIDEST_TRIM 3000 // sensor and reference are off by 14 K at the worst, and the chip is warmer than the air
 
 static uint8_t until_conversion = CONVERSION_ROUNDS; // rounds
 static __xdata uint8_t conversions;

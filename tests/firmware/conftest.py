@@ -5,6 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from firmware.images import newer_version
+
+from noctule_gateway.update_image import Image, load
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PURE = [
@@ -63,3 +66,9 @@ def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModul
         assert process.stdin is not None
         process.stdin.close()
         assert process.wait(timeout=10) == 0
+
+
+@pytest.fixture(scope="session")
+def new_image(tmp_path_factory: pytest.TempPathFactory) -> Image:
+    """The update to version 0.9.0."""
+    return load(newer_version(tmp_path_factory.mktemp("new")))

@@ -34,3 +34,9 @@ def built_with_fault(folder: Path, source: str, *changes: tuple[str, str]) -> Pa
     (copy / source).write_text(text)
     subprocess.run(["make", "-C", copy], check=True, capture_output=True)
     return copy / "build" / IMAGE.name
+
+
+def newer_version(folder: Path) -> Path:
+    """The update to version 0.9.0, which else is the firmware as it is."""
+    whole = built_with_fault(folder, "src/version.h", ("VERSION_MINOR 2", "VERSION_MINOR 9"))
+    return whole.with_name("update.hex")

@@ -89,4 +89,5 @@ def test_the_stack_keeps_its_reserve_whatever_a_host_asks_for():
         assert unit.command(Stop(0)) == Outcome.DONE
         unit.wait_for_state(State.IDLE)
         assert unit.command(Single(0)) == Outcome.DONE
-        assert unit.ask(AskStatus(0), Status).stack_free >= STACK_RESERVE_BYTES
+        left = unit.ask(AskStatus(0), Status).stack_free
+        assert left >= STACK_RESERVE_BYTES

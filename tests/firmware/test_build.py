@@ -1,4 +1,4 @@
-"""The firmware's Makefile: a clean build, nothing stale, and a unit's own settings page."""
+"""The firmware's Makefile: a clean build, nothing stale, the images, a unit's own settings page."""
 
 import shutil
 import struct
@@ -36,24 +36,66 @@ def built(tmp_path_factory) -> Path:
     return copy
 
 
-def test_the_application_lies_below_the_staging_area(built):
-    # firmware/README.md, Flash: application 0x0000-0x7FFF
-    memory = memory_of(built / "build" / "noctule.ihx")
-    assert min(memory) == 0 and max(memory) < 0x8000
+def content(image: Path, begin: int, end: int) -> bytes:
+    """The bytes from ``begin`` to before ``end``, erased where the image has none."""
+    memory = memory_of(image)
+    return bytes(memory.get(address, 0xFF) for address in range(begin, end))
+
+
+def test_loader_and_application_lie_in_their_own_pages(built):
+    # firmware/README.md, Flash: loader 0x0000-0x0FFF, application 0x1000-0x7FFF
+    assert {address >> 12 for address in memory_of(built / "build" / "loader.ihx")} == {0}
+    assert all(0x1000 <= address < 0x7FE0 for address in memory_of(built / "build" / "application.ihx"))
+
+
+def test_the_description_tells_version_length_and_crc(built):
+    (built / "src" / "version.h").write_text(
+        "".join(f"#define VERSION_{part} {number}\n" for part, number in [("MAJOR", 3), ("MINOR", 14), ("PATCH", 159)])
+    )
+    make(built, check=True)
+    image = built / "build" / "update.hex"
+    # firmware/README.md, Flash: magic 0x4E49, hardware 1, version, length, CRC of that many bytes, CRC of all this
+    magic, hardware, *version, length, crc, own_crc = struct.unpack("<HB3BHII", content(image, 0x7FE0, 0x7FF0))
+    assert (magic, hardware, version) == (0x4E49, 1, [3, 14, 159])
+    application = memory_of(built / "build" / "application.ihx")
+    assert 0x1000 + length == max(application) + 1
+    assert crc == zlib.crc32(content(image, 0x1000, 0x1000 + length))
+    assert own_crc == zlib.crc32(content(image, 0x7FE0, 0x7FEC))
+    assert application.items() <= memory_of(image).items()
+
+
+def test_what_is_flashed_is_the_loader_and_the_update_confirmed(built):
+    whole, update = memory_of(built / "build" / "noctule.ihx"), memory_of(built / "build" / "update.hex")
+    loader = memory_of(built / "build" / "loader.ihx")
+    # firmware/README.md, Flash: attempts at 0x7FF0 erased, confirmed at 0x7FF1
+    assert {0x7FF0, 0x7FF1}.isdisjoint(update)
+    assert whole == loader | update | {0x7FF1: 0}
+
+
+@pytest.mark.parametrize("limit", ["LOADER_SIZE", "CODE_SIZE"])
+def test_a_part_that_outgrows_its_pages_does_not_link(built, limit):
+    (built / "Makefile").touch()
+    build = make(built, f"{limit}=0x0800")
+    assert build.returncode != 0
+    assert "Insufficient ROM/EPROM/FLASH memory" in build.stdout + build.stderr
+    make(built, check=True)
 
 
 def test_a_finished_build_has_nothing_left_to_do(built):
     assert make(built, "--question").returncode == 0
 
 
-@pytest.mark.parametrize("changed", ["src/crc.c", "src/protocol.h", "hal/chip.h", "Makefile"])
+CHANGED = ["src/crc.c", "src/protocol.h", "hal/chip.h", "loader/page.c", "loader/line.h", "image.py", "Makefile"]
+
+
+@pytest.mark.parametrize("changed", CHANGED)
 def test_a_change_of_any_source_builds_anew(built, changed):
     (built / changed).touch()
     assert make(built, "--question").returncode == 1
     make(built, check=True)
 
 
-def test_a_unit_image_is_the_application_and_its_settings_page(built):
+def test_a_unit_image_is_what_is_flashed_and_its_settings_page(built):
     make(built, "unit", "SERIAL=66051", check=True)
     memory = memory_of(built / "build" / "unit-66051.hex")
     # firmware/README.md, Flash: magic 0x4E43, version 2, length 6, generation 0, serial, CRC of what is before it

@@ -5,9 +5,9 @@ import statistics
 from itertools import pairwise
 
 import pytest
+from firmware.flood import flood
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.codec import encode
 from noctule_gateway.frames import AskStatus, Configure, Reading, Single, Start, Status, Stop, Sweep
 
 # firmware/README.md, Frames and the table of echoes
@@ -18,7 +18,6 @@ IDLE = 0
 # firmware/simulator/README.md: the speed of sound, and what happens between trigger and echo
 SOUND_M_S = 331.3 + 0.606 * 20.0
 TRIGGER_TO_RISE_S = 12e-6 + 450e-6
-BYTES_PER_S = 11_520
 
 STARE = Configure(0, 0, 0, 64, 29, 600, 100, 0, 1)
 
@@ -77,24 +76,6 @@ def triggers_s(made: Sweep) -> list[float]:
 
 def width_error_s(reading: Reading, range_m: float) -> float:
     return reading.echo / TICKS_PER_S - 2 * range_m / SOUND_M_S
-
-
-def flood(unit: SteppedUnit, duration_s: float, noise: random.Random) -> list[Sweep]:
-    """Keep the line to the unit full for so long, with garbage, status requests and acknowledgements; its sweeps."""
-    sweeps = []
-    end_s = unit.now_s + duration_s
-    burst_s = 0.1
-    while unit.now_s < end_s:
-        burst = b""
-        while len(burst) < BYTES_PER_S * burst_s:
-            garbage = noise.randbytes(noise.randrange(200)).replace(b"\0", b"\1")
-            burst += encode(AskStatus(noise.randrange(1, 256))) + garbage + b"\0"
-        unit.send_bytes(burst[: int(BYTES_PER_S * burst_s)])
-        unit.run(burst_s)
-        sweeps += unit.take(Sweep)
-        for made in sweeps[-1:]:
-            unit.acknowledge(made)
-    return sweeps
 
 
 @pytest.mark.parametrize("range_m", [0.0205, 0.5, 1.7, 2.81, 3.99])
@@ -179,6 +160,7 @@ def test_each_reading_says_why_there_is_no_echo_and_the_link_goes_on(facing, mis
     faults = unit.ask(AskStatus(0), Status).echo_faults
     assert faults == (0 if echo == NO_ECHO else len(made.readings))
 
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     for reading in one_sweep(unit, plan).readings:
         assert abs(width_error_s(reading, 1.0)) <= 1e-6

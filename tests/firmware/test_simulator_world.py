@@ -402,3 +402,11 @@ def test_a_terminal_is_told_how_far_the_run_has_got():
         os.close(leader)
     assert re.search(r"\r\x1b\[K\d\.\d s simulated, \d\.\d times real time, \d+ frames", told)
     assert told.endswith("\r\x1b[K")
+
+
+def test_a_room_with_places_for_two_has_two_units_unless_told_otherwise():
+    command = ["noctule-sim", "--firmware", str(IMAGE), "--room", "lounge", "--tcp", "127.0.0.1:0", "--duration", "0.1"]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"unit (\d): socket:.*sharing the room", told) == ["1", "2"]
+    told = subprocess.run([*command, "--units", "1"], capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"unit (\d): socket:", told) == ["1"]

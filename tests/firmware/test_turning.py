@@ -6,8 +6,10 @@ from contextlib import ExitStack
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from random import Random
 
 import pytest
+from firmware.flood import flood
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.frames import (
@@ -15,6 +17,7 @@ from noctule_gateway.frames import (
     Calibrate,
     Configure,
     GoTo,
+    Hello,
     Home,
     Single,
     Start,
@@ -188,6 +191,25 @@ def test_bearings_do_not_drift(placed):
     assert [go_to(unit, there) for there in (30.0, -30.0)] == pytest.approx(before, abs=1e-9)
 
 
+def test_no_load_on_the_line_loses_or_delays_a_half_step(placed):
+    unit = placed()
+    home(unit)
+    before = [go_to(unit, there) for there in (30.0, -30.0)]
+    # the fastest: 50 half steps/s more, and the simulator's motor loses them
+    assert unit.command(Configure(0, bearing(-140), bearing(35), 9, 29, 1000, 100, 20, 1)) == DONE
+    assert unit.command(Start(0, 0)) == DONE
+    quiet = unit.receive(Sweep, within_s=60)
+    flooded = flood(unit, 60.0, Random(2))
+    assert len(flooded) > 10
+    for made in flooded:
+        # each of eight moves may be found to be over by a round of 2 ms earlier or later
+        assert abs(made.readings[-1].offset - quiet.readings[-1].offset) * TICKS_PER_OFFSET <= 8 * 0.002 * TICKS_PER_S
+    unit.run(1.0)
+    assert unit.command(Stop(0)) == DONE
+    unit.wait_for_state(IDLE)
+    assert [go_to(unit, there) for there in (30.0, -30.0)] == pytest.approx(before, abs=1e-9)
+
+
 @pytest.mark.parametrize("backlash", [0, 9])
 def test_an_end_stop_is_found_again_where_it_was(placed, backlash):
     unit = placed(f'home = "none"\nstop_deg = 160.0\nbacklash_deg = {backlash * HALF_STEP_DEG}')
@@ -201,6 +223,19 @@ def test_an_end_stop_is_found_again_where_it_was(placed, backlash):
         home(unit)
         assert go_to(unit, 0.0) == pytest.approx(0.0, abs=HOMED_DEG)
         go_to(unit, start)
+
+
+def test_an_end_stop_is_found_again_after_a_power_cut(placed):
+    unit = placed('home = "none"\nstop_deg = 160.0')
+    looked = []
+    for turned_to in (-40.0, 55.5, 3.3):
+        calibrate(unit, kind=1, home_deg=-160.0)
+        home(unit)
+        looked.append(go_to(unit, 0.0))
+        go_to(unit, turned_to)
+        unit.befall("power_cut", for_s=1.0)
+        unit.receive(Hello)
+    assert looked == pytest.approx([looked[0]] * 3, abs=1e-9)
 
 
 def test_a_switch_elsewhere_is_taken_at_its_calibrated_bearing(placed):
@@ -223,6 +258,7 @@ def test_a_broken_switch_is_told_and_stops_nothing_else(placed, mishap, fault):
     assert (status.fault, status.homed) == (fault, False)
     assert unit.command(GoTo(0, 0)) == NOT_HOMED
     assert not unit.truth["coils_on"]
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     assert unit.command(Single(0)) == DONE
     assert unit.receive(Sweep, within_s=60)
@@ -239,6 +275,7 @@ def test_a_stuck_motor_does_not_stop_the_link(placed):
         unit.acknowledge(unit.receive(Sweep, within_s=60))
     assert unit.command(Stop(0)) == DONE
     unit.wait_for_state(IDLE)
+    assert unit.truth["resets"] == 0
     unit.befall("mended")
     home(unit)
     assert go_to(unit, 20.0) == pytest.approx(20.0, abs=HOMED_DEG)
@@ -297,3 +334,12 @@ def test_a_calibration_is_taken_at_rest_only_and_makes_the_unit_home_again(place
     assert unit.command(Calibrate(0, DEFAULT_TURN, 0, 0, DEFAULT_HOME)) == DONE
     assert not unit.ask(AskStatus(0), Status).homed
     assert unit.command(GoTo(0, 0)) == NOT_HOMED
+
+
+def test_a_unit_that_is_calibrated_between_two_sweeps_homes_before_the_next(placed):
+    unit = placed()
+    assert unit.command(Start(0, 500)) == DONE
+    unit.wait_for_state(PAUSING)
+    calibrate(unit, backlash=3)
+    assert unit.wait_for_state(HOMING).started
+    assert unit.wait_for_state(SWEEPING).homed

@@ -3,12 +3,16 @@
 from math import inf
 
 from firmware.stepped_unit import SteppedUnit
+
 from noctule_gateway.errors import GatewayError
 from noctule_gateway.update import Updater
 from noctule_gateway.update_image import Image
 from noctule_gateway.update_steps import Current, Step, Updated
 
 SERIAL = 1  # noctule-sim's first unit
+STAGING = 0x8000  # firmware/README.md, Flash
+LOOK_EVERY_S = 0.05  # at the flash, which takes longer from a reset to a frame
+TICK_S = 1e-6  # so that what is due then is, whatever the simulator's rounding
 
 
 class Update:
@@ -19,7 +23,9 @@ class Update:
         self._updater = Updater(SERIAL, image, again, first_request=1)
         self._updater.opened(unit.now_s)
 
-    def run(self, until_operation: float = inf, until_step: Step | None = None) -> Updated | Current | GatewayError | None:
+    def run(
+        self, until_operation: float = inf, until_step: Step | None = None
+    ) -> Updated | Current | GatewayError | None:
         """How it ends; None if the unit's flash, or the update, has got as far as that before."""
         while self._updater.outcome is None:
             if self._unit.truth.get("flash_operations", 0) >= until_operation:
@@ -32,9 +38,17 @@ class Update:
     def _exchange(self) -> None:
         unit, updater = self._unit, self._updater
         updater.advance(unit.now_s)
+        if updater.outcome is not None:
+            return
         feed = updater.output(unit.now_s).hex()
-        sent = unit.step(feed=[feed], until_s=max(updater.next_s, unit.now_s), stop_at_frame=True)
+        due_s = max(unit.now_s, min(updater.next_s, unit.now_s + LOOK_EVERY_S))
+        sent = unit.step(feed=[feed], until_s=due_s + TICK_S, stop_at_frame=True)
         updater.receive(sent, unit.now_s)
+
+
+def staged(image: Image) -> dict[int, bytes]:
+    """What ``image`` is in a unit's staging, by address."""
+    return {STAGING + 512 * page: content for page, content in image.pages.items()}
 
 
 def update(unit: SteppedUnit, image: Image, again: bool = False) -> Updated | Current | GatewayError | None:

@@ -5,7 +5,7 @@
 //! Nothing depends on real time.
 
 use crate::fleet::Fleet;
-use crate::member::{Member, MemberError, Peer};
+use crate::member::MemberError;
 use crate::mishap::Blow;
 use crate::time::{from_seconds, to_seconds};
 use crate::unit::Truth;
@@ -42,7 +42,7 @@ struct Request {
     fault: Option<Blow>,
     /// Run until this simulated time; without it, no time passes.
     until_s: Option<f64>,
-    /// Stop as soon as a unit has ended a frame. With several units that is seen every 5 ms.
+    /// Stop as soon as a unit has ended a frame. With several units that is seen by the slice.
     #[serde(default)]
     stop_at_frame: bool,
 }
@@ -98,9 +98,6 @@ fn check(request: &Request, fleet: &Fleet, line: usize) -> Result<(), ControlErr
 
 fn answer(fleet: &mut Fleet) -> Answer {
     let truth = fleet.members.iter().map(|member| member.unit.truth()).collect();
-    let sent = |member: &mut Member| match &mut member.peer {
-        Peer::Control(sent) => Bytes(std::mem::take(sent)),
-        Peer::Line(_) | Peer::Host(_) => Bytes::default(),
-    };
-    Answer { now_s: to_seconds(fleet.now), sent: fleet.members.iter_mut().map(sent).collect(), truth }
+    let sent = fleet.members.iter_mut().map(|member| Bytes(std::mem::take(&mut member.outbox))).collect();
+    Answer { now_s: to_seconds(fleet.now), sent, truth }
 }

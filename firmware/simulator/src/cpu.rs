@@ -7,10 +7,7 @@
 use crate::chip::{Chip, sfr};
 use crate::cycles::INTERRUPT_ENTRY;
 use crate::fault::Violation;
-use crate::opcode::{
-    DA, Operand, RESERVED_OPCODE, RETI, TRAITS, is_jump_in_page, moves_by_page, reads_latch,
-    sets_core_flags_wrong,
-};
+use crate::opcode::{Kind, TRAITS, USES, reads_latch, subtracts, takes_carry};
 use i8051::{Cpu as Core, Flag, Interrupt};
 
 pub const IRAM_SIZE: usize = 256;
@@ -58,105 +55,128 @@ impl Cpu {
     }
 
     /// Runs one instruction and gives the SYSCLKs that it takes. What the chip forbids is in [`Chip::violation`].
-    #[inline]
+    #[inline(always)]
     pub fn step(&mut self, chip: &mut Chip) -> u64 {
         let pc = self.core.pc;
+        chip.check_code_address(pc);
         let opcode = chip.flash.byte(pc);
         let traits = &TRAITS[opcode as usize];
-        if traits.special {
-            self.step_special(opcode, pc, chip);
-        } else {
+        self.defers_interrupts = false;
+        let second = chip.flash.byte(pc.wrapping_add(1));
+        if USES[second as usize] & traits.cares_for == 0 {
             self.core.step(chip);
+        } else {
+            self.step_special(traits.kind, opcode, pc, chip);
         }
         let jumped = self.core.pc != pc.wrapping_add(u16::from(traits.length));
         u64::from(traits.clocks) + u64::from(traits.taken) * u64::from(jumped)
     }
 
-    /// An instruction before and after which something must be made good.
-    fn step_special(&mut self, opcode: u8, pc: u16, chip: &mut Chip) {
-        let touches_interrupts = self.prepare(opcode, pc, chip);
-        let flags = self.arithmetic_flags(opcode, pc, chip);
-        chip.prepare_movx(moves_by_page(opcode));
-
-        self.core.step(chip);
-
-        chip.prepare_movx(false);
-        if let Some((carry_half, overflow)) = flags {
-            self.core.psw_set(Flag::AC, carry_half);
-            self.core.psw_set(Flag::OV, overflow);
-        }
-        self.defers_interrupts = touches_interrupts || opcode == RETI;
-        if touches_interrupts {
-            chip.set_interrupt_registers(self.core.ie(), self.core.ip());
-            self.core.ie_set(0);
-        }
-        match opcode {
-            RETI => {
+    /// An instruction before and after which something else must be made good.
+    #[inline(never)]
+    fn step_special(&mut self, kind: Kind, opcode: u8, pc: u16, chip: &mut Chip) {
+        let first = chip.flash.byte(pc.wrapping_add(1));
+        match kind {
+            Kind::Direct => self.step_on_registers(opcode, &[first], chip),
+            Kind::Bit => self.step_on_registers(opcode, &[first & 0xF8], chip),
+            Kind::DirectDirect => {
+                let second = chip.flash.byte(pc.wrapping_add(2));
+                self.step_on_registers(opcode, &[first, second], chip);
+            }
+            Kind::ArithmeticDirect => {
+                self.prepare(opcode, &[first], chip);
+                self.step_arithmetic(opcode, chip);
+                self.finish(&[first], chip);
+            }
+            Kind::DecimalAdjust => {
+                let (half_carry, overflow) = (self.core.psw(Flag::AC), self.core.psw(Flag::OV));
+                self.core.step(chip);
+                self.set_flags(half_carry, overflow);
+            }
+            Kind::JumpInPage => {
+                self.core.step(chip);
+                self.core.pc = pc.wrapping_add(2) & 0xF800 | self.core.pc & 0x07FF;
+            }
+            Kind::MovxByPage => {
+                chip.prepare_movx(true);
+                self.core.step(chip);
+                chip.prepare_movx(false);
+            }
+            Kind::MovcFromPc => self.step_movc(pc.wrapping_add(1), chip),
+            Kind::MovcFromDptr => self.step_movc(self.core.dptr(), chip),
+            Kind::ReturnFromInterrupt => {
+                self.core.step(chip);
+                self.defers_interrupts = true;
                 chip.leave_interrupt();
                 self.silence_core_interrupts();
             }
-            RESERVED_OPCODE => chip.report(Violation::rule("opcode 0xA5 is reserved")),
-            _ if is_jump_in_page(opcode) => {
-                self.core.pc = pc.wrapping_add(2) & 0xF800 | self.core.pc & 0x07FF;
+            Kind::Reserved => {
+                self.core.step(chip);
+                chip.report(Violation::rule("opcode 0xA5 is reserved"));
             }
-            _ => {}
+            Kind::Arithmetic => self.step_arithmetic(opcode, chip),
+            Kind::Plain => {
+                self.core.step(chip);
+            }
         }
     }
 
-    /// Readies chip and core for the registers that the instruction names; tells whether it may touch IE or IP, which
-    /// live in the core only while an instruction works on them.
-    fn prepare(&mut self, opcode: u8, pc: u16, chip: &mut Chip) -> bool {
-        let first = chip.flash.byte(pc.wrapping_add(1));
-        let (first, second) = match TRAITS[opcode as usize].operand {
-            Operand::None => return false,
-            Operand::Direct => (first, 0),
-            Operand::Bit => (first & 0xF8, 0),
-            Operand::DirectDirect => (first, chip.flash.byte(pc.wrapping_add(2))),
-        };
-        let mut touches_interrupts = false;
-        for address in [first, second] {
-            if address < 0x80 {
-                continue;
-            }
-            chip.prepare_access(address, reads_latch(opcode));
-            if address == sfr::PSW {
-                self.core.psw_set(Flag::P, self.core.a().count_ones() % 2 == 1);
-            }
-            touches_interrupts |= matches!(address, sfr::IE | sfr::IP);
-        }
-        if touches_interrupts {
-            self.core.ie_set(chip.interrupts.read(sfr::IE));
-            self.core.ip_set(chip.interrupts.read(sfr::IP));
-        }
-        touches_interrupts
+    fn step_on_registers(&mut self, opcode: u8, addresses: &[u8], chip: &mut Chip) {
+        self.prepare(opcode, addresses, chip);
+        self.core.step(chip);
+        self.finish(addresses, chip);
     }
 
-    /// AC and OV after ADD, ADDC and SUBB, and after DA, which leaves them alone.
-    fn arithmetic_flags(&self, opcode: u8, pc: u16, chip: &Chip) -> Option<(bool, bool)> {
-        if !sets_core_flags_wrong(opcode) {
-            return None;
+    fn step_movc(&mut self, base: u16, chip: &mut Chip) {
+        chip.check_code_address(base.wrapping_add(u16::from(self.core.a())));
+        self.core.step(chip);
+    }
+
+    /// Readies chip and core for the registers among the addresses that the instruction names. IE and IP live in the
+    /// core only while an instruction works on them.
+    #[inline]
+    fn prepare(&mut self, opcode: u8, addresses: &[u8], chip: &mut Chip) {
+        for &address in addresses {
+            match address {
+                sfr::PSW => self.core.psw_set(Flag::P, self.core.a().count_ones() % 2 == 1),
+                sfr::IE | sfr::IP => {
+                    self.core.ie_set(chip.interrupts.read(sfr::IE));
+                    self.core.ip_set(chip.interrupts.read(sfr::IP));
+                }
+                _ => chip.prepare_access(address, reads_latch(opcode)),
+            }
         }
-        if opcode == DA {
-            return Some((self.core.psw(Flag::AC), self.core.psw(Flag::OV)));
+    }
+
+    #[inline]
+    fn finish(&mut self, addresses: &[u8], chip: &mut Chip) {
+        if addresses.iter().any(|address| matches!(*address, sfr::IE | sfr::IP)) {
+            self.defers_interrupts = true;
+            chip.set_interrupt_registers(self.core.ie(), self.core.ip());
+            self.core.ie_set(0);
         }
-        let next = chip.flash.byte(pc.wrapping_add(1));
-        let operand = match opcode & 0x0F {
-            0x04 => next,
-            0x05 if next < 0x80 => self.core.internal_ram(next),
-            0x05 => self.core.sfr(next, chip),
-            0x06 | 0x07 => self.core.internal_ram(self.core.r(opcode & 1)),
-            _ => self.core.r(opcode & 7),
+    }
+
+    /// ADD, ADDC or SUBB. AC and OV follow from the accumulator before and after: the operand is their difference.
+    #[inline(never)]
+    fn step_arithmetic(&mut self, opcode: u8, chip: &mut Chip) {
+        let before = self.core.a();
+        let carry = u8::from(self.core.psw(Flag::C) && takes_carry(opcode));
+        self.core.step(chip);
+        let after = self.core.a();
+        let (operand, overflow) = if subtracts(opcode) {
+            let operand = before.wrapping_sub(after).wrapping_sub(carry);
+            (operand, (before ^ operand) & (before ^ after))
+        } else {
+            let operand = after.wrapping_sub(before).wrapping_sub(carry);
+            (operand, (before ^ after) & (operand ^ after))
         };
-        let a = self.core.a();
-        let carry = u8::from(self.core.psw(Flag::C) && opcode & 0xF0 != 0x20);
-        if opcode & 0xF0 == 0x90 {
-            let half = (a & 0x0F) < (operand & 0x0F) + carry;
-            let difference = i16::from(a as i8) - i16::from(operand as i8) - i16::from(carry);
-            return Some((half, i8::try_from(difference).is_err()));
-        }
-        let half = (a & 0x0F) + (operand & 0x0F) + carry > 0x0F;
-        let sum = i16::from(a as i8) + i16::from(operand as i8) + i16::from(carry);
-        Some((half, i8::try_from(sum).is_err()))
+        self.set_flags((before ^ operand ^ after) & 0x10 != 0, overflow & 0x80 != 0);
+    }
+
+    fn set_flags(&mut self, half_carry: bool, overflow: bool) {
+        self.core.psw_set(Flag::AC, half_carry);
+        self.core.psw_set(Flag::OV, overflow);
     }
 
     /// The core takes no interrupt of its own while it believes that it is serving one.

@@ -3,14 +3,27 @@
 use crate::cli::Speed;
 use crate::member::{Member, MemberError};
 use crate::mishap::{Blow, Mishaps};
+use crate::readiness;
 use crate::time::{TICKS_PER_MS, Tick, from_seconds, to_seconds};
+use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use thiserror::Error;
 
 /// Simulated time between two looks at the serial lines when nothing is paced.
 const FREE_SLICE: Tick = 5 * TICKS_PER_MS;
-/// Real time between two looks at the serial lines when it is.
+/// Real time between two looks at the serial lines when it is, as long as the machine keeps up.
 const PACED_SLICE: Duration = Duration::from_millis(1);
+/// Simulated time between two looks at most.
+const LONGEST_SLICE: Tick = 20 * TICKS_PER_MS;
+
+#[derive(Debug, Error)]
+pub enum FleetError {
+    #[error(transparent)]
+    Member(#[from] MemberError),
+    #[error("the serial lines can't be watched: {0}")]
+    Lines(io::Error),
+}
 
 pub struct Fleet {
     pub members: Vec<Member>,
@@ -27,18 +40,24 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    fn slice(&self) -> Tick {
-        match self.speed {
-            Speed::Max => FREE_SLICE,
-            Speed::Times(times) => from_seconds(times * PACED_SLICE.as_secs_f64()).clamp(1, 4 * FREE_SLICE),
-        }
+    /// The end of the slice that begins at `now`. One that begins late is longer: that costs less a simulated second.
+    fn slice_end(&self, now: Tick, elapsed: Duration) -> Tick {
+        let end = match self.speed {
+            Speed::Max => now + FREE_SLICE,
+            Speed::Times(times) => {
+                let due = from_seconds(times * elapsed.as_secs_f64());
+                let slice = from_seconds(times * PACED_SLICE.as_secs_f64());
+                due.max(now + slice).clamp(now + 1, now + LONGEST_SLICE)
+            }
+        };
+        end.min(self.end.unwrap_or(Tick::MAX))
     }
 }
 
 impl Fleet {
     /// Units at power-up; `lookahead` is how far one may be run ahead of the others if they share a room.
     pub fn new(members: Vec<Member>, mishaps: Mishaps, lookahead: Option<Tick>) -> Self {
-        let slice = lookahead.map_or(FREE_SLICE, |lookahead| lookahead.min(FREE_SLICE));
+        let slice = lookahead.map_or(LONGEST_SLICE, |lookahead| lookahead.min(LONGEST_SLICE));
         Self { members, now: 0, mishaps, slice }
     }
 
@@ -55,16 +74,17 @@ impl Fleet {
     /// Runs the fleet until the schedule's end or until `stop`, and tells `watch` how it gets on.
     ///
     /// # Errors
-    /// A [`MemberError`] for the first unit that fails.
+    /// A [`FleetError`] for the first unit that fails, or if the lines can't be watched.
     pub fn run(
         &mut self,
         schedule: &Schedule,
         stop: &AtomicBool,
         mut watch: impl FnMut(&Self),
-    ) -> Result<(), MemberError> {
+    ) -> Result<(), FleetError> {
         let began = Instant::now();
         while !stop.load(Ordering::Relaxed) && schedule.end.is_none_or(|end| self.now < end) {
-            self.run_until((self.now + schedule.slice()).min(schedule.end.unwrap_or(Tick::MAX)))?;
+            self.run_until(schedule.slice_end(self.now, began.elapsed()))?;
+            self.exchange()?;
             watch(self);
             if let Speed::Times(times) = schedule.speed {
                 let due = began + Duration::from_secs_f64(to_seconds(self.now) / times);
@@ -77,7 +97,7 @@ impl Fleet {
     /// Runs all units until `end`.
     ///
     /// # Errors
-    /// As `run`.
+    /// A [`MemberError`] for the first unit that fails.
     pub fn run_until(&mut self, end: Tick) -> Result<(), MemberError> {
         while self.now < end {
             let stop = self.begin_slice(end);
@@ -92,11 +112,11 @@ impl Fleet {
     /// As `run_until`, but stops as soon as a unit has ended a frame. With several units that is seen by the slice.
     ///
     /// # Errors
-    /// As `run`.
+    /// As `run_until`.
     pub fn run_until_frame(&mut self, end: Tick) -> Result<(), MemberError> {
         let before = self.frames();
         while self.now < end && self.frames() == before {
-            let stop = self.begin_slice(end);
+            let stop = self.begin_slice(end.min(self.now + FREE_SLICE));
             self.now = if let [member] = &mut self.members[..] {
                 member.run_until_frame(stop)?;
                 member.unit.now()
@@ -104,6 +124,15 @@ impl Fleet {
                 self.members.iter_mut().try_for_each(|member| member.run_until(stop))?;
                 stop
             };
+        }
+        Ok(())
+    }
+
+    /// Hands on what has come from the units and what has come for them.
+    fn exchange(&mut self) -> Result<(), FleetError> {
+        let ready = readiness::ready(self.members.iter().map(Member::line)).map_err(FleetError::Lines)?;
+        for (member, ready) in self.members.iter_mut().zip(ready) {
+            member.exchange(ready, self.now);
         }
         Ok(())
     }

@@ -9,15 +9,14 @@ use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 
 /// What a client may leave unread; further bytes are lost, as in a serial adapter's driver.
 const UNREAD_LIMIT: usize = 64 * 1024;
-/// How often a connected line looks for, and turns away, a second client.
-const TURN_AWAY_EVERY: u32 = 64;
 
 enum End {
-    Tcp { listener: TcpListener, client: Option<TcpStream>, exchanges: u32 },
+    Tcp { listener: TcpListener, client: Option<TcpStream> },
     Pty { master: PtyMaster, link: PathBuf },
 }
 
@@ -34,7 +33,7 @@ impl Line {
     pub fn tcp(address: SocketAddr) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
-        Ok(Self::new(End::Tcp { listener, client: None, exchanges: 0 }))
+        Ok(Self::new(End::Tcp { listener, client: None }))
     }
 
     /// Opens a pseudo-terminal and makes `link` a symbolic link to it, in place of an old link.
@@ -72,27 +71,42 @@ impl Line {
         }
     }
 
-    /// Hands `sent` to the client, and reads at most `buffer` from it; gives how much.
-    pub fn exchange(&mut self, sent: &[u8], buffer: &mut [u8]) -> usize {
+    /// What becomes readable when a client comes, sends or leaves.
+    pub fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
+        let (first, second) = match &self.end {
+            End::Tcp { listener, client } => (listener.as_fd(), client.as_ref().map(AsFd::as_fd)),
+            End::Pty { master, .. } => (master.as_fd(), None),
+        };
+        std::iter::once(first).chain(second)
+    }
+
+    /// Whether the client has yet to take something.
+    pub fn is_behind(&self) -> bool {
+        !self.unread.is_empty()
+    }
+
+    /// Hands `sent` to the client and, if one of the descriptors is `ready`, reads at most `buffer` from it; gives how
+    /// much.
+    pub fn exchange(&mut self, sent: &[u8], ready: bool, buffer: &mut [u8]) -> usize {
         let room = UNREAD_LIMIT - self.unread.len();
         self.unread.extend(&sent[..sent.len().min(room)]);
         let outcome = match &mut self.end {
-            End::Tcp { listener, client, exchanges } => {
-                *exchanges += 1;
-                if client.is_none() || exchanges.is_multiple_of(TURN_AWAY_EVERY) {
-                    welcome(listener, client);
-                }
+            End::Tcp { listener, client } => {
                 let outcome = match client {
-                    Some(stream) => talk(stream, &mut self.unread, buffer),
+                    Some(stream) => talk(stream, &mut self.unread, ready, buffer),
                     None => Err(ErrorKind::NotConnected.into()),
                 };
                 if outcome.is_err() {
                     *client = None;
                 }
+                // Only now: the one before may just have left.
+                if ready {
+                    welcome(listener, client);
+                }
                 outcome
             }
             // Reading fails while no program has the terminal open.
-            End::Pty { master, .. } => talk(master, &mut self.unread, buffer),
+            End::Pty { master, .. } => talk(master, &mut self.unread, ready, buffer),
         };
         outcome.unwrap_or_else(|_| {
             self.unread.clear();
@@ -120,13 +134,13 @@ fn welcome(listener: &TcpListener, client: &mut Option<TcpStream>) {
 }
 
 /// Reads first: that tells whether anybody is there.
-fn talk(stream: &mut (impl Read + Write), unread: &mut VecDeque<u8>, buffer: &mut [u8]) -> io::Result<usize> {
-    let received = match stream.read(buffer) {
-        Ok(0) if !buffer.is_empty() => return Err(ErrorKind::UnexpectedEof.into()),
-        Ok(count) => count,
-        Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
-        Err(error) => return Err(error),
-    };
+fn talk(
+    stream: &mut (impl Read + Write),
+    unread: &mut VecDeque<u8>,
+    ready: bool,
+    buffer: &mut [u8],
+) -> io::Result<usize> {
+    let received = if ready { read(stream, buffer)? } else { 0 };
     while !unread.is_empty() {
         match stream.write(unread.as_slices().0) {
             Ok(count) => drop(unread.drain(..count)),
@@ -135,4 +149,12 @@ fn talk(stream: &mut (impl Read + Write), unread: &mut VecDeque<u8>, buffer: &mu
         }
     }
     Ok(received)
+}
+
+fn read(stream: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    match stream.read(buffer) {
+        Ok(0) if !buffer.is_empty() => Err(ErrorKind::UnexpectedEof.into()),
+        Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(0),
+        outcome => outcome,
+    }
 }

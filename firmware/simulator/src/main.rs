@@ -24,6 +24,7 @@ mod mishap;
 mod opcode;
 mod path;
 mod places;
+mod readiness;
 mod report;
 mod room;
 mod scenery;
@@ -39,11 +40,11 @@ use cli::Arguments;
 use control::ControlError;
 use echo::Scene;
 use flash_store::FlashStore;
-use fleet::{Fleet, Schedule};
+use fleet::{Fleet, FleetError, Schedule};
 use host::Host;
 use image::{ImageError, Record};
 use line::Line;
-use member::{Member, MemberError, Peer};
+use member::{Member, Peer};
 use mishap::{MishapError, Mishaps};
 use report::Progress;
 use room::{Room, RoomError};
@@ -69,7 +70,7 @@ enum SimulatorError {
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
-    Member(#[from] MemberError),
+    Fleet(#[from] FleetError),
     #[error(transparent)]
     Control(#[from] ControlError),
     #[error("{what}: {source}")]
@@ -181,12 +182,20 @@ fn member(
     if arguments.measure {
         unit.measure();
     }
-    Ok(Member { serial, unit, cable: Cable::new(seed), peer: peer(arguments, serial)?, store, frames: 0 })
+    Ok(Member {
+        serial,
+        unit,
+        cable: Cable::new(seed),
+        peer: peer(arguments, serial)?,
+        store,
+        outbox: Vec::new(),
+        frames: 0,
+    })
 }
 
 fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
     if arguments.control {
-        return Ok(Peer::Control(Vec::new()));
+        return Ok(Peer::Control);
     }
     if arguments.acknowledge {
         return Ok(Peer::Host(Host::default()));

@@ -26,8 +26,8 @@ pub enum MemberError {
 pub enum Peer {
     Line(Line),
     Host(Host),
-    /// The program that runs the simulation step by step takes what the unit has sent from here.
-    Control(Vec<u8>),
+    /// The program that runs the simulation step by step takes and gives the bytes.
+    Control,
 }
 
 pub struct Member {
@@ -36,12 +36,14 @@ pub struct Member {
     pub cable: Cable,
     pub peer: Peer,
     pub store: Option<FlashStore>,
+    /// What has come through the cable from the unit and is yet to be handed on.
+    pub outbox: Vec<u8>,
     /// Frames that the unit has ended so far.
     pub frames: u64,
 }
 
 impl Member {
-    /// Runs the unit until `end`, then hands over what the line and the flash's file are to have.
+    /// Runs the unit until `end`, then hands over what the cable and the flash's file are to have.
     ///
     /// # Errors
     /// A [`MemberError`] if the firmware does what it must not, or the file can't be written.
@@ -88,29 +90,38 @@ impl Member {
         if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
             store.save(flash).map_err(|source| MemberError::Store { serial, source })?;
         }
-        self.exchange(now);
+        self.frames += self.unit.sent().iter().filter(|byte| **byte == 0).count() as u64;
+        self.cable.deliver_to_host(self.unit.sent(), now);
+        self.outbox.append(self.unit.sent());
         Ok(())
     }
 
-    fn exchange(&mut self, now: Tick) {
-        let sent = self.unit.sent();
-        self.frames += sent.iter().filter(|byte| **byte == 0).count() as u64;
-        self.cable.deliver_to_host(sent, now);
+    pub fn line(&self) -> Option<&Line> {
+        match &self.peer {
+            Peer::Line(line) => Some(line),
+            Peer::Host(_) | Peer::Control => None,
+        }
+    }
+
+    /// Hands on what has come from the unit and what has come for it; `ready` tells of its line whether there is
+    /// anything.
+    pub fn exchange(&mut self, ready: bool, now: Tick) {
         match &mut self.peer {
+            Peer::Line(line) if !ready && self.outbox.is_empty() && !line.is_behind() => {}
             Peer::Line(line) => {
                 let mut buffer = [0; WIRE];
                 let room = WIRE - self.unit.incoming_len().min(WIRE);
-                let received = line.exchange(self.unit.sent(), &mut buffer[..room]);
-                self.unit.sent().clear();
+                let received = line.exchange(&self.outbox, ready, &mut buffer[..room]);
+                self.outbox.clear();
                 if received > 0 {
                     self.feed(buffer[..received].to_vec(), now);
                 }
             }
-            Peer::Control(sent) => sent.append(self.unit.sent()),
+            Peer::Control => {}
             Peer::Host(host) => {
-                if !self.unit.sent().is_empty() {
-                    let answer = host.answer(self.unit.sent());
-                    self.unit.sent().clear();
+                if !self.outbox.is_empty() {
+                    let answer = host.answer(&self.outbox);
+                    self.outbox.clear();
                     self.feed(answer, now);
                 }
             }

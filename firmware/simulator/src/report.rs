@@ -23,7 +23,7 @@ pub fn beginning(fleet: &Fleet, room: &Room, firmware: &str, records: &[Record],
         let address = match &member.peer {
             Peer::Line(line) => line.address(),
             Peer::Host(_) => "acknowledged by the simulator".to_owned(),
-            Peer::Control(_) => "run step by step".to_owned(),
+            Peer::Control => "run step by step".to_owned(),
         };
         format!("unit {}: {address}, {firmware} in room {}, {carried}", member.serial, room.name)
     };
@@ -47,7 +47,7 @@ pub fn end(fleet: &Fleet, real: Duration) -> Vec<String> {
     let unit = |member: &Member| {
         let swept = match &member.peer {
             Peer::Line(_) if member.unit.path_is_done() => ", path done".to_owned(),
-            Peer::Line(_) | Peer::Control(_) => String::new(),
+            Peer::Line(_) | Peer::Control => String::new(),
             Peer::Host(host) => format!(
                 ", {} sweeps acknowledged, {} resent, {} missed, {} bad frames",
                 host.sweeps, host.resent, host.missed, host.bad_frames

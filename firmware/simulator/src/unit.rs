@@ -100,7 +100,7 @@ impl Unit {
     /// Something happens to a part of the unit, until then if it lasts.
     pub fn befall(&mut self, mishap: &Mishap, until: Tick) {
         self.world.apply(mishap, until, self.chip.now);
-        self.next_event = 0;
+        self.next_event = self.next_event.min(self.chip.now);
     }
 
     /// Measures from now on.
@@ -168,12 +168,8 @@ impl Unit {
     }
 
     fn fault(&self, violation: Violation) -> Fault {
-        Fault {
-            violation,
-            pc: self.accessed_at,
-            tick: self.chip.now,
-            flash_outrun: self.chip.flash.is_outrun(),
-        }
+        let flash_outrun = self.chip.flash.is_outrun();
+        Fault { violation, pc: self.accessed_at, tick: self.chip.now, flash_outrun }
     }
 
     /// Simulated time since power-up.
@@ -222,7 +218,7 @@ impl Unit {
 
     /// Runs instructions until one touches a register or something is due; only one if an interrupt must wait for it.
     fn execute<const MEASURED: bool>(&mut self, end: Tick) -> Result<(), Violation> {
-        let limit = self.next_event.min(end);
+        let limit = if self.look_for_interrupt { self.chip.now } else { self.next_event.min(end) };
         let ticks_per_sysclk = self.chip.ticks_per_sysclk();
         loop {
             let pc = self.cpu.pc();
@@ -236,7 +232,7 @@ impl Unit {
                 self.one_more = self.cpu.defers_interrupts();
                 return self.after_access(self.chip.now);
             }
-            if self.chip.now >= limit || self.look_for_interrupt {
+            if self.chip.now >= limit {
                 return Ok(());
             }
         }
@@ -271,13 +267,18 @@ impl Unit {
         if let Some(cause) = self.chip.reset_request.get() {
             self.reset(cause);
         }
-        self.world.watch(&self.chip.ports, self.chip.now)?;
-        self.chip.ports.pulls = self.world.pulls();
+        if std::mem::take(&mut self.chip.ports.changed) {
+            self.world.watch(&self.chip.ports, self.chip.now)?;
+            self.chip.ports.pulls = self.world.pulls();
+            self.chip.rescheduled = true;
+        }
         if let Some(measurement) = &mut self.measurement {
             measurement.see_ready(self.chip.pending() & self.chip.interrupts.enabled(), since);
         }
         self.look_for_interrupt = true;
-        self.next_event = self.chip.next_event().min(self.world.next_event());
+        if std::mem::take(&mut self.chip.rescheduled) {
+            self.next_event = self.chip.next_event().min(self.world.next_event());
+        }
         Ok(())
     }
 

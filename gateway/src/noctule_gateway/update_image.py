@@ -1,7 +1,7 @@
 """The image that an update sends, read from Intel HEX and checked by its description: firmware/README.md, "Flash".
 
-The reader is strict and knows what fits a chip of 64 KB, data and end records; a package for all of Intel HEX would take
-what no unit can have, and could not say which line is wrong.
+The reader is strict and knows what fits a chip of 64 KB, data and end records; a package for all of Intel HEX would
+take what no unit can have, and could not say which line is wrong.
 """
 
 import struct

@@ -17,7 +17,12 @@ class Bars:
     """A bar for each unit, between ``with`` and its end."""
 
     def __init__(self, console: Console) -> None:
-        columns = (TextColumn("{task.fields[unit]}"), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+        columns = (
+            TextColumn("{task.fields[unit]}"),
+            BarColumn(),
+            TextColumn("{task.description}"),
+            TimeElapsedColumn(),
+        )
         self._progress = Progress(*columns, console=console)
         self._tasks: dict[str, TaskID] = {}
 

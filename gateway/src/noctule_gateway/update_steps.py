@@ -28,15 +28,16 @@ from noctule_gateway.frames import (
     Update,
 )
 from noctule_gateway.identity import mismatch
-from noctule_gateway.update_image import Image
+from noctule_gateway.update_image import PAGES, Image
 
-GREETING_TIMEOUT_S = 0.5
-PUT_TIMEOUT_S = 0.3
-RESULT_TIMEOUT_S = 1.0
+TIMEOUT_S = 0.1  # a loader answers within 20 ms, PROGRAM and RUN within 80
+LONG_TIMEOUT_S = 0.5  # every so many attempts, for lines that take their time
+LONG_EVERY = 4
 INSTALL_TIMEOUT_S = 8.0  # 56 pages at the datasheet's longest times are 3.4 s, two looks at 28 KB one more
 BUSY_RETRY_S = 0.5
 BUSY_RETRIES = 120
-ATTEMPTS = 10
+ATTEMPTS = 50  # where one byte in twenty is spoiled, one in seven gets through
+PUT_ROUNDS = 10  # of a page
 FLASH_ATTEMPTS = 3
 FRUITLESS = 20  # greetings, and not a page between them
 BLOCK_BYTES = (128, 32, 16)
@@ -119,7 +120,7 @@ class Steps:
     # ---- Greeting ------------------------------------------------------------------------------
 
     def _greet(self) -> Talk[Hello | Loader]:
-        answer = yield from self._ask(AskHello(0), GREETING_TIMEOUT_S)
+        answer = yield from self._ask(AskHello(0))
         assert isinstance(answer, Hello | Loader)
         error = mismatch(answer, self._serial)
         if error is not None:
@@ -173,10 +174,13 @@ class Steps:
 
     def _install(self) -> Talk[None]:
         self._installed = False
-        for _ in range(FLASH_ATTEMPTS):
+        for attempt in range(FLASH_ATTEMPTS):
             self.step = Step.SENDING
-            for page in self._image.pages:
-                yield from self._send(page)
+            for page, content in self._image.pages.items():
+                # A page that ends in its own CRC has the CRC of every such page, so the description is always sent.
+                if attempt > 0 or page == PAGES - 1:
+                    yield from self._put(content)
+                yield from self._program(page, content)
                 self._fruitless = 0
             self.step = Step.INSTALLING
             result = yield from self._order(Install(0), INSTALL_TIMEOUT_S)
@@ -187,14 +191,13 @@ class Steps:
                 raise HardwareError("the loader says that the image is for other hardware: take the one for this unit")
         raise FlashError(f"the unit's flash does not hold the image (result {result}): try again, or change the chip")
 
-    def _send(self, page: int) -> Talk[None]:
-        """Have staging hold ``page``; what it holds already is not sent."""
-        content = self._image.pages[page]
+    def _program(self, page: int, content: bytes) -> Talk[None]:
+        """Have staging hold ``page``; what it holds already, by its CRC, is not sent."""
         order = Program(0, page, zlib.crc32(content))
         sent = failed = 0
         while (result := (yield from self._order(order))) != Outcome.DONE:
             self.held.discard(page)
-            if result == Outcome.BAD_CRC and sent < ATTEMPTS:
+            if result == Outcome.BAD_CRC and sent < PUT_ROUNDS:
                 sent += 1
                 yield from self._put(content)
             elif result == Outcome.FLASH_FAILED and failed < FLASH_ATTEMPTS:
@@ -217,8 +220,9 @@ class Steps:
 
     def _put_block(self, put: Put) -> Talk[int | None]:
         """What became of a block; None if it did not get through, and smaller ones are to be tried."""
+        numbered = self._numbered(put)
         for attempt in range(ATTEMPTS):
-            answer = yield Attempt(self._numbered(put), PUT_TIMEOUT_S)
+            answer = yield Attempt(numbered, _timeout_s(attempt))
             if isinstance(answer, Result):
                 self._through = self._through + 1 if attempt == 0 else 0
                 if self._through == LARGER_AFTER and self._block > 0:
@@ -232,16 +236,19 @@ class Steps:
 
     # ---- Asking --------------------------------------------------------------------------------
 
-    def _order(self, order: Stop | Update | Program | Install | Run, within_s: float = RESULT_TIMEOUT_S) -> Talk[int]:
+    def _order(self, order: Stop | Update | Program | Install | Run, within_s: float = 0.0) -> Talk[int]:
         answer = yield from self._ask(order, within_s)
         assert isinstance(answer, Result)
         return answer.result
 
-    def _ask(self, frame: Asked, within_s: float) -> Talk[Answer]:
-        """The answer to ``frame``, which is sent again, under its own number, as long as there is none."""
+    def _ask(self, frame: Asked, within_s: float = 0.0) -> Talk[Answer]:
+        """The answer to ``frame``, which is sent again, under its own number, as long as there is none.
+
+        It may need ``within_s``, if that is longer than usual.
+        """
         numbered = self._numbered(frame)
-        for _ in range(ATTEMPTS):
-            answer = yield Attempt(numbered, within_s)
+        for attempt in range(ATTEMPTS):
+            answer = yield Attempt(numbered, max(within_s, _timeout_s(attempt)))
             if answer is not None:
                 return answer
         raise RestartedError
@@ -249,6 +256,10 @@ class Steps:
     def _numbered(self, frame: Asked) -> Asked:
         self._number = self._number % MAX_REQUEST + 1
         return replace(frame, request=self._number)
+
+
+def _timeout_s(attempt: int) -> float:
+    return LONG_TIMEOUT_S if attempt % LONG_EVERY == LONG_EVERY - 1 else TIMEOUT_S
 
 
 def _version(met: Hello | Loader) -> str | None:

@@ -101,25 +101,29 @@ impl ReadOnlyMemoryMapper for Chip {
         0x1_0000
     }
 
-    /// Fetching or reading (MOVC) the reserved area resets the chip.
     #[inline]
     fn read<C: CpuView>(&self, _cpu: &C, address: u32) -> u8 {
-        let address = address as u16;
-        if address >= RESERVED {
-            self.fail_flash();
-        }
-        self.flash.byte(address)
+        self.flash.byte(address as u16)
     }
 }
 
 impl Chip {
     fn write_flash(&mut self, address: u16, value: u8) {
         self.touched.set(true);
+        self.rescheduled = true;
         match self.flash.movx(address, value, self.resets.supply_monitored()) {
             Ok(Operation::Done(stall)) => self.stalled_until = self.now + stall,
             Ok(Operation::Refused) => {}
             Ok(Operation::FlashError) => self.fail_flash(),
             Err(violation) => self.report(violation),
+        }
+    }
+
+    /// Fetching or reading (MOVC) the reserved area resets the chip.
+    #[inline]
+    pub fn check_code_address(&self, address: u16) {
+        if address >= RESERVED {
+            self.fail_flash();
         }
     }
 

@@ -49,8 +49,10 @@ pub struct Chip {
     /// A flash operation holds the CPU until then.
     pub stalled_until: Tick,
     pub reset_request: Cell<Option<Cause>>,
-    /// A register was written, or refused, since this was last cleared: events, pins and interrupts may have changed.
+    /// A register was written, or refused, since this was last cleared: interrupts may have changed.
     pub touched: Cell<bool>,
+    /// What is due next may have changed since this was last cleared.
+    pub rescheduled: bool,
     clock: Clock,
     timers: Timers,
     timer2: ReloadTimer,
@@ -85,6 +87,7 @@ impl Chip {
             stalled_until: 0,
             reset_request: Cell::new(None),
             touched: Cell::new(true),
+            rescheduled: true,
             timers: Timers::new(ticks),
             timer2: ReloadTimer::new(ticks),
             timer3: ReloadTimer::new(ticks),
@@ -119,6 +122,7 @@ impl Chip {
         (self.idle, self.stalled_until) = (false, 0);
         self.reset_request.set(None);
         self.touched.set(true);
+        self.rescheduled = true;
     }
 
     pub fn set_die_temperature_c(&mut self, temperature_c: f64) {
@@ -145,7 +149,9 @@ impl Chip {
 
     /// Brings the peripherals up to now.
     pub fn service(&mut self) {
-        self.timers.sync(self.now);
+        if self.interrupts.enables(interrupts::TIMER0) || self.interrupts.enables(interrupts::TIMER1) {
+            self.timers.sync(self.now);
+        }
         self.timer2.sync(self.now);
         self.timer3.sync(self.now);
         self.pca.sync(self.now);
@@ -153,6 +159,7 @@ impl Chip {
             self.reset_request.set(Some(Cause::Watchdog));
         }
         self.uart.service(self.now, self.ports.uart0_transmits(), self.ports.uart0_receives());
+        self.rescheduled = true;
     }
 
     /// The interrupts that are asked for, one bit each.
@@ -171,9 +178,9 @@ impl Chip {
         match interrupt {
             interrupts::TIMER0 => self.timers.acknowledge(0),
             interrupts::TIMER1 => self.timers.acknowledge(1),
-            _ => {}
+            _ => return,
         }
-        self.touched.set(true);
+        self.rescheduled = true;
     }
 
     pub fn wake(&mut self) {
@@ -181,6 +188,7 @@ impl Chip {
             self.pca.sync(self.now);
             self.pca.set_idle(false);
             self.idle = false;
+            self.rescheduled = true;
         }
     }
 

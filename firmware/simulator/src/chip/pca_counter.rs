@@ -9,14 +9,15 @@ pub struct Counter {
     ahead: u16,
     /// Ticks of 48 MHz a count, or `None` while it stands still.
     period: Option<Tick>,
-    /// Until when `total` is right.
+    /// Until when `total` is right, in ticks and in whole periods since time 0 (a division saved).
     synced: Tick,
+    periods: u64,
 }
 
 impl Counter {
     /// A counter that stands still at 0.
     pub fn new(now: Tick) -> Self {
-        Self { total: 0, ahead: 0, period: None, synced: now }
+        Self { total: 0, ahead: 0, period: None, synced: now, periods: 0 }
     }
 
     pub fn value(&self) -> u16 {
@@ -35,12 +36,16 @@ impl Counter {
 
     /// Counts from now on at another rate: call after `sync`.
     pub fn set_rate(&mut self, period: Option<Tick>) {
-        self.period = period;
+        if period != self.period {
+            self.period = period;
+            self.periods = period.map_or(0, |period| self.synced / period);
+        }
     }
 
     /// Brings the value up to `now`; tells whether it has wrapped.
     pub fn sync(&mut self, now: Tick) -> bool {
         let counts = self.counts_to(now);
+        self.periods += counts;
         let wrapped = u64::from(self.value()) + counts > 0xFFFF;
         self.total += counts;
         self.synced = now;
@@ -52,12 +57,12 @@ impl Counter {
     }
 
     fn counts_to(&self, at: Tick) -> u64 {
-        self.period.map_or(0, |period| at / period - self.synced / period)
+        self.period.map_or(0, |period| at / period - self.periods)
     }
 
     /// When so many more counts will have been made.
     pub fn after(&self, counts: u64) -> Tick {
-        self.period.map_or(NEVER, |period| (self.synced / period + counts) * period)
+        self.period.map_or(NEVER, |period| (self.periods + counts) * period)
     }
 
     pub fn wraps_at(&self) -> Tick {

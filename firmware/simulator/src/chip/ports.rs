@@ -30,6 +30,8 @@ pub struct Ports {
     xbr0: u8,
     xbr1: u8,
     pub pulls: Pulls,
+    /// A register was written since this was last cleared: what the chip drives may have changed.
+    pub changed: bool,
 }
 
 impl Ports {
@@ -42,6 +44,7 @@ impl Ports {
             xbr0: 0,
             xbr1: 0,
             pulls: Pulls::default(),
+            changed: true,
         }
     }
 
@@ -66,6 +69,7 @@ impl Ports {
     }
 
     pub fn write(&mut self, address: u8, value: u8) {
+        self.changed = true;
         match address {
             sfr::P0 | sfr::P1 | sfr::P2 | sfr::P3 | sfr::P4 => self.latch[port_of_latch(address)] = value,
             sfr::P0MDOUT..=sfr::P3MDOUT => self.push_pull[(address - sfr::P0MDOUT) as usize] = value,

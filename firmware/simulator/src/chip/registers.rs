@@ -63,6 +63,7 @@ impl Chip {
         let owner = owner(address, "write")?;
         check_bits(address, value)?;
         self.touched.set(true);
+        self.rescheduled |= owner != Owner::Ports;
         match owner {
             Owner::Core => {}
             Owner::Ports => self.ports.write(address, value),

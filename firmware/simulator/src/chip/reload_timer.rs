@@ -21,17 +21,20 @@ pub struct ReloadTimer {
     reload: u16,
     count: u16,
     period: Tick,
+    /// Until when `count` is right, in ticks and in whole periods since time 0 (a division saved).
     synced: Tick,
+    periods: u64,
 }
 
 impl ReloadTimer {
     pub fn new(ticks_per_sysclk: Tick) -> Self {
-        Self { control: 0, reload: 0, count: 0, period: 12 * ticks_per_sysclk, synced: 0 }
+        Self { control: 0, reload: 0, count: 0, period: 12 * ticks_per_sysclk, synced: 0, periods: 0 }
     }
 
     pub fn sync(&mut self, now: Tick) {
         if self.control & TR != 0 {
-            let elapsed = now / self.period - self.synced / self.period;
+            let elapsed = now / self.period - self.periods;
+            self.periods += elapsed;
             if u64::from(self.count & 0xFF) + elapsed > 0xFF {
                 self.control |= TFL;
             }
@@ -48,6 +51,7 @@ impl ReloadTimer {
     /// The clocks have changed: call after `sync`. `fast` is the timer's TnML bit.
     pub fn set_clock(&mut self, fast: bool, ticks_per_sysclk: Tick) {
         self.period = ticks_per_sysclk * if fast { 1 } else { 12 };
+        self.periods = self.synced / self.period;
     }
 
     pub fn control(&self) -> u8 {
@@ -55,6 +59,9 @@ impl ReloadTimer {
     }
 
     pub fn write_control(&mut self, value: u8) {
+        if value & !self.control & TR != 0 {
+            self.periods = self.synced / self.period;
+        }
         self.control = value;
     }
 
@@ -94,7 +101,7 @@ impl ReloadTimer {
         let low_only = self.control & TFLEN != 0;
         let counts =
             if low_only { 0x100 - u64::from(self.count & 0xFF) } else { 0x1_0000 - u64::from(self.count) };
-        (self.synced / self.period + counts) * self.period
+        (self.periods + counts) * self.period
     }
 }
 

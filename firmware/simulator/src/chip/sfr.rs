@@ -4,6 +4,9 @@
 
 use super::reload_timer::Register as Of;
 
+/// Direct addresses from here on are registers.
+pub const FIRST: u8 = 0x80;
+
 /// Who answers for a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Owner {
@@ -270,7 +273,7 @@ mod tests {
     #[test]
     fn no_address_and_no_bit_is_there_twice() {
         for (index, register) in TABLE.iter().enumerate() {
-            assert!(register.address >= 0x80);
+            assert!(register.address >= FIRST);
             assert!(
                 TABLE[index + 1..].iter().all(|other| other.address != register.address),
                 "{}",
