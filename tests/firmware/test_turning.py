@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -13,8 +12,10 @@ from firmware.flood import flood
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.frames import (
+    AskClock,
     AskStatus,
     Calibrate,
+    Clock,
     Configure,
     GoTo,
     Hello,
@@ -43,7 +44,7 @@ HOMED_DEG = 1.5 * HALF_STEP_DEG
 DEFAULT_TURN = round(HALF_STEPS_PER_TURN * 256)
 DEFAULT_HOME = -27307
 DEFAULT_PLAN = Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)
-RESTFUL_PLAN = replace(DEFAULT_PLAN, settle_ms=200)
+CLOCK_FRAME_S = 20 * 10 / 115_385
 SAMPLE_S = 0.005
 
 Place = Callable[[str], SteppedUnit]
@@ -101,19 +102,25 @@ def calibrate(
     assert unit.command(Calibrate(0, round(turn * 256), backlash, kind, bearing(home_deg))) == DONE
 
 
+def clock_began_s(unit: SteppedUnit) -> float:
+    """When the unit's tick was 0: after power-up its loader runs first."""
+    sent = unit.ask(AskClock(0), Clock).sent
+    return unit.now_s - CLOCK_FRAME_S - sent / TICKS_PER_S
+
+
 def watch_sweep(unit: SteppedUnit) -> tuple[Sweep, list[float]]:
     """One sweep, and where the sensor truly looked at each of its readings, in degrees."""
     sampled = []
+    began_s = clock_began_s(unit)
     assert unit.command(Single(0)) == DONE
     while not (swept := unit.take(Sweep)):
         unit.run(SAMPLE_S)
         sampled.append((unit.now_s, looks_at_deg(unit)))
     (made,) = swept
     unit.acknowledge(made)
-    # the sensor has rested for long when it pings, so the time before the unit started its clock makes no difference
     looked = []
     for reading in made.readings:
-        trigger_s = (made.start + reading.offset * TICKS_PER_OFFSET) / TICKS_PER_S
+        trigger_s = began_s + (made.start + reading.offset * TICKS_PER_OFFSET) / TICKS_PER_S
         looked.append(min(sampled, key=lambda sample: abs(sample[0] - trigger_s))[1])
     return made, looked
 
@@ -160,7 +167,7 @@ def test_bearings_are_the_sensors_by_its_own_gears(placed, motor_turn, backlash)
     unit = placed(f"half_steps_per_turn = {motor_turn}\nbacklash_deg = {backlash * 360 / motor_turn}")
     calibrate(unit, motor_turn, backlash)
     home(unit)
-    assert unit.command(RESTFUL_PLAN) == DONE
+    assert unit.command(DEFAULT_PLAN) == DONE
     directions = set()
     for _ in range(4):
         made, looked = watch_sweep(unit)
