@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 // Why the firmware itself reset the chip.
-enum reset_note { NOTE_NONE, NOTE_RESET, NOTE_STACK, NOTE_UPDATE, NOTE_LOADER };
+enum reset_note { NOTE_NONE, NOTE_RESET, NOTE_STACK, NOTE_UPDATE, NOTE_LOADER, NOTE_NOT_GREETED };
 
 // Notes the reset's cause, and the note of the one who made it, and makes the VDD monitor a reset source, without which
 // flash must not be written. To be called once, after clock_start().

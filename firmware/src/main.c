@@ -17,6 +17,7 @@
 #include "counters.h"
 #include "delivery.h"
 #include "echo.h"
+#include "gesture.h"
 #include "motor.h"
 #include "protocol.h"
 #include "receive.h"
@@ -26,6 +27,12 @@
 #include "thermometer.h"
 #include "transmit.h"
 #include "unit.h"
+#include "update.h"
+
+#define UNHURRIED_MS 10
+#if UNHURRIED_MS != GESTURE_SAMPLE_MS || UNHURRIED_MS != THERMOMETER_TASK_MS || UNHURRIED_MS != UPDATE_TASK_MS
+#error "a task counts on another interval"
+#endif
 
 __xdata struct counters counters;
 
@@ -54,20 +61,31 @@ static void start(void)
     transmit_hello(REQUEST_NONE);
 }
 
+// What need not be looked at in every round.
+static void do_unhurried(void)
+{
+    static uint8_t until_due = 1; // rounds
+    if (--until_due != 0)
+        return;
+    until_due = ROUNDS(UNHURRIED_MS);
+    if (!stack_is_sound())
+        reset_now(NOTE_STACK);
+    surveyor_task();
+    thermometer_task();
+    update_task();
+}
+
 void main(void)
 {
     start();
     for (;;) {
         watchdog_feed();
-        if (!stack_is_sound())
-            reset_now(NOTE_STACK);
         receive_task();
         unit_task();
         echo_task();
         motor_task();
-        surveyor_task();
         delivery_task();
-        thermometer_task();
+        do_unhurried();
         transmit_task();
         round_wait();
     }

@@ -5,12 +5,9 @@
 #include <stdint.h>
 
 #include "../hal/pins.h"
-#include "../hal/round.h"
 #include "gesture.h"
 #include "protocol.h"
 #include "unit.h"
-
-static uint8_t until_sample = 1; // rounds
 
 static bool is_ready(void)
 {
@@ -31,9 +28,6 @@ static void follow(enum gesture gesture)
 
 void surveyor_task(void)
 {
-    if (--until_sample != 0)
-        return;
-    until_sample = ROUNDS(GESTURE_SAMPLE_MS);
     enum gesture gesture = gesture_sample(pins_button_is_pressed());
     if (gesture != GESTURE_NONE && is_ready())
         follow(gesture);

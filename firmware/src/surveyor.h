@@ -2,6 +2,7 @@
 #ifndef SURVEYOR_H
 #define SURVEYOR_H
 
+// To be called every GESTURE_SAMPLE_MS.
 void surveyor_task(void);
 
 #endif

@@ -1,13 +1,12 @@
 // The thermometer. A code of the sensor is 0.83 K wide: the mean of 64 that the sensor's own noise spreads resolves 0.1 K.
 #include "thermometer.h"
 
-#include "../hal/round.h"
 #include "../hal/temperature.h"
 #include "memory.h"
 #include "protocol.h"
 
 #define CONVERSIONS 64 // their sum just fits 16 bits
-#define CONVERSION_ROUNDS ROUNDS(32)
+#define TASKS_PER_CONVERSION (30 / THERMOMETER_TASK_MS)
 
 // The sensor gives 776 mV and 2.86 mV/K, a code is 1/1024 of 2.44 V (datasheet, tables of the ADC and of the reference):
 // 0.01 K are 2.44 / 65536 / 2.86e-5 = 21328 / 2^14 of the sum of 64 codes.
@@ -19,7 +18,7 @@
 #define HOTTEST_AIR 8500
 #define WIDEST_TRIM 3000 // sensor and reference are off by 14 K at the worst, and the chip is warmer than the air
 
-static uint8_t until_conversion = CONVERSION_ROUNDS; // rounds
+static __xdata uint8_t until_conversion; // calls of the task
 static __xdata uint8_t conversions;
 static __xdata uint16_t sum;
 static __xdata int16_t measured;
@@ -34,6 +33,7 @@ static void begin_mean(void)
 void thermometer_start(void)
 {
     temperature_start();
+    until_conversion = TASKS_PER_CONVERSION;
     measured = TEMPERATURE_NOT_MEASURED;
     trim = THERMOMETER_NO_TRIM;
     begin_mean();
@@ -43,7 +43,7 @@ void thermometer_task(void)
 {
     if (--until_conversion != 0)
         return;
-    until_conversion = CONVERSION_ROUNDS;
+    until_conversion = TASKS_PER_CONVERSION;
     sum += temperature_code();
     if (++conversions != CONVERSIONS)
         return;

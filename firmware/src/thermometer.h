@@ -20,6 +20,9 @@ uint8_t thermometer_learn(int16_t air);
 void thermometer_set_trim(int16_t trim);
 int16_t thermometer_trim(void);
 
+#define THERMOMETER_TASK_MS 10
+
+// To be called every THERMOMETER_TASK_MS.
 void thermometer_task(void);
 
 #endif

@@ -4,12 +4,16 @@
 #include "../hal/flash.h"
 #include "../hal/reset.h"
 #include "flash_layout.h"
+#include "memory.h"
 #include "protocol.h"
 #include "settings.h"
 #include "transmit.h"
 #include "unit.h"
 
 #define CONFIRMED (APPLICATION + DESCRIPTION_CONFIRMED)
+#define PATIENCE_TASKS (300000UL / UPDATE_TASK_MS)
+
+static __xdata uint16_t waited; // calls of the task
 
 uint8_t update_begin(uint32_t serial)
 {
@@ -25,4 +29,13 @@ void update_confirm(void)
 {
     if (flash_read(CONFIRMED) != 0)
         flash_write(CONFIRMED, 0);
+}
+
+void update_task(void)
+{
+    if (waited == PATIENCE_TASKS)
+        return;
+    waited++;
+    if (waited == PATIENCE_TASKS && flash_read(CONFIRMED) != 0)
+        reset_now(NOTE_NOT_GREETED);
 }

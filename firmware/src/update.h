@@ -1,4 +1,5 @@
-// What the application does for its own update: it gives way to the loader, and confirms itself to it.
+// What the application does for its own update: it gives way to the loader, and confirms itself to it. One that nobody
+// greets within five minutes resets the chip: it may be deaf, and the loader counts its starts.
 #ifndef UPDATE_H
 #define UPDATE_H
 
@@ -10,5 +11,10 @@ uint8_t update_begin(uint32_t serial);
 
 // This application works: the loader need not count its starts any more.
 void update_confirm(void);
+
+#define UPDATE_TASK_MS 10
+
+// To be called every UPDATE_TASK_MS.
+void update_task(void);
 
 #endif

@@ -35,11 +35,12 @@ from noctule_gateway.update_image import PAGES, Image, load
 from noctule_gateway.update_steps import Current, Updated
 
 APPLICATION = 0x1000
+CONFIRMED = 0x7FF1
 LAST_PAGE = PAGES - 1
 NO_VERSION = (0xFF, 0xFF, 0xFF)
 ATTEMPTS = 8
 SOFTWARE = 0x10  # RSTSRC
-NOTE_LOADER = 4  # firmware/README.md: HELLO's reset_note
+NOTE_LOADER, NOTE_NOT_GREETED = 4, 5  # firmware/README.md: HELLO's reset_note
 BAD, UNKNOWN, WRONG_LENGTH, TOO_LONG = 1, 2, 3, 4  # REJECTED's reasons
 
 
@@ -305,6 +306,23 @@ def test_an_image_that_hangs_uses_up_its_attempts_and_a_good_one_brings_the_unit
             assert unit.ask(AskHello(0), Loader).reason == Stay.NOT_CONFIRMED
         assert unit.command(Run(0)) == Outcome.OUT_OF_RANGE
         assert update(unit, new_image) == Updated("0.2.0")
+
+
+def test_an_image_that_runs_but_hears_no_host_ends_in_the_loader_too(tmp_path):
+    image = with_flash(IMAGE, {CONFIRMED: b"\xff"}, tmp_path / "unconfirmed.hex")
+    with stepped_unit("--laps", "0", image=image) as unit:
+        starts = [unit.receive(Hello, 310.0).reset_note for _ in range(ATTEMPTS)]
+        assert starts == [0] + [NOTE_NOT_GREETED] * (ATTEMPTS - 1)
+        assert unit.receive(Loader, 310.0).reason == Stay.NOT_CONFIRMED
+
+
+def test_an_image_that_was_greeted_once_runs_on(tmp_path):
+    image = with_flash(IMAGE, {CONFIRMED: b"\xff"}, tmp_path / "unconfirmed.hex")
+    with stepped_unit("--laps", "0", image=image) as unit:
+        unit.greet()
+        resets = unit.truth["resets"]
+        unit.run(310.0)
+        assert unit.truth["resets"] == resets
 
 
 def test_an_unconfirmed_image_may_be_installed_again_and_gets_new_attempts(hanging):

@@ -24,8 +24,8 @@ def millions_of_instructions(duration_s: int, arguments: list[str]) -> float:
     ("arguments", "most"),
     [
         # firmware/README.md, Layout: millions of instructions/s, and a tenth more for homing and rounding
-        pytest.param(["--acknowledge"], 0.187, id="sweeping"),
-        pytest.param(["--laps", "0", "--tcp", "127.0.0.1:0"], 0.077, id="idle"),
+        pytest.param(["--acknowledge"], 0.184, id="sweeping"),
+        pytest.param(["--laps", "0", "--tcp", "127.0.0.1:0"], 0.075, id="idle"),
     ],
 )
 def test_the_cpu_sleeps_when_it_has_nothing_to_do(arguments, most):

@@ -74,6 +74,7 @@ def test_a_full_ring_is_the_gateways_fault_where_the_gateway_is_late() -> None:
     [
         (WATCHDOG, 0, False, "watchdog"),
         (SOFTWARE, 2, False, "stack"),
+        (SOFTWARE, 5, True, "greeted"),
         (POWER, 0, True, "supply"),
         (PIN, 0, True, "pin"),
     ],
@@ -82,7 +83,7 @@ def test_a_reset_that_nobody_ordered_is_worth_a_warning(cause: int, note: int, m
     assert words in resets.warning(replace(HELLO, reset_cause=cause, reset_note=note), met_before)
 
 
-@pytest.mark.parametrize(("cause", "note", "met_before"), [(POWER, 0, False), (SOFTWARE, 1, True), (SOFTWARE, 3, True)])
+@pytest.mark.parametrize(("cause", "note", "met_before"), [(POWER, 0, False), (SOFTWARE, 1, True), (SOFTWARE, 4, True)])
 def test_a_first_power_up_and_a_reset_that_was_ordered_are_not(cause: int, note: int, met_before: bool) -> None:
     assert resets.warning(replace(HELLO, reset_cause=cause, reset_note=note), met_before) == ""
 

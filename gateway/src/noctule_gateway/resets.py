@@ -6,8 +6,9 @@ nothing.
 
 from noctule_gateway.frames import Hello
 
-_ORDERED = {1: "it was ordered to", 3: "it was ordered into its loader for an update"}
+_ORDERED = {1: "it was ordered to", 3: "it was ordered into its loader for an update", 4: "its loader has started it"}
 _STACK = 2
+_NOT_GREETED = 5
 _POWER = 0x02
 _SOFTWARE = 0x10
 _CAUSES = {
@@ -23,6 +24,8 @@ def cause(hello: Hello) -> str:
     """Why it has started."""
     if hello.reset_note == _STACK:
         return "its stack has met its canary, which is a fault of the firmware: report it"
+    if hello.reset_note == _NOT_GREETED:
+        return "nobody has greeted its new firmware for five minutes, which its loader takes for a failed start"
     if hello.reset_note in _ORDERED:
         return _ORDERED[hello.reset_note]
     if hello.reset_cause & _POWER:
