@@ -181,11 +181,11 @@ void serve(uint8_t reason)
     tell_loader(REQUEST_NONE);
     for (;;) {
         watchdog_feed();
-        reason = line_receive();
-        if (reason == LINE_FRAME)
+        uint8_t come = line_receive();
+        if (come == LINE_FRAME)
             take_frame();
-        else if (reason != REASON_NONE)
-            reject(reason);
+        else if (come != REASON_NONE)
+            reject(come);
         if (chip_has_counted())
             count_time();
     }
