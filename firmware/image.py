@@ -2,7 +2,7 @@
 
 whole    loader, application and its description, confirmed: what a programmer flashes
 update   application and description, not confirmed: what an update sends
-unit     a whole image with a unit's settings page
+unit     a whole image with a unit's settings page, and no other
 """
 
 import argparse
@@ -17,7 +17,7 @@ CONFIRMED = DESCRIPTION + 17
 IMAGE_MAGIC = 0x4E49
 HARDWARE = 1
 
-SETTINGS_PAGE = 0xF600
+SETTINGS_PAGE, OTHER_SETTINGS_PAGE = 0xF600, 0xF800
 SETTINGS_MAGIC = 0x4E43
 SETTINGS_VERSION = 2
 GENERATION = 0  # the unit's own begin with 1
@@ -48,10 +48,15 @@ def described(application: Memory, version: tuple[int, int, int]) -> Memory:
     return placed(APPLICATION, content) | placed(DESCRIPTION, with_crc(about))
 
 
-def settings_page(serial: int) -> Memory:
-    """The page's used bytes: magic, version, length, generation, serial and the CRC-32 of these."""
+def settings_pages(serial: int) -> Memory:
+    """The page's used bytes: magic, version, length, generation, serial and the CRC-32 of these.
+
+    The other page's magic is made not to hold: what a chip had there before, under another serial number perhaps, would
+    be of a higher generation.
+    """
     body = struct.pack("<HI", GENERATION, serial)
-    return placed(SETTINGS_PAGE, with_crc(struct.pack("<HBB", SETTINGS_MAGIC, SETTINGS_VERSION, len(body)) + body))
+    page = with_crc(struct.pack("<HBB", SETTINGS_MAGIC, SETTINGS_VERSION, len(body)) + body)
+    return placed(SETTINGS_PAGE, page) | placed(OTHER_SETTINGS_PAGE, bytes(2))
 
 
 def read_hex(path: Path) -> Memory:
@@ -107,7 +112,7 @@ def make_update(arguments: argparse.Namespace) -> Memory:
 
 
 def make_unit(arguments: argparse.Namespace) -> Memory:
-    return read_hex(arguments.whole) | settings_page(arguments.serial)
+    return read_hex(arguments.whole) | settings_pages(arguments.serial)
 
 
 def parse() -> argparse.Namespace:

@@ -11,8 +11,8 @@
 
 void round_start(void);
 
-// Sleeps until the next round is due; if it is already, goes on at once. None is left out: to count rounds is to count
-// time.
+// Sleeps until the next round is due; if it is already, goes on at once. None is left out but while flash is erased: to
+// count rounds is to count time.
 void round_wait(void);
 
 void round_isr(void) __interrupt(IRQ_TIMER2);

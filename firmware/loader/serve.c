@@ -19,7 +19,7 @@
 #define LEAVE_AFTER (60 * CHIP_COUNTS_PER_S)
 #define PUT_HEADER_BYTES 4 // type, request, offset
 
-static uint8_t reason_to_stay; // enum stay
+static uint8_t reason_to_stay; // enum stay, as things are now
 static uint8_t obstacle; // to starting the application now, enum stay
 static uint8_t quiet; // counts since the last sound frame, or since the loader last spoke up
 static uint16_t idle; // counts since the last frame that only a loader obeys: a gateway's HELLO keeps none here
@@ -85,7 +85,9 @@ static uint8_t install_anew(void)
 {
     uint8_t result = install();
     obstacle = application_obstacle();
-    if (result == RESULT_FLASH_FAILED)
+    if (result == RESULT_DONE)
+        reason_to_stay = STAY_ASKED; // only the host is waited for now
+    else if (result == RESULT_FLASH_FAILED)
         reason_to_stay = STAY_FLASH_FAILED;
     return result;
 }
@@ -179,11 +181,11 @@ void serve(uint8_t reason)
     tell_loader(REQUEST_NONE);
     for (;;) {
         watchdog_feed();
-        reason = line_receive();
-        if (reason == LINE_FRAME)
+        uint8_t come = line_receive();
+        if (come == LINE_FRAME)
             take_frame();
-        else if (reason != REASON_NONE)
-            reject(reason);
+        else if (come != REASON_NONE)
+            reject(come);
         if (chip_has_counted())
             count_time();
     }

@@ -1,4 +1,5 @@
-// How an image lies in flash, the application's and that of an update in staging: README.md, Flash.
+// What loader and application both find in flash, by the tables in README.md, Flash: images (the application, and that of
+// an update in staging) and the settings pages.
 #ifndef FLASH_LAYOUT_H
 #define FLASH_LAYOUT_H
 
@@ -18,5 +19,15 @@
 
 #define IMAGE_MAGIC 0x4E49
 #define IMAGE_HARDWARE 1 // the board of README.md, Pins and wiring
+
+#define SETTINGS_FIRST_PAGE 0xF600
+#define SETTINGS_SECOND_PAGE 0xF800
+#define SETTINGS_MAGIC 0x4E43
+
+// From a settings page's begin.
+#define SETTINGS_VERSION 2
+#define SETTINGS_LENGTH 3 // of what follows, but for the CRC
+#define SETTINGS_GENERATION 4
+#define SETTINGS_SERIAL 6
 
 #endif

@@ -24,6 +24,11 @@ static bool is_press(bool closed)
     return pressed;
 }
 
+void gesture_start(bool closed)
+{
+    pressed = closed;
+}
+
 enum gesture gesture_sample(bool closed)
 {
     bool press = is_press(closed);

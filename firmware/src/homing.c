@@ -73,7 +73,8 @@ void homing_begin(const __xdata struct calibration *of_unit)
 static int16_t switch_half_step(void)
 {
     int16_t nearest = bearing_to_half_step(calibration->home_bearing);
-    return bearing_of_half_step(nearest) > calibration->home_bearing ? nearest - 1 : nearest;
+    int16_t above = bearing_of_half_step(nearest) - calibration->home_bearing; // goes round with the bearings
+    return above > 0 ? nearest - 1 : nearest;
 }
 
 static enum homing_outcome leave_step(void)

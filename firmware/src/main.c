@@ -55,6 +55,7 @@ static void start(void)
     thermometer_start();
     unit_start_up();
     settings_start();
+    surveyor_start();
     watchdog_start();
     cpu_allow_interrupts();
     uart_send(COBS_DELIMITER); // ends the frame that the reset may have cut off

@@ -6,23 +6,18 @@
 #include "../hal/timebase.h"
 #include "../hal/watchdog.h"
 #include "crc.h"
+#include "flash_layout.h"
 #include "layout.h"
 #include "little_endian.h"
 #include "protocol.h"
 #include "thermometer.h"
 #include "unit.h"
 
-#define FIRST_PAGE 0xF600
-#define SECOND_PAGE 0xF800
 #define NO_PAGE 0
-#define MAGIC 0x4E43
 #define VERSION 2
-#define OFFSET_LENGTH 3
-#define OFFSET_GENERATION 4
-#define OFFSET_SERIAL 6
-#define OFFSET_SETTINGS 10
-#define LENGTH (OFFSET_SETTINGS - OFFSET_GENERATION + SETTINGS_BYTES)
-#define SHORTEST_LENGTH (OFFSET_SETTINGS - OFFSET_GENERATION)
+#define CONTENT (SETTINGS_SERIAL + 4) // plan, calibration and trim
+#define SHORTEST_LENGTH (CONTENT - SETTINGS_GENERATION)
+#define LENGTH (SHORTEST_LENGTH + SETTINGS_BYTES)
 
 #define OFFSET_CALIBRATION LAYOUT_PLAN_BYTES
 #define OFFSET_TRIM (LAYOUT_PLAN_BYTES + LAYOUT_CALIBRATION_BYTES)
@@ -37,10 +32,11 @@ static __xdata uint32_t crc;
 
 static bool is_sound(uint16_t candidate)
 {
-    uint8_t length = flash_read(candidate + OFFSET_LENGTH);
-    uint16_t end = candidate + OFFSET_GENERATION + length;
+    uint8_t length = flash_read(candidate + SETTINGS_LENGTH);
+    uint16_t end = candidate + SETTINGS_GENERATION + length;
     uint32_t sum = CRC_EMPTY;
-    if (flash_read16(candidate) != MAGIC || flash_read(candidate + 2) != VERSION || length < SHORTEST_LENGTH)
+    if (flash_read16(candidate) != SETTINGS_MAGIC || flash_read(candidate + SETTINGS_VERSION) != VERSION ||
+        length < SHORTEST_LENGTH)
         return false;
     for (uint16_t address = candidate; address != end; address++)
         sum = crc_add(sum, flash_read(address));
@@ -50,16 +46,17 @@ static bool is_sound(uint16_t candidate)
 
 static uint16_t generation_of(uint16_t candidate)
 {
-    return flash_read16(candidate + OFFSET_GENERATION);
+    return flash_read16(candidate + SETTINGS_GENERATION);
 }
 
 static uint16_t page_that_holds(void)
 {
-    if (!is_sound(SECOND_PAGE))
-        return is_sound(FIRST_PAGE) ? FIRST_PAGE : NO_PAGE;
-    if (is_sound(FIRST_PAGE) && (int16_t)(generation_of(FIRST_PAGE) - generation_of(SECOND_PAGE)) > 0)
-        return FIRST_PAGE;
-    return SECOND_PAGE;
+    if (!is_sound(SETTINGS_SECOND_PAGE))
+        return is_sound(SETTINGS_FIRST_PAGE) ? SETTINGS_FIRST_PAGE : NO_PAGE;
+    if (is_sound(SETTINGS_FIRST_PAGE) &&
+        (int16_t)(generation_of(SETTINGS_FIRST_PAGE) - generation_of(SETTINGS_SECOND_PAGE)) > 0)
+        return SETTINGS_FIRST_PAGE;
+    return SETTINGS_SECOND_PAGE;
 }
 
 static void hand_out(void)
@@ -85,9 +82,9 @@ void settings_start(void)
     page = page_that_holds();
     settings_bytes();
     if (page != NO_PAGE) {
-        uint8_t held = flash_read(page + OFFSET_LENGTH) - SHORTEST_LENGTH;
+        uint8_t held = flash_read(page + SETTINGS_LENGTH) - SHORTEST_LENGTH;
         for (uint8_t i = 0; i < SETTINGS_BYTES && i < held; i++)
-            in_force[i] = flash_read(page + OFFSET_SETTINGS + i);
+            in_force[i] = flash_read(page + CONTENT + i);
     }
     hand_out();
     keep_in_mind();
@@ -97,7 +94,7 @@ uint32_t settings_serial(void)
 {
     if (page == NO_PAGE)
         return SERIAL_NONE;
-    return flash_read16(page + OFFSET_SERIAL) | (uint32_t)flash_read16(page + OFFSET_SERIAL + 2) << 16;
+    return flash_read16(page + SETTINGS_SERIAL) | (uint32_t)flash_read16(page + SETTINGS_SERIAL + 2) << 16;
 }
 
 const __xdata uint8_t *settings_bytes(void)
@@ -139,7 +136,7 @@ static void write_page(uint16_t generation)
 {
     uint32_t serial = settings_serial();
     crc = CRC_EMPTY;
-    write16(MAGIC);
+    write16(SETTINGS_MAGIC);
     write8(VERSION);
     write8(LENGTH);
     write16(generation);
@@ -159,7 +156,7 @@ static void erase(uint16_t victim)
 
 bool settings_store(void)
 {
-    uint16_t other = page == FIRST_PAGE ? SECOND_PAGE : FIRST_PAGE;
+    uint16_t other = page == SETTINGS_FIRST_PAGE ? SETTINGS_SECOND_PAGE : SETTINGS_FIRST_PAGE;
     uint16_t generation = page == NO_PAGE ? 1 : generation_of(page) + 1;
     settings_bytes();
     erase(other);

@@ -26,6 +26,11 @@ static void follow(enum gesture gesture)
     }
 }
 
+void surveyor_start(void)
+{
+    gesture_start(pins_button_is_pressed());
+}
+
 void surveyor_task(void)
 {
     enum gesture gesture = gesture_sample(pins_button_is_pressed());

@@ -2,6 +2,8 @@
 #ifndef SURVEYOR_H
 #define SURVEYOR_H
 
+void surveyor_start(void);
+
 // To be called every GESTURE_SAMPLE_MS.
 void surveyor_task(void);
 

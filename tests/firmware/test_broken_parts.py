@@ -6,6 +6,7 @@ import pytest
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.frames import (
+    NO_WAYPOINT,
     AskClock,
     AskHello,
     AskStatus,
@@ -109,3 +110,17 @@ def test_a_unit_with_a_stuck_button_obeys_its_host():
         assert unit.ask(AskStatus(0), Status).sweeps_made == 1
         assert unit.command(Start(0, 0)) == Outcome.DONE
         unit.wait_for_state(State.SWEEPING)
+
+
+def test_a_button_that_is_stuck_makes_no_sweep_after_a_reset():
+    with stepped_unit("--laps", "0") as unit:
+        unit.befall("button_held")
+        unit.greet()
+        unit.run(5.0)
+        status = unit.ask(AskStatus(0), Status)
+        assert (status.state, status.waypoint, status.sweeps_made) == (State.IDLE, NO_WAYPOINT, 0)
+        # It is pressed once it has been let go.
+        unit.befall("mended")
+        unit.run(0.5)
+        unit.befall("button_held")
+        assert unit.wait_for_state(State.HOMING).waypoint == 0

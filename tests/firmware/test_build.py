@@ -7,6 +7,8 @@ import zlib
 from pathlib import Path
 
 import pytest
+from firmware.images import with_flash
+from firmware.stepped_unit import IMAGE, stepped_unit
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 
@@ -102,7 +104,18 @@ def test_a_unit_image_is_what_is_flashed_and_its_settings_page(built):
     settings = bytes.fromhex("434e 02 06 0000 03020100")
     page = settings + zlib.crc32(settings).to_bytes(4, "little")
     assert bytes(memory.pop(0xF600 + offset) for offset in range(len(page))) == page
+    assert bytes(memory.pop(0xF800 + offset) for offset in range(2)) == b"\0\0"
     assert memory == memory_of(built / "build" / "noctule.ihx")
+
+
+def test_a_unit_image_makes_a_used_chip_a_unit_of_its_own(built, tmp_path):
+    make(built, "unit", "SERIAL=77", check=True)
+    unit_image = built / "build" / "unit-77.hex"
+    earlier = bytes.fromhex("434e 02 06 0500 21000000")  # generation 5, serial 33
+    used = with_flash(IMAGE, {0xF800: earlier + zlib.crc32(earlier).to_bytes(4, "little")}, tmp_path / "used.hex")
+    own = {address: bytes([byte]) for address, byte in memory_of(unit_image).items() if address >= 0xF000}
+    with stepped_unit(image=with_flash(used, own, tmp_path / "flashed.hex")) as unit:
+        assert unit.greet().serial == 77
 
 
 @pytest.mark.parametrize("serial", ["-1", "0xFFFFFFFF", "seven"])

@@ -336,6 +336,16 @@ def test_an_unconfirmed_image_may_be_installed_again_and_gets_new_attempts(hangi
         assert unit.truth["resets"] - resets == 1 + ATTEMPTS
 
 
+def test_after_an_install_the_loader_no_longer_says_that_an_earlier_image_was_not_confirmed(tmp_path, new_image):
+    # A host that loses the line here would take the new image for the one that does not start.
+    used_up = {CONFIRMED: b"\xff", CONFIRMED - 1: b"\0"}
+    image = with_flash(IMAGE, used_up | staged(new_image), tmp_path / "used up.hex")
+    with stepped_unit("--laps", "0", image=image) as unit:
+        assert unit.receive(Loader).reason == Stay.NOT_CONFIRMED
+        assert unit.command(Install(0), 10.0) == Outcome.DONE
+        assert unit.ask(AskHello(0), Loader).reason == Stay.ASKED
+
+
 # The loader with a byte that its copy does not get written, as where flash is worn.
 WORN = ("if (page_image[i] != ERASED)", "if (page_image[i] != ERASED && address + i != 0x{address:04X})")
 

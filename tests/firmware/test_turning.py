@@ -252,6 +252,17 @@ def test_a_switch_elsewhere_is_taken_at_its_calibrated_bearing(placed):
     assert go_to(unit, 0.0) == pytest.approx(5.0, abs=HOMED_DEG)
 
 
+def test_a_switch_straight_behind_is_at_the_half_step_below_it(placed):
+    # -180 degrees are 2037.885 half steps down: 2038 are past them, and are +179.99 degrees as a bearing.
+    unit = placed()
+    looked = []
+    for home_bearing in (-32761, -32768):  # 2037.45 half steps down, and 2037.885
+        assert unit.command(Calibrate(0, DEFAULT_TURN, 0, 0, home_bearing)) == DONE
+        home(unit)
+        looked.append(go_to(unit, 0.0))
+    assert looked[0] == pytest.approx(looked[1], abs=HALF_STEP_DEG / 4)
+
+
 @pytest.mark.parametrize(
     ("mishap", "fault"), [("home_stuck_open", NO_SWITCH), ("home_stuck_closed", SWITCH_STAYS_CLOSED)]
 )
