@@ -24,8 +24,14 @@ static __xdata uint32_t acknowledged_sequence;
 
 void delivery_task(void)
 {
-    if (until_due != 0)
-        until_due--;
+    if (until_due == 0 || --until_due != 0)
+        return;
+    if (was_sent && !ring_oldest_is_sound()) {
+        // No host can ever acknowledge it, and it would keep back all that follow.
+        ring_sift();
+        was_sent = false;
+        wait = 0;
+    }
 }
 
 bool delivery_is_due(void)

@@ -117,12 +117,8 @@ static void drop(uint8_t block)
     *locate(block, 2) = 0;
 }
 
-void ring_recover(void)
+void ring_sift(void)
 {
-    if (!control_is_sound()) {
-        ring_clear();
-        return;
-    }
     frames = 0;
     uint8_t block = control.oldest;
     while (block != control.next) {
@@ -135,6 +131,15 @@ void ring_recover(void)
         }
     }
     skip_dropped();
+}
+
+void ring_recover(void)
+{
+    if (!control_is_sound()) {
+        ring_clear();
+        return;
+    }
+    ring_sift();
     ring_begin();
 }
 
@@ -194,6 +199,11 @@ const __xdata uint8_t *ring_oldest(void)
 uint16_t ring_oldest_length(void)
 {
     return frame_length(control.oldest);
+}
+
+bool ring_oldest_is_sound(void)
+{
+    return holds_frame(control.oldest);
 }
 
 uint8_t ring_oldest_byte(uint16_t offset)

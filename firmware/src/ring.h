@@ -40,6 +40,12 @@ const __xdata uint8_t *ring_oldest(void);
 uint16_t ring_oldest_length(void);
 uint8_t ring_oldest_byte(uint16_t offset);
 
+// Whether the oldest frame is still what was put there: in years, memory may change by itself.
+bool ring_oldest_is_sound(void);
+
+// Drops what is not. A slot in the making stays.
+void ring_sift(void);
+
 void ring_drop_oldest(void);
 
 const __xdata uint8_t *ring_memory(void);

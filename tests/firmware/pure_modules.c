@@ -313,6 +313,10 @@ static void answer(const char *command, const char *arguments)
         ring_recover(), puts("recovered");
     else if (strcmp(command, "ring_add") == 0)
         ring_add(arguments);
+    else if (strcmp(command, "ring_is_sound") == 0)
+        printf("%d\n", ring_oldest_is_sound());
+    else if (strcmp(command, "ring_sift") == 0)
+        ring_sift(), puts("sifted");
     else if (strcmp(command, "ring_drop") == 0)
         ring_drop_oldest(), puts("dropped");
     else if (strcmp(command, "ring_flip") == 0)

@@ -54,6 +54,15 @@ def make_ring_machine(pure_modules) -> type[RuleBasedStateMachine]:
             self.waiting.popleft()
 
         @precondition(lambda self: self.waiting)
+        @rule(bits=st.integers(1, 255), where=st.integers(0, 10_000))
+        def damage_the_oldest_and_sift(self, bits, where):
+            assert pure_modules.ask("ring_is_sound") == "1"
+            pure_modules.ask("ring_flip", where % len(with_crc(self.waiting[0])), bits)
+            assert pure_modules.ask("ring_is_sound") == "0"
+            pure_modules.ask("ring_sift")
+            self.waiting.popleft()
+
+        @precondition(lambda self: self.waiting)
         @rule()
         def send(self):
             wire = bytes.fromhex(pure_modules.ask("ring_send_oldest"))
