@@ -12,8 +12,8 @@ from noctule_gateway.frames import Ack, AskHello, AskStatus, Single, Status, Swe
 
 # A round of the tasks, 2 ms, then 129 bytes of a sweep of 13 readings at 115200 bit/s, and a request's before it.
 HEARD_S = 0.002 + (129 + 13) * 10 / 115200
-# The answer to a HELLO, 24 bytes, goes first, and what follows begins in the next round.
-GREETED_S = 0.002 + 24 * 10 / 115200
+# The answer to a HELLO, 22 bytes, goes first, and what follows begins in the next round.
+GREETED_S = 0.002 + 22 * 10 / 115200
 
 
 @pytest.fixture
