@@ -1,7 +1,8 @@
 //! The serial cable between a unit and its line: whole, pulled, or one that garbles bytes.
 
+use crate::random::{Part, stream};
 use crate::time::Tick;
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 pub struct Cable {
@@ -20,7 +21,7 @@ struct Noise {
 
 impl Cable {
     pub fn new(seed: u64) -> Self {
-        Self { pulled_until: 0, noise: None, rng: ChaCha8Rng::seed_from_u64(seed) }
+        Self { pulled_until: 0, noise: None, rng: stream(seed, Part::Cable) }
     }
 
     pub fn pull(&mut self, until: Tick) {

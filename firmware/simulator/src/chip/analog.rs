@@ -1,7 +1,8 @@
 //! The chip's analog side: what the temperature sensor and the voltage reference of this very chip give, and what a
 //! conversion makes of it (datasheet chapters "10-Bit ADC", "Voltage Reference", tables of characteristics).
 
-use rand::{RngExt, SeedableRng};
+use crate::random::{Part, stream};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
@@ -32,7 +33,7 @@ pub struct Analog {
 impl Analog {
     /// The analog side of the chip with that seed: its errors are its own and stay.
     pub fn of_chip(seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut rng = stream(seed, Part::Analog);
         let error = |rng: &mut ChaCha8Rng, sigma: f64, limit: f64| {
             (sigma * standard_normal(rng)).clamp(-limit, limit)
         };
