@@ -283,8 +283,10 @@ impl Unit {
         Ok(())
     }
 
+    /// A flash operation under way is left half done, whatever resets the chip.
     fn reset(&mut self, cause: Cause) {
         self.resets += 1;
+        self.leave_flash_half_done();
         if cause == Cause::PowerUp {
             self.scramble_memories();
         } else {
