@@ -199,6 +199,7 @@ def test_faults_of_a_schedule_come_and_go_at_their_times(tmp_path):
         ('kind = "motor_stuck"\nunit = 2', "unit is none of the units"),
         ('kind = "power_cut"', "for_s"),
         ('kind = "motor_loses_steps"\nprobability = 2', "probability"),
+        ('kind = "brown_out"\nfor_s = 2', "for_s"),
     ],
 )
 def test_a_fault_that_makes_no_sense_is_refused_by_file_and_field(tmp_path, fault, words):
