@@ -8,11 +8,11 @@ use rand_distr::{Distribution, Normal};
 
 const SENSOR_GAIN_V_PER_K: f64 = 2.86e-3;
 const SENSOR_OFFSET_V: f64 = 0.776;
-/// The datasheet gives one standard deviation of either; chips further off than two are taken to be sorted out.
+/// One standard deviation of either, from memory of the datasheet; chips further off than two are taken to be sorted out.
 const SENSOR_GAIN_SIGMA_V_PER_K: f64 = 33.5e-6;
 const SENSOR_OFFSET_SIGMA_V: f64 = 8.51e-3;
 const WORST_SIGMAS: f64 = 2.0;
-/// 2.38 to 2.50 V, typically 2.44 V.
+/// 2.38 to 2.50 V, typically 2.44 V: from memory of the datasheet.
 const REFERENCE_V: f64 = 2.44;
 const REFERENCE_LIMIT_V: f64 = 0.06;
 /// Of one conversion. Assumed.

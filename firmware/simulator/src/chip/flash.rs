@@ -18,7 +18,7 @@ const PSWE: u8 = 0x01;
 const PSEE: u8 = 0x02;
 /// Assumed.
 const WRONG_BITS: usize = 100;
-/// The datasheet's limits (typically 55 us and 15 ms); that each operation draws its own, evenly, is assumed.
+/// The datasheet's limits, from memory (typically 55 us and 15 ms); that each operation draws its own, evenly, is assumed.
 const WRITE_TIME: RangeInclusive<Tick> = 40 * TICKS_PER_US..=70 * TICKS_PER_US;
 const ERASE_TIME: RangeInclusive<Tick> = 10 * TICKS_PER_MS..=20 * TICKS_PER_MS;
 
