@@ -52,6 +52,8 @@ void start(void) {
 }
 """
 
+SDCC_HEADER = Path("/usr/share/sdcc/include/mcs51/C8051F340.h")
+
 Compile = Callable[[str], Path]
 Run = Callable[[str], AbstractContextManager["Board"]]
 
@@ -149,6 +151,22 @@ def test_the_readme_holds_the_table_of_registers_that_the_simulator_enforces():
     printed = subprocess.run(["noctule-sim", "--registers"], capture_output=True, text=True, check=True).stdout
     readme = (Path(__file__).parents[2] / "firmware" / "simulator" / "README.md").read_text()
     assert readme.partition("<!-- registers -->\n")[2].partition("<!-- registers end -->")[0] == printed
+
+
+def test_registers_are_where_sdccs_header_has_them_with_the_bits_that_it_names():
+    printed = subprocess.run(["noctule-sim", "--registers"], capture_output=True, text=True, check=True).stdout
+    rows = re.findall(r"^\| (\w+) \| 0x(..) \| (.*?) \|", printed, re.MULTILINE)
+    here = {name: int(address, 16) for name, address, _ in rows}
+    header = SDCC_HEADER.read_text()
+    there = {name: int(address, 16) for address, name in re.findall(r"__sfr __at \(0x(..)\) (\w+)", header)}
+    assert len(here) > 80
+    assert here == {name: there[name] for name in here}
+
+    # The header names the bits of the registers whose bits have addresses, too.
+    bits = {name: int(address, 16) & 0xF8 for address, name in re.findall(r"__sbit __at \(0x(..)\) (\w+)", header)}
+    named = [(register, bit) for register, _, words in rows for bit in words.split(", ") if bit in bits]
+    assert len(named) > 30
+    assert [here[register] for register, _ in named] == [bits[bit] for _, bit in named]
 
 
 def test_a_fault_in_one_of_several_units_names_it(compiled: Compile):

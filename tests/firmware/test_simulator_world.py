@@ -137,6 +137,24 @@ def test_nothing_is_lost_over_a_cable_that_was_pulled(tmp_path):
         assert unit.receive(Sweep, 10).sequence == 0
 
 
+def test_how_a_run_is_stepped_through_changes_nothing_of_what_a_cable_passes(tmp_path):
+    def sent(steps: int, *options: str) -> tuple[float, list[bytes]]:
+        """When the unit was told to home, and what it has sent within a second of that, by steps."""
+        with unit_in(tmp_path, WALL + UNIT, *options) as unit:
+            told_s = unit.now_s
+            unit.send(Home(9))
+            return told_s, [unit.run(1.0 / steps) for _ in range(steps)]
+
+    told_s, parts = sent(2000)
+    answered_s = next(step for step, part in enumerate(parts) if part) / 2000
+    # The answer and a STATUS are on the line for 4 ms; the cable is plugged in again after the first bytes.
+    faults = tmp_path / "faults.toml"
+    faults.write_text(f'[[fault]]\nat_s = {told_s}\nkind = "cable_pulled"\nfor_s = {answered_s + 0.0007}\n')
+    at_once, in_steps = (b"".join(sent(steps, "--faults", str(faults))[1]) for steps in (1, 1777))
+    assert at_once == in_steps
+    assert 0 < len(at_once) < len(b"".join(parts))
+
+
 def test_a_cable_that_garbles_bytes_makes_bad_frames_and_loses_no_sweep(tmp_path):
     with unit_in(tmp_path, WALL + UNIT) as unit:
         unit.command(STARE)
@@ -199,6 +217,7 @@ def test_faults_of_a_schedule_come_and_go_at_their_times(tmp_path):
         ('kind = "motor_stuck"\nunit = 2', "unit is none of the units"),
         ('kind = "power_cut"', "for_s"),
         ('kind = "motor_loses_steps"\nprobability = 2', "probability"),
+        ('kind = "brown_out"\nfor_s = 2', "for_s"),
     ],
 )
 def test_a_fault_that_makes_no_sense_is_refused_by_file_and_field(tmp_path, fault, words):

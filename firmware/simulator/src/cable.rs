@@ -1,7 +1,8 @@
 //! The serial cable between a unit and its line: whole, pulled, or one that garbles bytes.
 
-use crate::time::Tick;
-use rand::{RngExt, SeedableRng};
+use crate::random::{Part, stream};
+use crate::time::{NEVER, Tick};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 pub struct Cable {
@@ -20,7 +21,7 @@ struct Noise {
 
 impl Cable {
     pub fn new(seed: u64) -> Self {
-        Self { pulled_until: 0, noise: None, rng: ChaCha8Rng::seed_from_u64(seed) }
+        Self { pulled_until: 0, noise: None, rng: stream(seed, Part::Cable) }
     }
 
     pub fn pull(&mut self, until: Tick) {
@@ -36,16 +37,22 @@ impl Cable {
         self.noise = None;
     }
 
+    /// When what is wrong with the cable after `now` will next be over by itself.
+    pub fn mends_at(&self, now: Tick) -> Tick {
+        let ends = [self.pulled_until, self.noise.map_or(NEVER, |noise| noise.until)];
+        ends.into_iter().filter(|at| *at > now).fold(NEVER, Tick::min)
+    }
+
     /// What arrives at the unit of bytes that the host sends now.
     pub fn deliver_to_unit(&mut self, bytes: &mut Vec<u8>, now: Tick) {
         let probability = self.noise.filter(|noise| now < noise.until).map_or(0.0, |noise| noise.to_unit);
         self.pass(bytes, probability, now);
     }
 
-    /// What arrives at the host of bytes that the unit has sent until now.
-    pub fn deliver_to_host(&mut self, bytes: &mut Vec<u8>, now: Tick) {
-        let probability = self.noise.filter(|noise| now < noise.until).map_or(0.0, |noise| noise.to_host);
-        self.pass(bytes, probability, now);
+    /// What arrives at the host of bytes that the unit has sent since then; nothing has broken or mended in between.
+    pub fn deliver_to_host(&mut self, bytes: &mut Vec<u8>, since: Tick) {
+        let probability = self.noise.filter(|noise| since < noise.until).map_or(0.0, |noise| noise.to_host);
+        self.pass(bytes, probability, since);
     }
 
     fn pass(&mut self, bytes: &mut Vec<u8>, probability: f64, now: Tick) {

@@ -58,7 +58,7 @@ pub struct Arguments {
     pub laps: usize,
 
     /// Simulated seconds until the end; without it, until SIGINT or SIGTERM
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = duration_s)]
     pub duration: Option<f64>,
 
     /// Tell at the end how deep each unit's stack went, how long its interrupts waited, how much it slept
@@ -95,6 +95,10 @@ impl Arguments {
     }
 }
 
+/// Simulated seconds per second that a clock can pace.
+const SLOWEST: f64 = 1e-3;
+const FASTEST: f64 = 1e6;
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Speed {
     /// Simulated seconds per second.
@@ -108,8 +112,33 @@ impl FromStr for Speed {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text.parse::<f64>() {
             _ if text == "max" => Ok(Self::Max),
-            Ok(times) if times > 0.0 && times.is_finite() => Ok(Self::Times(times)),
-            _ => Err("a positive number or max"),
+            Ok(times) if (SLOWEST..=FASTEST).contains(&times) => Ok(Self::Times(times)),
+            _ => Err("neither max nor a number from 0.001 to 1000000"),
         }
+    }
+}
+
+fn duration_s(text: &str) -> Result<f64, &'static str> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("not a positive number"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pace_or_a_duration_that_no_clock_can_keep_is_refused() {
+        for text in ["0", "-1", "nan", "inf", "1e-30", "1e300", "fast"] {
+            assert!(text.parse::<Speed>().is_err(), "{text}");
+        }
+        assert_eq!("0.5".parse(), Ok(Speed::Times(0.5)));
+        assert_eq!("max".parse(), Ok(Speed::Max));
+        for text in ["0", "-1", "nan", "inf", "long"] {
+            assert!(duration_s(text).is_err(), "{text}");
+        }
+        assert_eq!(duration_s("0.1"), Ok(0.1));
     }
 }

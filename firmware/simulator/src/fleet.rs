@@ -102,7 +102,7 @@ impl Fleet {
         while self.now < end {
             let stop = self.begin_slice(end);
             for member in &mut self.members {
-                member.run_until(stop)?;
+                member.run_until(self.now, stop)?;
             }
             self.now = stop;
         }
@@ -118,10 +118,10 @@ impl Fleet {
         while self.now < end && self.frames() == before {
             let stop = self.begin_slice(end.min(self.now + FREE_SLICE));
             self.now = if let [member] = &mut self.members[..] {
-                member.run_until_frame(stop)?;
+                member.run_until_frame(self.now, stop)?;
                 member.unit.now()
             } else {
-                self.members.iter_mut().try_for_each(|member| member.run_until(stop))?;
+                self.members.iter_mut().try_for_each(|member| member.run_until(self.now, stop))?;
                 stop
             };
         }
@@ -144,11 +144,12 @@ impl Fleet {
         }
     }
 
-    /// Lets what is due go wrong; gives the end of a slice that nothing interrupts.
+    /// Lets what is due go wrong; gives the end of a slice that nothing interrupts, and in which no cable mends.
     fn begin_slice(&mut self, end: Tick) -> Tick {
         while let Some(blow) = self.mishaps.take(self.now) {
             self.befall(&blow);
         }
-        end.min(self.now + self.slice).min(self.mishaps.next_at())
+        let cables = self.members.iter().map(|member| member.cable.mends_at(self.now));
+        cables.fold(end.min(self.now + self.slice).min(self.mishaps.next_at()), Tick::min)
     }
 }

@@ -24,6 +24,7 @@ mod mishap;
 mod opcode;
 mod path;
 mod places;
+mod random;
 mod readiness;
 mod report;
 mod room;

@@ -43,22 +43,22 @@ pub struct Member {
 }
 
 impl Member {
-    /// Runs the unit until `end`, then hands over what the cable and the flash's file are to have.
+    /// Runs the unit from `now` until `end`, then hands over what the cable and the flash's file are to have.
     ///
     /// # Errors
     /// A [`MemberError`] if the firmware does what it must not, or the file can't be written.
-    pub fn run_until(&mut self, end: Tick) -> Result<(), MemberError> {
+    pub fn run_until(&mut self, now: Tick, end: Tick) -> Result<(), MemberError> {
         let outcome = self.unit.run_until(end);
-        self.settle(outcome, end)
+        self.settle(outcome, now)
     }
 
     /// As `run_until`, but stops at the end of a frame of the unit's.
     ///
     /// # Errors
     /// As `run_until`.
-    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), MemberError> {
+    pub fn run_until_frame(&mut self, now: Tick, end: Tick) -> Result<(), MemberError> {
         let outcome = self.unit.run_until_frame(end);
-        self.settle(outcome, self.unit.now().min(end))
+        self.settle(outcome, now)
     }
 
     /// Puts bytes on the cable to the unit.
@@ -84,14 +84,14 @@ impl Member {
         self.unit.befall(&blow.mishap, until);
     }
 
-    fn settle(&mut self, outcome: Result<(), Fault>, now: Tick) -> Result<(), MemberError> {
+    fn settle(&mut self, outcome: Result<(), Fault>, since: Tick) -> Result<(), MemberError> {
         let serial = self.serial;
         outcome.map_err(|fault| MemberError::Fault { serial, fault })?;
         if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
             store.save(flash).map_err(|source| MemberError::Store { serial, source })?;
         }
         self.frames += self.unit.sent().iter().filter(|byte| **byte == 0).count() as u64;
-        self.cable.deliver_to_host(self.unit.sent(), now);
+        self.cable.deliver_to_host(self.unit.sent(), since);
         self.outbox.append(self.unit.sent());
         Ok(())
     }

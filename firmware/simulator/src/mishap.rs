@@ -53,6 +53,19 @@ pub enum Mishap {
     Mended {},
 }
 
+impl Mishap {
+    /// It is over as soon as it has happened.
+    fn is_momentary(&self) -> bool {
+        matches!(
+            self,
+            Self::SensorTurned { .. }
+                | Self::BrownOut {}
+                | Self::PowerCutAtFlashOperation { .. }
+                | Self::Mended {}
+        )
+    }
+}
+
 /// A mishap with whom it befalls and for how long.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 pub struct Blow {
@@ -67,7 +80,7 @@ pub struct Blow {
 impl Blow {
     /// When it is over, if it begins now.
     pub fn until(&self, now: Tick) -> Tick {
-        self.for_s.map_or(NEVER, |seconds| now + from_seconds(seconds))
+        self.for_s.map_or(NEVER, |seconds| now.saturating_add(from_seconds(seconds)))
     }
 
     pub fn strikes(&self, serial: u32) -> bool {
@@ -93,6 +106,10 @@ impl Blow {
                 Some(("for_s", "is missing: how long is the cut?"))
             }
             Mishap::PowerCutAtFlashOperation { number: 0 } => Some(("number", "counts from 1")),
+            Mishap::SensorTurned { by_deg } if !by_deg.is_finite() => Some(("by_deg", "is no angle")),
+            _ if self.for_s.is_some() && self.mishap.is_momentary() => {
+                Some(("for_s", "means nothing here: it happens at once"))
+            }
             _ => None,
         }
     }
@@ -195,6 +212,13 @@ mod tests {
     }
 
     #[test]
+    fn what_lasts_longer_than_time_can_be_told_lasts_for_good() {
+        let text = "[[fault]]\nat_s = 1.0\nkind = 'button_held'\nfor_s = 1e15\n";
+        let mut mishaps = Mishaps::parse("faults.toml", text, 1).unwrap();
+        assert_eq!(mishaps.take(from_seconds(2.0)).unwrap().until(7), NEVER);
+    }
+
+    #[test]
     fn an_unknown_kind_and_an_unknown_field_are_named_with_the_file() {
         let unknown_kind = error("[[fault]]\nat_s = 1.0\nkind = 'gremlin'\n");
         assert!(unknown_kind.contains("faults.toml") && unknown_kind.contains("gremlin"), "{unknown_kind}");
@@ -218,6 +242,8 @@ mod tests {
             ("kind = 'power_cut_at_flash_operation'\nnumber = 0", "number"),
             ("kind = 'button_held'\nfor_s = 0.0", "for_s"),
             ("kind = 'button_held'\nunit = 3", "unit"),
+            ("kind = 'sensor_turned'\nby_deg = nan", "by_deg"),
+            ("kind = 'brown_out'\nfor_s = 1.0", "for_s"),
         ] {
             let found = error(&format!("[[fault]]\nat_s = 1.0\n{fields}\n"));
             assert!(found.contains("fault 1") && found.contains(field), "{found}");

@@ -18,6 +18,9 @@ const BUILT_IN: [(&str, &str); 3] = [
 /// A unit nearer than that to anything does not stand in the room.
 const CLEARANCE_M: f64 = 0.02;
 const USUAL_AIR_C: f64 = 20.0;
+/// The air that the law of the speed of sound is taken to hold for.
+pub const COLDEST_AIR_C: f64 = -40.0;
+pub const WARMEST_AIR_C: f64 = 60.0;
 
 #[derive(Debug, Error)]
 pub enum RoomError {
@@ -61,6 +64,11 @@ pub struct Room {
 struct AirTemperature {
     at_s: f64,
     temperature_c: f64,
+}
+
+/// The usual linear law.
+pub const fn speed_of_sound_m_s(air_temperature_c: f64) -> f64 {
+    331.3 + 0.606 * air_temperature_c
 }
 
 impl Room {
@@ -126,9 +134,9 @@ impl Room {
         between(before.temperature_c, after.temperature_c, share)
     }
 
-    /// m/s, by the usual linear law.
+    /// m/s.
     pub fn speed_of_sound(&self, at_s: f64) -> f64 {
-        331.3 + 0.606 * self.air_temperature_c(at_s)
+        speed_of_sound_m_s(self.air_temperature_c(at_s))
     }
 
     /// A room with one place gives it to each unit; a unit that shares the room has its own.
@@ -158,7 +166,14 @@ impl Room {
         if !schedule.is_empty() && self.air_temperature_c.is_some() {
             return Some((field, "and air_temperature_c exclude each other"));
         }
-        (!schedule.is_empty() && !rises(schedule, |point| point.at_s)).then_some((field, "needs rising at_s"))
+        if !schedule.is_empty() && !rises(schedule, |point| point.at_s) {
+            return Some((field, "needs rising at_s"));
+        }
+        let sound = COLDEST_AIR_C..=WARMEST_AIR_C;
+        let mut temperatures =
+            self.air_temperature_c.into_iter().chain(schedule.iter().map(|point| point.temperature_c));
+        (!temperatures.all(|temperature_c| sound.contains(&temperature_c)))
+            .then_some(("air temperature".to_owned(), "is outside -40 to 60 degrees C"))
     }
 
     fn problem_of_path(&self) -> Option<(String, &'static str)> {
@@ -254,6 +269,18 @@ mod tests {
         // 10 K is 1.8 % of the speed of sound.
         let ratio = room.speed_of_sound(100.0) / room.speed_of_sound(0.0);
         assert!((ratio - 1.018).abs() < 0.0005, "{ratio}");
+    }
+
+    #[test]
+    fn air_that_is_colder_or_warmer_than_rooms_are_is_refused() {
+        for air in [
+            "air_temperature_c = -60.0",
+            "air_temperature_c = nan",
+            "air_temperature_schedule = [{ at_s = 0.0, temperature_c = 99.0 }]",
+        ] {
+            let error = Room::parse("x", &format!("{air}\n{STANDING}")).unwrap_err().to_string();
+            assert!(error.contains("air temperature"), "{error}");
+        }
     }
 
     #[test]

@@ -12,10 +12,11 @@ use crate::chip::reset::Cause;
 use crate::cpu::{Cpu, IRAM_SIZE};
 use crate::fault::{Fault, Violation};
 use crate::mishap::Mishap;
+use crate::random::{Part, stream};
 use crate::time::Tick;
 use crate::world::{self, ECHO, World};
 use measurement::Measurement;
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
@@ -54,7 +55,7 @@ pub struct Unit {
 impl Unit {
     /// A unit at power-up, with arbitrary contents in its memories.
     pub fn power_up(flash: Box<[u8; FLASH_SIZE]>, world: World, seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut rng = stream(seed, Part::Memories);
         let mut xram = Box::new([0; XRAM_SIZE]);
         rng.fill_bytes(xram.as_mut_slice());
         let cpu = Cpu::new(noise(&mut rng));
@@ -282,8 +283,10 @@ impl Unit {
         Ok(())
     }
 
+    /// A flash operation under way is left half done, whatever resets the chip.
     fn reset(&mut self, cause: Cause) {
         self.resets += 1;
+        self.leave_flash_half_done();
         if cause == Cause::PowerUp {
             self.scramble_memories();
         } else {

@@ -19,7 +19,7 @@ const TEMPE: u8 = 0x04;
 const REFBE: u8 = 0x01;
 const TEMPERATURE_SENSOR: u8 = 0x1E;
 const GROUND: u8 = 0x1F;
-/// Of SYSCLK / (AD0SC + 1).
+/// Of SYSCLK / (AD0SC + 1). This and the times below are from memory of the datasheet.
 const FASTEST_SAR_CLOCK: Tick = TICKS_PER_SECOND / 3_000_000;
 const CONVERSION_SAR_CLOCKS: Tick = 10;
 /// With AD0TM set every conversion begins with so much tracking.

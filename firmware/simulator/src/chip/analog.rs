@@ -1,17 +1,18 @@
 //! The chip's analog side: what the temperature sensor and the voltage reference of this very chip give, and what a
 //! conversion makes of it (datasheet chapters "10-Bit ADC", "Voltage Reference", tables of characteristics).
 
-use rand::{RngExt, SeedableRng};
+use crate::random::{Part, stream};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 const SENSOR_GAIN_V_PER_K: f64 = 2.86e-3;
 const SENSOR_OFFSET_V: f64 = 0.776;
-/// The datasheet gives one standard deviation of either; chips further off than two are taken to be sorted out.
+/// One standard deviation of either, from memory of the datasheet; chips further off than two are taken to be sorted out.
 const SENSOR_GAIN_SIGMA_V_PER_K: f64 = 33.5e-6;
 const SENSOR_OFFSET_SIGMA_V: f64 = 8.51e-3;
 const WORST_SIGMAS: f64 = 2.0;
-/// 2.38 to 2.50 V, typically 2.44 V.
+/// 2.38 to 2.50 V, typically 2.44 V: from memory of the datasheet.
 const REFERENCE_V: f64 = 2.44;
 const REFERENCE_LIMIT_V: f64 = 0.06;
 /// Of one conversion. Assumed.
@@ -32,7 +33,7 @@ pub struct Analog {
 impl Analog {
     /// The analog side of the chip with that seed: its errors are its own and stay.
     pub fn of_chip(seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut rng = stream(seed, Part::Analog);
         let error = |rng: &mut ChaCha8Rng, sigma: f64, limit: f64| {
             (sigma * standard_normal(rng)).clamp(-limit, limit)
         };

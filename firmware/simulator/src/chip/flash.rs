@@ -2,9 +2,11 @@
 
 use crate::chip::sfr;
 use crate::fault::Violation;
+use crate::random::{Part, stream};
 use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
+use std::ops::RangeInclusive;
 
 pub const FLASH_SIZE: usize = 0x1_0000;
 pub const PAGE_SIZE: u16 = 512;
@@ -16,9 +18,9 @@ const PSWE: u8 = 0x01;
 const PSEE: u8 = 0x02;
 /// Assumed.
 const WRONG_BITS: usize = 100;
-/// Typical times of the datasheet's table of flash characteristics (40-55-70 us, 10-15-20 ms).
-const WRITE_TIME: Tick = 55 * TICKS_PER_US;
-const ERASE_TIME: Tick = 15 * TICKS_PER_MS;
+/// The datasheet's limits, from memory (typically 55 us and 15 ms); that each operation draws its own, evenly, is assumed.
+const WRITE_TIME: RangeInclusive<Tick> = 40 * TICKS_PER_US..=70 * TICKS_PER_US;
+const ERASE_TIME: RangeInclusive<Tick> = 10 * TICKS_PER_MS..=20 * TICKS_PER_MS;
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Lock {
@@ -51,6 +53,7 @@ pub struct Flash {
     /// What is stored, while what is read is something else: flash is read faster than it can be.
     stored: Option<Box<[u8; FLASH_SIZE]>>,
     seed: u64,
+    times: ChaCha8Rng,
     /// Of the last operation.
     span: Option<Span>,
     operations: u64,
@@ -60,12 +63,14 @@ pub struct Flash {
 }
 
 impl Flash {
-    /// A memory with these contents; the seed decides which bits fail when it is read too fast.
+    /// A memory with these contents; the seed decides how long operations take, and which bits fail when it is
+    /// read too fast.
     pub fn new(bytes: Box<[u8; FLASH_SIZE]>, seed: u64) -> Self {
         Self {
             bytes,
             stored: None,
             seed,
+            times: stream(seed, Part::FlashTimes),
             span: None,
             operations: 0,
             lock: Lock::Locked,
@@ -88,7 +93,7 @@ impl Flash {
             Some(stored) => self.bytes = stored,
             None if outrun => {
                 self.stored = Some(self.bytes.clone());
-                let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+                let mut rng = stream(self.seed, Part::FlashReads);
                 for _ in 0..FLASH_SIZE * 8 / WRONG_BITS {
                     self.bytes[rng.random_range(0..FLASH_SIZE)] ^= 1 << rng.random_range(0..8);
                 }
@@ -154,10 +159,10 @@ impl Flash {
         self.lock = Lock::Locked;
         if self.psctl & PSEE != 0 {
             self.begin((address & !(PAGE_SIZE - 1)).into(), PAGE_SIZE.into()).fill(0xFF);
-            return Ok(Operation::Done(ERASE_TIME));
+            return Ok(Operation::Done(self.times.random_range(ERASE_TIME)));
         }
         self.begin(address.into(), 1)[0] &= value;
-        Ok(Operation::Done(WRITE_TIME))
+        Ok(Operation::Done(self.times.random_range(WRITE_TIME)))
     }
 
     /// Bytes written and pages erased so far.

@@ -23,7 +23,7 @@ impl Unit {
     }
 
     /// Lets VDD dip below the supply monitor's threshold for a moment: a few bytes of memory decay, and the monitor,
-    /// if it is on and selected, resets the chip (a flash operation under way is left half done then).
+    /// if it is on and selected, resets the chip.
     pub fn brown_out(&mut self) {
         if self.unpowered_until.is_some() {
             return;
@@ -36,7 +36,6 @@ impl Unit {
             }
         }
         if self.chip.resets.supply_monitored() {
-            self.leave_flash_half_done();
             self.reset(Cause::SupplyMonitor);
             self.next_event = self.chip.now;
         }
@@ -80,7 +79,7 @@ impl Unit {
         Ok(())
     }
 
-    fn leave_flash_half_done(&mut self) {
+    pub(super) fn leave_flash_half_done(&mut self) {
         if self.chip.now < self.chip.stalled_until {
             self.chip.flash.interrupt(&mut self.rng);
         }
@@ -175,5 +174,23 @@ mod tests {
         for outcome in [|ones| ones == 0, |ones| ones == ALL, |ones| (1..ALL).contains(&ones)] {
             assert!(outcomes.iter().any(|&ones: &u32| outcome(ones)), "{outcomes:?}");
         }
+    }
+
+    #[test]
+    fn a_watchdog_that_bites_in_the_midst_of_an_erase_leaves_it_half_done_too() {
+        // MOV PCA0CPL4,#1; MOV PCA0MD,#0x40: it bites after 512 counts of 12 clocks at 1.5 MHz, 4 ms.
+        let watched = [0x75, 0xFD, 0x01, 0x75, 0xD9, 0x40];
+        let half_done = (0..20).any(|seed| {
+            let program =
+                [&GUARDED[..], &flash_operation(1), &watched, &flash_operation(3), &COILS_ON].concat();
+            let mut unit = unit(&program, &[]);
+            unit.rng = rand::SeedableRng::seed_from_u64(seed);
+            while unit.resets() == 0 {
+                unit.run_until(unit.now() + TICKS_PER_CLOCK).unwrap();
+            }
+            assert_eq!((unit.flash_operations(), unit.chip.resets.read(sfr::RSTSRC)), (2, 0x08));
+            unit.chip.flash.bytes()[0xF400..0xF600].iter().any(|byte| *byte != 0xFF)
+        });
+        assert!(half_done);
     }
 }

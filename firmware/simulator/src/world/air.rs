@@ -6,7 +6,7 @@
 
 use crate::echo::{LONGEST_RANGE_M, Look, Scene};
 use crate::geometry::{Point, Segment};
-use crate::room::Pose;
+use crate::room::{Pose, WARMEST_AIR_C, speed_of_sound_m_s};
 use crate::scenery::Scenery;
 use crate::time::{NEVER, TICKS_PER_MS, Tick, from_seconds};
 use crate::world::sonar::ECHO_LAG;
@@ -14,8 +14,8 @@ use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// Sound is never faster in a room that people stand: 45 deg C.
-const FASTEST_SOUND_M_S: f64 = 360.0;
+/// Faster than sound in the warmest air, by so much that it also covers the instruction by which a unit may run ahead.
+const FASTEST_SOUND_M_S: f64 = 1.01 * speed_of_sound_m_s(WARMEST_AIR_C);
 /// What arrived longer ago than any ping lasts has found nobody listening.
 const FORGOTTEN: Tick = 100 * TICKS_PER_MS;
 
@@ -125,10 +125,10 @@ mod tests {
     use crate::room::Room;
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-    /// Two units 2 m apart, 1 m before a wall behind both; the air is at 20 deg C.
+    /// Two units 2 m apart in what the text says.
     fn air(objects: &str) -> Air {
         let units = "[[unit]]\nposition_m = [0.0, 0.0]\n[[unit]]\nposition_m = [2.0, 0.0]\n";
-        let room = Room::parse("x", &format!("name = 'x'\n{units}{objects}")).unwrap();
+        let room = Room::parse("x", &format!("name = 'x'\n{objects}{units}")).unwrap();
         let ears = vec![room.standing(0), room.standing(1)];
         Air::new(Rc::new(Scene::new(room)), ears)
     }
@@ -163,9 +163,15 @@ mod tests {
     }
 
     #[test]
+    fn in_the_warmest_air_nothing_arrives_within_the_lookahead() {
+        let air = air("air_temperature_c = 60.0\n");
+        assert!(heard(&air, 0.0)[0].at - 1000 + ECHO_LAG > air.lookahead().unwrap());
+    }
+
+    #[test]
     fn a_unit_may_run_ahead_as_long_as_sound_takes_to_the_nearest_other() {
         let lookahead = air("").lookahead().unwrap();
-        assert!(lookahead > from_seconds(2.0 / 360.0) && lookahead < from_seconds(2.0 / 330.0));
+        assert!(lookahead > from_seconds(2.0 / 371.4) && lookahead < from_seconds(2.0 / 330.0));
     }
 
     #[test]

@@ -13,13 +13,14 @@ use crate::chip::ports::{Ports, Pulls};
 use crate::echo::{Look, Scene};
 use crate::fault::Violation;
 use crate::mishap::Mishap;
+use crate::random::{Part, stream};
 use crate::room::Pose;
 use crate::time::{NEVER, Tick, from_seconds, to_seconds};
 use air::{Air, Arrival};
 use carrier::Carrier;
 use hearing::Hearing;
 use motor::Motor;
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use sonar::{Ailment, Edge, Sonar};
@@ -68,7 +69,7 @@ pub struct Truth {
 impl World {
     /// The world of unit `index`, counted from 0, at power-up: the sensor looks anywhere, by the seed.
     pub fn new(scene: Rc<Scene>, index: usize, air: Option<Rc<Air>>, laps: usize, seed: u64) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut rng = stream(seed, Part::World);
         let gear = scene.room().gear(index);
         let reach_rad = POWER_UP_RANGE_RAD.min(gear.stop_deg.to_radians());
         let bearing_rad = rng.random_range(-reach_rad..reach_rad);

@@ -3,6 +3,7 @@
 use super::*;
 use crate::room::Room;
 use crate::time::{TICKS_PER_MS, TICKS_PER_SECOND};
+use rand::SeedableRng;
 
 const FORWARD: &str = "lobe = [{ range_m = 0.0, half_angle_deg = 180.0 }]\n";
 const WALL: &str = "[[wall]]\nfrom_m = [2.5, -3.0]\nto_m = [2.5, 3.0]\n";
