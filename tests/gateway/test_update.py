@@ -15,9 +15,9 @@ from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import HardwareError, LineError, UnitGoneError, UpdateError, WrongUnitError
 from noctule_gateway.frames import Ack, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
 from noctule_gateway.frames import Update as EnterLoader
-from noctule_gateway.update import GONE_AFTER_S, Updater
-from noctule_gateway.update_image import Image, load
-from noctule_gateway.update_steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS, Current, Step, Updated
+from noctule_gateway.update.image import Image, load
+from noctule_gateway.update.steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS, Current, Step, Updated
+from noctule_gateway.update.updater import GONE_AFTER_S, Updater
 
 SERIAL = 1
 STEP_S = 0.005

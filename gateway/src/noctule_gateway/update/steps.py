@@ -28,7 +28,7 @@ from noctule_gateway.frames import (
     Update,
 )
 from noctule_gateway.identity import mismatch
-from noctule_gateway.update_image import PAGES, Image
+from noctule_gateway.update.image import PAGES, Image
 
 TIMEOUT_S = 0.1  # a loader answers within 20 ms, PROGRAM and RUN within 80
 LONG_TIMEOUT_S = 0.5  # every so many attempts, for lines that take their time

@@ -8,9 +8,9 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 
 from noctule_gateway.errors import GatewayError
-from noctule_gateway.update_image import Image
-from noctule_gateway.update_site import UnitUpdate
-from noctule_gateway.update_steps import Current, Updated
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.site import UnitUpdate
+from noctule_gateway.update.steps import Current, Updated
 
 
 class Bars:

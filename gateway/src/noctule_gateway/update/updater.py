@@ -6,8 +6,8 @@ from math import inf
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import GatewayError, LineError, UnitGoneError
 from noctule_gateway.frames import AskHello, Frame, Hello, Loader, Rejected, Result, Stop, Update
-from noctule_gateway.update_image import Image
-from noctule_gateway.update_steps import Answer, Attempt, Current, RestartedError, Step, Steps, Updated
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.steps import Answer, Attempt, Current, RestartedError, Step, Steps, Updated
 
 GONE_AFTER_S = 20.0  # longer than a unit copies, or fails to start eight times
 REST_S = 0.02  # for what is still on its way to go by, before what was not understood is sent again
