@@ -11,7 +11,7 @@ from firmware.update_rig import Update, staged, update
 
 from noctule_gateway.frames import AskHello, Hello, Loader
 from noctule_gateway.update.image import Image
-from noctule_gateway.update.steps import Step, Updated
+from noctule_gateway.update.outcome import Step, Updated
 
 OLD, NEW = "0.2.0", "0.9.0"
 DESCRIPTION_BYTES = 16

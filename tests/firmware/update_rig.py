@@ -6,7 +6,7 @@ from firmware.stepped_unit import SteppedUnit
 
 from noctule_gateway.errors import GatewayError
 from noctule_gateway.update.image import Image
-from noctule_gateway.update.steps import Current, Step, Updated
+from noctule_gateway.update.outcome import Current, Step, Updated
 from noctule_gateway.update.updater import Updater
 
 SERIAL = 1  # noctule-sim's first unit
