@@ -24,7 +24,7 @@ class Updater:
 
     def __init__(self, serial: int, image: Image, again: bool, first_request: int) -> None:
         self.outcome: Ending | None = None
-        self._image = image
+        self.image = image
         self._steps = Steps(serial, image, again, first_request)
         self._talk = self._steps.talk()
         self._reader = FrameReader()
@@ -38,7 +38,7 @@ class Updater:
     @property
     def progress(self) -> Progress:
         """How far it is."""
-        return Progress(self._steps.step, len(self._steps.held), len(self._image.pages))
+        return Progress(self._steps.step, len(self._steps.held), len(self.image.pages))
 
     @property
     def next_s(self) -> float:
