@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from firmware.images import newer_version
 
-from noctule_gateway.update_image import Image, load
+from noctule_gateway.update.image import Image, load
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PURE = [

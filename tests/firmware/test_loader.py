@@ -31,8 +31,8 @@ from noctule_gateway.frames import (
     Sweep,
 )
 from noctule_gateway.frames import Update as EnterLoader
-from noctule_gateway.update_image import PAGES, Image, load
-from noctule_gateway.update_steps import Current, Updated
+from noctule_gateway.update.image import PAGES, Image, load
+from noctule_gateway.update.outcome import Current, Updated
 
 APPLICATION = 0x1000
 CONFIRMED = 0x7FF1

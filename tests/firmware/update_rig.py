@@ -5,9 +5,9 @@ from math import inf
 from firmware.stepped_unit import SteppedUnit
 
 from noctule_gateway.errors import GatewayError
-from noctule_gateway.update import Updater
-from noctule_gateway.update_image import Image
-from noctule_gateway.update_steps import Current, Step, Updated
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.outcome import Current, Step, Updated
+from noctule_gateway.update.updater import Updater
 
 SERIAL = 1  # noctule-sim's first unit
 STAGING = 0x8000  # firmware/README.md, Flash

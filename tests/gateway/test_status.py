@@ -10,7 +10,7 @@ from noctule.site import FixedPose, Pose2, Sensor, Unit
 from noctule_gateway import frames, resets, status
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.frames import Hello, Loader, State, Status, Stay
-from noctule_gateway.lateness import TOO_LATE_S, Lateness
+from noctule_gateway.lateness import TOO_LATE_S, WINDOW_S, Lateness
 from noctule_gateway.line_quality import LineQuality
 from noctule_gateway.log import LogState
 
@@ -29,7 +29,7 @@ def says(frame: frames.Frame) -> Status:
 
 
 STATUS = says(frames.AskStatus(1))
-GOOD = status.Condition("", HELLO, None, STATUS, LogState(), "", lost_pose=False, late=False, bad_line=False)
+GOOD = status.Condition("", "", HELLO, None, STATUS, LogState(), "", lost_pose=False, late=False, bad_line=False)
 
 
 def test_a_unit_that_turns_is_shown_as_turning_with_its_chips_temperature() -> None:
@@ -52,14 +52,25 @@ def test_the_stack_that_is_left_is_among_the_counters() -> None:
 
 @pytest.mark.parametrize(
     ("reason", "words"),
-    [(Stay.ASKED, "update"), (Stay.NO_APPLICATION, "no sound firmware"), (Stay.NOT_CONFIRMED, "never answered")],
+    [
+        (Stay.ASKED, "begun and not ended"),
+        (Stay.NO_APPLICATION, "no sound firmware"),
+        (Stay.NOT_CONFIRMED, "never answered"),
+        (Stay.FLASH_FAILED, "flash does not hold"),
+    ],
 )
 def test_a_unit_in_its_loader_is_shown_with_why_and_what_to_do(reason: Stay, words: str) -> None:
     loader = Loader(0, 2, 7, 1, 1, reason, 0xFF, 0xFF, 0xFF)
-    told = status.message(replace(GOOD, trouble=status.in_loader(loader, UNIT), loader=loader), UNIT)
+    told = status.message(replace(GOOD, trouble=status.in_loader(loader, UNIT, "attic"), loader=loader), UNIT)
     assert (told.state, told.serial) == (UnitStatus.STATE_LOADER, 7)
     assert words in told.detail
-    assert "noctule-gateway update --unit u1" in told.detail
+    assert "noctule rpc attic u1 update --image" in told.detail
+
+
+def test_a_unit_that_is_being_updated_is_shown_in_its_loader_with_how_far_it_is() -> None:
+    told = status.message(replace(GOOD, trouble="no answer", update="updating: sending, 17 of 42 pages"), UNIT)
+    assert (told.state, told.detail) == (UnitStatus.STATE_LOADER, "updating: sending, 17 of 42 pages")
+    assert told.firmware == "0.2.0"
 
 
 def test_a_full_ring_is_the_gateways_fault_where_the_gateway_is_late() -> None:
@@ -93,9 +104,16 @@ def test_a_delay_counts_for_ten_seconds_at_least_and_twenty_at_most() -> None:
     for second in range(60):
         lateness.note(2 * TOO_LATE_S if second == 15 else 0.01, float(second))
         if 15 <= second <= 24:
-            assert lateness.worst_s == 2 * TOO_LATE_S
+            assert lateness.worst_s(second) == 2 * TOO_LATE_S
         if second < 15 or second > 35:
-            assert lateness.worst_s == 0.01
+            assert lateness.worst_s(second) == 0.01
+
+
+def test_a_delay_is_forgotten_though_nothing_comes_after_it() -> None:
+    lateness = Lateness()
+    lateness.note(2 * TOO_LATE_S, 100.0)
+    assert lateness.too_late(105.0)
+    assert not lateness.too_late(100.0 + 2 * WINDOW_S)
 
 
 def test_a_line_that_corrupts_a_tenth_is_told_until_it_is_good_again() -> None:

@@ -13,11 +13,12 @@ from gateway.bad_line import BadLine, Faults
 
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import HardwareError, LineError, UnitGoneError, UpdateError, WrongUnitError
-from noctule_gateway.frames import Ack, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
+from noctule_gateway.frames import Ack, AskHello, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
 from noctule_gateway.frames import Update as EnterLoader
-from noctule_gateway.update import GONE_AFTER_S, Updater
-from noctule_gateway.update_image import Image, load
-from noctule_gateway.update_steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS, Current, Step, Updated
+from noctule_gateway.update.image import Image, load
+from noctule_gateway.update.outcome import Current, Step, Updated
+from noctule_gateway.update.steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS
+from noctule_gateway.update.updater import GONE_AFTER_S, Updater
 
 SERIAL = 1
 STEP_S = 0.005
@@ -228,8 +229,20 @@ def test_silence_from_the_beginning_is_told(image):
     assert script.now_s == pytest.approx(GONE_AFTER_S, abs=1.0)
 
 
-def test_a_line_that_can_not_be_held_is_told_with_the_gateway_that_may_hold_it(image):
+def test_a_line_that_can_not_be_opened_is_the_end(image):
     updater = Updater(SERIAL, image, again=False, first_request=0)
     updater.closed(LineError("can't open /dev/ttyUSB0: busy"), 0.0)
     assert isinstance(updater.outcome, LineError)
-    assert "busy" in str(updater.outcome) and "stop it for the update" in str(updater.outcome)
+    assert "busy" in str(updater.outcome)
+
+
+def test_a_line_that_is_cut_and_opened_again_after_the_end_changes_nothing(image):
+    updater = Updater(SERIAL, image, again=False, first_request=0)
+    updater.opened(0.0)
+    (asked,) = FrameReader().feed(updater.output(0.0))
+    assert isinstance(asked, AskHello)
+    updater.receive(encode(replace(HELLO, version_minor=9, request=asked.request)), 0.1)
+    updater.closed(LineError("pulled out"), 1.0)
+    updater.opened(2.0)
+    assert updater.outcome == Current()
+    assert updater.output(2.0) == b""

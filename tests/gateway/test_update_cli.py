@@ -83,7 +83,7 @@ def test_a_unit_whose_line_is_held_fails_alone_and_the_others_are_updated(bench)
     assert run.returncode == 1
     told = outcomes(run)
     assert [told[unit][0] for unit in ("u1", "u2", "u3")] == ["failed", "updated", "updated"]
-    assert "A gateway that runs may hold the line: stop it" in told["u1"][1]
+    assert "A gateway may hold the line: have it do the update, noctule rpc SITE u1 update" in told["u1"][1]
 
 
 def test_what_is_no_image_ends_before_any_line_is_opened(bench):

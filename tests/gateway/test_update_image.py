@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from noctule_gateway.errors import ImageError
-from noctule_gateway.update_image import PAGE_BYTES, PAGES, load
+from noctule_gateway.update.image import PAGE_BYTES, PAGES, load
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 END = ":00000001FF\n"

@@ -18,9 +18,9 @@ from noctule.errors import NoctuleError
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log_file import Retention
 from noctule_gateway.service import Gateway
-from noctule_gateway.update_image import load
-from noctule_gateway.update_report import Bars, report
-from noctule_gateway.update_site import update_units
+from noctule_gateway.update.image import load
+from noctule_gateway.update.report import Bars, report
+from noctule_gateway.update.site import update_units
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 _REPORT_EVERY_S = 1.0

@@ -10,13 +10,17 @@ from dataclasses import dataclass
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule_gateway import orders, settings
-from noctule_gateway.errors import CommandError
+from noctule_gateway.errors import CommandError, GatewayError
 from noctule_gateway.events import OrderSettled
 from noctule_gateway.frames import Settings
 from noctule_gateway.link import Link
+from noctule_gateway.update.image import Image, parse
+from noctule_gateway.update.outcome import Ending, describe
 
 AT_ONCE = ("hello", "status")
 SETTINGS = "settings"
+UPDATE = "update"
+BEING_UPDATED = "the unit is being updated: wait until that is over, its status says how far it is"
 
 
 @dataclass(frozen=True)
@@ -27,10 +31,14 @@ class _Command:
 
 
 class Execution:
-    """Commands under way; ``status`` gives the unit's status for a reply."""
+    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
 
-    def __init__(self, link: Link, status: Callable[[], UnitStatus]) -> None:
-        self._link, self._status = link, status
+    ``update`` gets the image, and whether to send one that the unit has already.
+    """
+
+    def __init__(self, link: Link, status: Callable[[], UnitStatus], update: Callable[[Image, bool], None]) -> None:
+        self._link, self._status, self._update = link, status, update
+        self._updating: _Command | None = None
         self._ordered: dict[int, _Command] = {}
         self._await_settings: deque[_Command] = deque()
 
@@ -40,11 +48,15 @@ class Execution:
         try:
             if name in AT_ONCE:
                 self._end(command)
+            elif self._updating is not None:
+                raise CommandError(BEING_UPDATED)
+            elif name == UPDATE:
+                self._begin_update(command)
             elif name == SETTINGS or orders.needs_settings(name):
                 self._begin_with_settings(command)
             else:
                 self._ordered[self._link.order(orders.order(name, request))] = command
-        except CommandError as error:
+        except GatewayError as error:
             self._end(command, error)
 
     def settings_read(self) -> None:
@@ -63,6 +75,32 @@ class Execution:
         for command in waiting:
             self._end(command, CommandError(why))
 
+    def updated(self, outcome: Ending, image: Image) -> None:
+        """The update is over."""
+        command, self._updating = self._updating, None
+        assert command is not None
+        failed = isinstance(outcome, GatewayError)
+        command.reply.set_result(
+            CommandReply(
+                request_id=command.request.request_id,
+                done=not failed,
+                error=str(outcome) if failed else "",
+                detail="" if failed else describe(outcome, image),
+            )
+        )
+
+    def stopped(self, why: str) -> None:
+        """The gateway ends, in the midst of an update maybe."""
+        command, self._updating = self._updating, None
+        if command is not None:
+            self._end(command, CommandError(f"{why}: update the unit again, it goes on where it was"))
+
+    def _begin_update(self, command: _Command) -> None:
+        if not command.request.image:
+            raise CommandError("image is empty: give what the firmware's build/update.hex holds")
+        self._update(parse(command.request.image, "the image"), command.request.force)
+        self._updating = command
+
     def _begin_with_settings(self, command: _Command) -> None:
         present = self._link.settings
         if not self._link.identified:
@@ -75,7 +113,7 @@ class Execution:
             order = orders.order_over(command.name, command.request, present)
             self._ordered[self._link.order(order)] = command
 
-    def _end(self, command: _Command, error: CommandError | None = None, known: Settings | None = None) -> None:
+    def _end(self, command: _Command, error: GatewayError | None = None, known: Settings | None = None) -> None:
         command.reply.set_result(
             CommandReply(
                 request_id=command.request.request_id,

@@ -88,6 +88,7 @@ class Line:
                 self._wait(retry_s)
                 retry_s = min(2 * retry_s, LAST_RETRY_S)
         self._hang_up()
+        self._make_calls()
 
     def _talk(self, port: Port) -> None:
         while not self._closing.is_set():

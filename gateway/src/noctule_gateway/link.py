@@ -7,6 +7,7 @@ when the caller says that it is committed, and again each time it comes again, o
 
 from noctule_gateway import frames
 from noctule_gateway.agenda import Agenda
+from noctule_gateway.boot_watch import BootWatch
 from noctule_gateway.clock import TICK_S, Exchange
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import CommandError
@@ -36,7 +37,6 @@ ACK_AGAIN_S = 0.25  # at most so often for what could not be read
 
 _BYTE_S = 10 / 115200  # 8N1
 _CLOCK_ANSWER_S = len(encode(Clock(1, 0, 0))) * _BYTE_S
-_SLACK_TICKS = 400_000  # frames may pass one another within the unit, but not by 0.1 s
 _CHANGES_SETTINGS = (frames.Configure, frames.Calibrate, frames.TrimTemperature, frames.Store)
 
 
@@ -57,22 +57,24 @@ class Link:
         self._agenda = Agenda()
         self._requests = Requests(first_request)
         self._out = bytearray()
-        self._boot: int | None = None
+        self._boot = BootWatch()
         self._acknowledged: Sweep | None = None
         self._acknowledge_again_s = 0.0
-        self._last_tick = 0
-        self._ticks_went_back = False
         self._setup_waits = False
-        self._doubted_boots: set[int] = set()
         self._orders = OrderQueue(self.setup)
         self._asked_s = self._asked_through_s = self._hushed_until_s = 0.0
         self._greet(0.0, "")
 
-    def connected(self, now_s: float) -> list[Event]:
-        """The line has been opened, or opened again."""
+    def connected(self, now_s: float, why: str = "the line to the unit was cut") -> list[Event]:
+        """The line has been opened, or changes hands; what was ordered before and is not settled fails, for ``why``."""
         self.reader.reset()
         self._out.clear()
-        return self._greet(now_s, "the line to the unit was cut")
+        return self._greet(now_s, why)
+
+    def set_up_again(self) -> None:
+        """Somebody else has spoken to the unit: it may not be doing what it is to do."""
+        self.setup.drop()
+        self._setup_waits = True
 
     def receive(self, data: bytes, now_s: float) -> list[Event]:
         """Take in what came over the line."""
@@ -184,7 +186,7 @@ class Link:
         error = mismatch(hello, self._serial)
         if error is not None:
             return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
-        rebooted = hello.boot != self._boot or self._ticks_went_back
+        rebooted = self._boot.is_another(hello.boot)
         if self.identified and not rebooted:
             self._agenda.identified(now_s, rebooted=False)
             return []
@@ -192,9 +194,8 @@ class Link:
         lost = self._greet(now_s, "the unit was reset")
         self._agenda.identified(now_s, rebooted)
         self.identified = True
-        self._boot = hello.boot
         if rebooted:
-            self._last_tick, self._ticks_went_back = 0, False
+            self._boot.begin(hello.boot)
             self.setup.drop()
             self._setup_waits = True
         return [*done, *lost, Identified(hello, rebooted)]
@@ -206,7 +207,7 @@ class Link:
         return [*self._greet(now_s, "the unit is in its loader", LOADER_RETRY_S), InLoader(loader)]
 
     def _status(self, status: Status, now_s: float) -> list[Event]:
-        if self._went_back(status.tick):
+        if self._boot.refuted_by_tick(status.tick):
             return self._doubt(now_s)
         if self._setup_waits:
             self._setup_waits = False
@@ -214,7 +215,7 @@ class Link:
         return [StatusRead(status)]
 
     def _clock(self, clock: Clock, now_s: float) -> list[Event]:
-        if self._went_back(clock.sent):
+        if self._boot.refuted_by_tick(clock.sent):
             return self._doubt(now_s)
         self._agenda.clock_came()
         sent_s, answered_s = self._asked_through_s, now_s - _CLOCK_ANSWER_S
@@ -227,12 +228,6 @@ class Link:
         self._agenda.greet_again(now_s)
         return []
 
-    def _went_back(self, tick: int) -> bool:
-        if tick + _SLACK_TICKS < self._last_tick:
-            self._ticks_went_back = True
-        self._last_tick = tick
-        return self._ticks_went_back
-
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
         if result is not None and isinstance(self._orders.given, _CHANGES_SETTINGS):
             self.settings = None
@@ -242,17 +237,12 @@ class Link:
     def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
         if not self._agenda.time_is_known:
             return []  # it comes again
-        if self._is_newer(sweep.boot) and sweep.boot not in self._doubted_boots:
-            self._doubted_boots.add(sweep.boot)
+        if self._boot.doubted_by_sweep(sweep.boot):
             return self._doubt(now_s)
         standing = self.receipts.arrive(sweep)
         if standing is Standing.COMMITTED:
             self._acknowledge(sweep)
         return [SweepRead(sweep)] if standing is Standing.NEW else []
-
-    def _is_newer(self, boot: int) -> bool:
-        """``boot`` is after the one of the last HELLO, as far as 16 bits can tell."""
-        return self._boot is not None and 0 < (boot - self._boot) % 0x10000 < 0x8000
 
     def _acknowledge(self, sweep: Sweep) -> None:
         self._acknowledged = sweep

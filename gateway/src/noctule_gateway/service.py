@@ -101,14 +101,20 @@ class Gateway:
 
     def _status_message(self) -> ServiceStatus:
         connected = sum(served.server.connected for served in self._served)
-        away = [served.unit.name for served in self._served if not served.server.connected]
+        updating = [served.unit.name for served in self._served if served.server.updating]
+        away = [served.unit.name for served in self._served if not (served.server.connected or served.server.updating)]
         late = [served.unit.name for served in self._served if served.server.late]
         message = ServiceStatus(
             site=self._site.name,
             name=self._name,
             role="gateway",
             version=version("noctule-gateway"),
-            detail="; ".join(filter(None, (_listed("not connected", away), _listed("served late", late)))),
+            detail="; ".join(
+                filter(
+                    None,
+                    (_listed("not connected", away), _listed("being updated", updating), _listed("served late", late)),
+                )
+            ),
             counters={
                 "units": len(self._served),
                 "units_connected": connected,

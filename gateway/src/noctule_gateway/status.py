@@ -26,11 +26,9 @@ _STAYS: dict[int, str] = {
     Stay.ASKED: "an update of its firmware was begun and not ended (it leaves by itself after a minute, if it can)",
     Stay.NO_APPLICATION: "it has no sound firmware to run",
     Stay.NOT_CONFIRMED: "its new firmware was started again and again and never answered a host",
+    Stay.FLASH_FAILED: "its flash does not hold its firmware (replace the unit if it stays so)",
 }
-
-
 _LATE = "the gateway serves it late: the machine has too many units, or too slow a disk (counter late_ms)"
-
 _BAD_LINE = "much of what it sends can't be read: check cable, ground and adapter (counters frames_bad)"
 
 
@@ -39,6 +37,7 @@ class Condition:
     """What is known of a unit at one moment; ``trouble`` is why it does not answer, empty while it does."""
 
     trouble: str
+    update: str  # how far one is, while there is one
     hello: Hello | None
     loader: Loader | None  # while it sits there
     status: Status | None
@@ -51,6 +50,8 @@ class Condition:
 
 def detail(condition: Condition, unit: Unit) -> str:
     """The sentence for the operator; empty when all is well. It does not change while nothing changes."""
+    if condition.update:
+        return condition.update
     if condition.trouble:
         return condition.trouble
     if condition.log.error:
@@ -81,8 +82,9 @@ def message(condition: Condition, unit: Unit) -> UnitStatus:
         log_tail=log.tail,
         log_removed=log.removed,
     )
-    if condition.loader is not None:
+    if condition.loader is not None or condition.update:
         result.state = UnitStatus.STATE_LOADER
+    if condition.loader is not None:
         result.serial = condition.loader.serial
     elif hello is not None:
         result.reset_cause = resets.cause(hello)
@@ -114,10 +116,10 @@ def unit_counters(status: Status) -> dict[str, int]:
     }
 
 
-def in_loader(loader: Loader, unit: Unit) -> str:
+def in_loader(loader: Loader, unit: Unit, site: str) -> str:
     """The sentence for the operator of a unit that sits in its loader."""
     why = _STAYS.get(loader.reason, f"it says so for reason {loader.reason}")
-    return f"in its loader, for {why}: stop this gateway and run noctule-gateway update --unit {unit.name}"
+    return f"in its loader, for {why}: update it by noctule rpc {site} {unit.name} update --image FILE"
 
 
 def _waiting(condition: Condition) -> str:

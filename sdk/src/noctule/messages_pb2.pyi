@@ -244,7 +244,7 @@ class UnitSettings(_message.Message):
     def __init__(self, plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_trim_k: _Optional[float] = ..., stored: _Optional[bool] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
-    __slots__ = ("request_id", "plan", "pause_s", "waypoint", "bearing_rad", "calibration", "temperature_c")
+    __slots__ = ("request_id", "plan", "pause_s", "waypoint", "bearing_rad", "calibration", "temperature_c", "image", "force")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     PLAN_FIELD_NUMBER: _ClassVar[int]
     PAUSE_S_FIELD_NUMBER: _ClassVar[int]
@@ -252,6 +252,8 @@ class CommandRequest(_message.Message):
     BEARING_RAD_FIELD_NUMBER: _ClassVar[int]
     CALIBRATION_FIELD_NUMBER: _ClassVar[int]
     TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
+    IMAGE_FIELD_NUMBER: _ClassVar[int]
+    FORCE_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     plan: SweepPlan
     pause_s: float
@@ -259,21 +261,25 @@ class CommandRequest(_message.Message):
     bearing_rad: float
     calibration: Calibration
     temperature_c: float
-    def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ..., bearing_rad: _Optional[float] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_c: _Optional[float] = ...) -> None: ...
+    image: bytes
+    force: bool
+    def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ..., bearing_rad: _Optional[float] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_c: _Optional[float] = ..., image: _Optional[bytes] = ..., force: _Optional[bool] = ...) -> None: ...
 
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status", "settings")
+    __slots__ = ("request_id", "done", "error", "status", "settings", "detail")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
     error: str
     status: UnitStatus
     settings: UnitSettings
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ...) -> None: ...
+    detail: str
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence")

@@ -8,7 +8,6 @@ image's version is the end. So whatever cuts an update off, greeting the unit ag
 import zlib
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import TypeVar
 
 from noctule_gateway.errors import FlashError, HardwareError, UnitGoneError, UpdateError, WrongUnitError
@@ -28,7 +27,9 @@ from noctule_gateway.frames import (
     Update,
 )
 from noctule_gateway.identity import mismatch
-from noctule_gateway.update_image import PAGES, Image
+from noctule_gateway.update.blocks import BlockSize
+from noctule_gateway.update.image import PAGES, Image
+from noctule_gateway.update.outcome import Current, Step, Updated
 
 TIMEOUT_S = 0.1  # a loader answers within 20 ms, PROGRAM and RUN within 80
 LONG_TIMEOUT_S = 0.5  # every so many attempts, for lines that take their time
@@ -40,8 +41,6 @@ ATTEMPTS = 50  # where one byte in twenty is spoiled, one in seven gets through
 PUT_ROUNDS = 10  # of a page
 FLASH_ATTEMPTS = 3
 FRUITLESS = 20  # greetings, and not a page between them
-BLOCK_BYTES = (128, 32, 16)
-LARGER_AFTER = 32  # blocks that went through at once
 
 _NONE = 0xFF  # each number of the version, where there is no application
 
@@ -65,28 +64,6 @@ class RestartedError(Exception):
     """The unit is not where it was: it must be greeted again."""
 
 
-class Step(Enum):
-    """How far an update is."""
-
-    GREETING = "looking for the unit"
-    ENTERING = "into the loader"
-    SENDING = "sending"
-    INSTALLING = "installing"
-    STARTING = "starting"
-
-
-@dataclass(frozen=True)
-class Updated:
-    """The unit runs the image; ``before`` is the version that it had, None if it had no sound application."""
-
-    before: str | None
-
-
-@dataclass(frozen=True)
-class Current:
-    """The unit has the image's version already, and was left alone."""
-
-
 class Steps:
     """The update of unit ``serial`` to ``image``; one that has its version already is left alone unless ``again``."""
 
@@ -98,8 +75,7 @@ class Steps:
         self._before: str | None = None
         self._met = self._entered = self._installed = False
         self._fruitless = 0
-        self._block = 0  # index of BLOCK_BYTES
-        self._through = 0
+        self._blocks = BlockSize()
 
     def talk(self) -> Talk[Updated | Current]:
         """The whole conversation. RestartedError may be thrown in at any time; raises what ends the update."""
@@ -209,8 +185,7 @@ class Steps:
     def _put(self, content: bytes) -> Talk[None]:
         at = 0
         while at < len(content):
-            size = BLOCK_BYTES[self._block]
-            block = content[at : at + size - at % size]
+            block = self._blocks.cut(content, at)
             result = yield from self._put_block(Put(0, at, block))
             if result is None:
                 continue  # in smaller blocks
@@ -224,13 +199,10 @@ class Steps:
         for attempt in range(ATTEMPTS):
             answer = yield Attempt(numbered, _timeout_s(attempt))
             if isinstance(answer, Result):
-                self._through = self._through + 1 if attempt == 0 else 0
-                if self._through == LARGER_AFTER and self._block > 0:
-                    self._block, self._through = self._block - 1, 0
+                self._blocks.went_through(at_once=attempt == 0)
                 return answer.result
-            self._through = 0
-            if attempt > 0 and self._block < len(BLOCK_BYTES) - 1:
-                self._block += 1
+            self._blocks.failed()
+            if attempt > 0 and self._blocks.shrink():
                 return None
         raise RestartedError
 

@@ -40,30 +40,36 @@ class Image:
 def load(path: Path) -> Image:
     """Read the image of an update. Raises ImageError, which says what is wrong, in which line, and what to do."""
     try:
-        text = path.read_text(encoding="ascii")
+        return parse(path.read_bytes(), str(path))
     except OSError as error:
         raise ImageError(f"{path} can't be read: {error.strerror}") from error
+
+
+def parse(data: bytes, name: str) -> Image:
+    """The image of an update from the bytes of its file, which errors call ``name``. Raises ImageError."""
+    try:
+        text = data.decode("ascii")
     except UnicodeDecodeError as error:
-        raise ImageError(f"{path} is not an Intel HEX file: {error}") from error
-    return _described(path, _read(path, text))
+        raise ImageError(f"{name} is not an Intel HEX file: {error}") from error
+    return _described(name, _read(name, text))
 
 
-def _read(path: Path, text: str) -> bytes:
+def _read(name: str, text: str) -> bytes:
     """All pages of the application; what the file leaves out is erased."""
     content = bytearray([_ERASED]) * (_END - _APPLICATION)
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip():
             continue
-        kind, address, data = _record(f"{path}, line {number}", line.strip())
+        kind, address, data = _record(f"{name}, line {number}", line.strip())
         if kind == _RECORD_END:
             return bytes(content)
         if not _APPLICATION <= address <= _END - len(data):
             raise ImageError(
-                f"{path}, line {number}: 0x{address:04X} is outside the application's pages: "
+                f"{name}, line {number}: 0x{address:04X} is outside the application's pages: "
                 "an update takes build/update.hex, the other images are for a programmer"
             )
         content[address - _APPLICATION : address - _APPLICATION + len(data)] = data
-    raise ImageError(f"{path} is cut off: it has no end record")
+    raise ImageError(f"{name} is cut off: it has no end record")
 
 
 def _record(where: str, line: str) -> tuple[int, int, bytes]:
@@ -79,13 +85,13 @@ def _record(where: str, line: str) -> tuple[int, int, bytes]:
     return kind, address, record[4:-1]
 
 
-def _described(path: Path, content: bytes) -> Image:
+def _described(name: str, content: bytes) -> Image:
     description = content[_DESCRIPTION : _DESCRIPTION + _CHECKED_BYTES]
     magic, hardware, *version, length, crc, own_crc = struct.unpack("<HB3BHII", description)
     if magic != _MAGIC or own_crc != zlib.crc32(description[:-4]):
-        raise ImageError(f"{path} does not describe itself: build it by make -C firmware and take build/update.hex")
+        raise ImageError(f"{name} does not describe itself: build it by make -C firmware and take build/update.hex")
     if length > _DESCRIPTION or crc != zlib.crc32(content[:length]):
-        raise ImageError(f"{path} is not what it says of itself: build it anew (make -C firmware)")
+        raise ImageError(f"{name} is not what it says of itself: build it anew (make -C firmware)")
     numbers = [*range(-(-length // PAGE_BYTES)), PAGES - 1]
     pages = {page: content[page * PAGE_BYTES : (page + 1) * PAGE_BYTES] for page in numbers}
     return Image((version[0], version[1], version[2]), hardware, pages)

@@ -1,27 +1,18 @@
 """The update of one unit, without I/O and without a clock: bytes and times go in, bytes and progress come out."""
 
-from dataclasses import dataclass
 from math import inf
 
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import GatewayError, LineError, UnitGoneError
 from noctule_gateway.frames import AskHello, Frame, Hello, Loader, Rejected, Result, Stop, Update
-from noctule_gateway.update_image import Image
-from noctule_gateway.update_steps import Answer, Attempt, Current, RestartedError, Step, Steps, Updated
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.outcome import Ending, Progress
+from noctule_gateway.update.steps import Answer, Attempt, RestartedError, Steps
 
 GONE_AFTER_S = 20.0  # longer than a unit copies, or fails to start eight times
 REST_S = 0.02  # for what is still on its way to go by, before what was not understood is sent again
 
 _UNREADABLE = 1  # REJECTED's reason
-
-
-@dataclass(frozen=True)
-class Progress:
-    """The step, and how many pages the unit is known to hold of all that it is to hold."""
-
-    step: Step
-    pages: int
-    of_pages: int
 
 
 class Updater:
@@ -32,8 +23,8 @@ class Updater:
     """
 
     def __init__(self, serial: int, image: Image, again: bool, first_request: int) -> None:
-        self.outcome: Updated | Current | GatewayError | None = None
-        self._image = image
+        self.outcome: Ending | None = None
+        self.image = image
         self._steps = Steps(serial, image, again, first_request)
         self._talk = self._steps.talk()
         self._reader = FrameReader()
@@ -47,7 +38,7 @@ class Updater:
     @property
     def progress(self) -> Progress:
         """How far it is."""
-        return Progress(self._steps.step, len(self._steps.held), len(self._image.pages))
+        return Progress(self._steps.step, len(self._steps.held), len(self.image.pages))
 
     @property
     def next_s(self) -> float:
@@ -59,6 +50,8 @@ class Updater:
         self._reader.reset()
         self._out.clear()
         self._cut = ""
+        if self.outcome is not None:
+            return
         if self._opened_s is None:
             self._opened_s = now_s
             self._go_on(None, now_s)
@@ -66,11 +59,11 @@ class Updater:
             self._restart(now_s)
 
     def closed(self, error: LineError, now_s: float) -> None:  # noqa: ARG002
-        """The line was cut; before anything was heard of the unit, that is the end."""
+        """The line was cut, or can't be opened; before anything was heard of the unit, that is the end."""
         self._cut = f" ({error})"
         self._attempt, self._due_s = None, inf
-        if self._heard_s is None:
-            self._end(LineError(f"{error}. A gateway that runs may hold the line: stop it for the update"))
+        if self.outcome is None and self._heard_s is None:
+            self._end(error)
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Take in what came over the line."""
@@ -159,6 +152,6 @@ class Updater:
         if attempt.frame is not None:
             self._out += encode(attempt.frame)
 
-    def _end(self, outcome: Updated | Current | GatewayError) -> None:
+    def _end(self, outcome: Ending) -> None:
         self.outcome = outcome
         self._attempt, self._due_s = None, inf

@@ -7,10 +7,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from noctule_gateway.errors import GatewayError
-from noctule_gateway.update_image import Image
-from noctule_gateway.update_site import UnitUpdate
-from noctule_gateway.update_steps import Current, Updated
+from noctule_gateway.errors import GatewayError, LineError
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.outcome import Current, Updated, describe
+from noctule_gateway.update.site import UnitUpdate
 
 
 class Bars:
@@ -71,10 +71,10 @@ def _word(update: UnitUpdate) -> str:
 
 
 def _detail(update: UnitUpdate, image: Image) -> str:
-    match update.updater.outcome:
-        case Updated(before=before):
-            return f"{before or 'no application'} -> {image.version_text}"
-        case Current():
-            return f"has {image.version_text}; --force sends it again"
-        case error:
-            return str(error)
+    outcome = update.updater.outcome
+    assert outcome is not None
+    told = describe(outcome, image)
+    if isinstance(outcome, LineError):
+        by_gateway = f"noctule rpc SITE {update.unit.name} update --image FILE"
+        return f"{told}. A gateway may hold the line: have it do the update, {by_gateway}"
+    return told

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from noctule.site import Unit
 from noctule_gateway.frames import MAX_REQUEST
 from noctule_gateway.line import Line
-from noctule_gateway.update import Updater
-from noctule_gateway.update_image import Image
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.updater import Updater
 
 _LOOK_EVERY_S = 0.1
 

@@ -1,0 +1,171 @@
+"""``noctule rpc SITE UNIT update`` as an operator runs it: the real firmware, and a gateway that goes on serving."""
+
+import json
+import os
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from firmware.images import newer_version
+from firmware.stepped_unit import IMAGE
+from system.processes import Programs, free_ports, programs, wait_until
+
+from noctule.client import Client
+from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
+
+SITE = "bench"
+SPEED = 4  # an update takes 8 s of the unit's time
+WITHIN_S = 60.0
+# One sweep takes some 25 s of the unit's time, so that an update finds it in the midst of one.
+LONG_SWEEP = "sweep = { first_bearing_deg = -120, bearing_step_deg = 3.8, count = 64, pings = 5, start = true }"
+
+
+@pytest.fixture(scope="module")
+def image(tmp_path_factory) -> Path:
+    """The update to version 0.9.0."""
+    return newer_version(tmp_path_factory.mktemp("newer"))
+
+
+class Bench:
+    """A unit and the gateway that serves it."""
+
+    def __init__(self, running: Programs, folder: Path, sweep: str) -> None:
+        self.running = running
+        unit_port, bus_port = free_ports(2)
+        self.endpoint = f"tcp/127.0.0.1:{bus_port}"
+        self.statuses: list[UnitStatus] = []
+        site = folder / "site.toml"
+        site.write_text(
+            f'site = "{SITE}"\nclock = "unit"\nair_temperature_c = 21.0\n'
+            f'[[unit]]\nname = "u1"\nserial = 1\naddress = "socket://127.0.0.1:{unit_port}"\n'
+            f"pose = {{ x_m = 0.0, y_m = 0.0, heading_deg = 0.0 }}\n{sweep}\n"
+        )
+        simulator = f"noctule-sim --firmware {IMAGE} --laps 0 --speed {SPEED} --tcp 127.0.0.1:{unit_port}"
+        running.start("simulator", *simulator.split())
+        self._gateway = f"noctule-gateway run {site} --data {folder}/data --listen {self.endpoint}".split()
+        self.start_gateway()
+
+    def start_gateway(self) -> None:
+        self.running.start("gateway", *self._gateway)
+
+    def watch(self, client: Client) -> None:
+        """Keep every status from now on."""
+        client.on_unit_status(self.statuses.append)
+
+    def wait_for(self, state: "UnitStatus.State", words: str = "") -> UnitStatus:
+        """The next status that says so."""
+        self.statuses.clear()
+
+        def found() -> UnitStatus | None:
+            self.running.check()
+            return next((each for each in self.statuses if each.state == state and words in each.detail), None)
+
+        return wait_until(found, f"no status {state} {words!r}", WITHIN_S)
+
+    def rpc(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """``noctule rpc``."""
+        command = ["noctule", "rpc", SITE, "u1", *map(str, arguments), "--connect", self.endpoint]
+        return subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ | {"COLUMNS": "200"})
+
+
+@contextmanager
+def bench(folder: Path, sweep: str = "") -> Iterator[Bench]:
+    with programs(folder) as running:
+        yield Bench(running, folder, sweep)
+
+
+def test_a_unit_that_sweeps_is_updated_and_loses_no_sweep(tmp_path: Path, image: Path) -> None:
+    with bench(tmp_path, LONG_SWEEP) as at, Client(SITE, connect=[at.endpoint]) as client:
+        at.watch(client)
+        for _ in range(2):  # a second apart, and so some way into the first sweep
+            before = at.wait_for(UnitStatus.STATE_SWEEPING)
+        at.statuses.clear()
+        done = at.rpc("update", "--image", image)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)["detail"] == "0.2.0 -> 0.9.0"
+        told = [each for each in at.statuses if each.detail.startswith("updating: ")]
+        assert any("sending, " in each.detail and " pages" in each.detail for each in told), told
+        assert {each.state for each in told} == {UnitStatus.STATE_LOADER}
+        assert {each.log_head for each in told} == {before.log_head}
+        after = at.wait_for(UnitStatus.STATE_SWEEPING)
+        assert (after.firmware, after.detail) == ("0.9.0", "")
+        wait_until(lambda: (records := client.log("u1", 1)) and len(records.sweeps) >= 2, "no sweep after it", WITHIN_S)
+        records = client.log("u1", 1)
+        assert records is not None
+        cut, whole = records.sweeps[:2]
+        assert (cut.boot, cut.sequence, cut.log_sequence) == (before.boot, 0, before.log_head + 1)
+        assert 0 < len(cut.readings) < 64
+        assert (whole.boot, whole.sequence, len(whole.readings)) == (after.boot, 0, 64)
+        assert at.running.log("gateway").count("WARNING") == 0, at.running.log("gateway")
+        again = at.rpc("update", "--image", image)
+        assert json.loads(again.stdout)["detail"] == "has 0.9.0; --force sends it again"
+
+
+def test_one_request_is_one_update_and_other_commands_are_told_to_wait(tmp_path: Path, image: Path) -> None:
+    with bench(tmp_path) as at, Client(SITE, connect=[at.endpoint]) as client:
+        at.watch(client)
+        at.wait_for(UnitStatus.STATE_IDLE)
+        replies: list[CommandReply] = []
+
+        def update() -> None:
+            request = CommandRequest(request_id="same", image=image.read_bytes())
+            replies.append(client.command("u1", "update", request, timeout_s=WITHIN_S))
+
+        asking = [threading.Thread(target=update) for _ in range(2)]
+        for each in asking:
+            each.start()
+        at.wait_for(UnitStatus.STATE_LOADER, "updating: sending")
+        for name in ("home", "settings", "update"):
+            request = CommandRequest(image=image.read_bytes(), force=True)
+            assert "is being updated: wait" in client.command("u1", name, request, timeout_s=WITHIN_S).error
+        hello = client.command("u1", "hello", CommandRequest(), timeout_s=WITHIN_S)
+        assert (hello.done, hello.status.state) == (True, UnitStatus.STATE_LOADER)
+        for each in asking:
+            each.join()
+        update()  # the reply is remembered
+        assert replies == [CommandReply(request_id="same", done=True, detail="0.2.0 -> 0.9.0")] * 3
+        assert at.running.log("gateway").count("its firmware is being updated") == 1
+
+
+def test_what_is_no_image_is_refused_in_words_and_the_unit_is_left_alone(tmp_path: Path) -> None:
+    with bench(tmp_path) as at, Client(SITE, connect=[at.endpoint]) as client:
+        at.watch(client)
+        before = at.wait_for(UnitStatus.STATE_IDLE)
+        refused = at.rpc("update", "--image", IMAGE)
+        assert refused.returncode != 0
+        assert "the image, line 1: 0x0000 is outside the application's pages" in refused.stderr
+        assert "image is empty" in client.command("u1", "update", CommandRequest(), timeout_s=WITHIN_S).error
+        assert "give --image build/update.hex" in at.rpc("update").stderr
+        assert at.wait_for(UnitStatus.STATE_IDLE).boot == before.boot
+
+
+def test_an_update_that_was_cut_off_with_its_gateway_is_done_by_the_next_one(tmp_path: Path, image: Path) -> None:
+    with bench(tmp_path) as at, Client(SITE, connect=[at.endpoint]) as client:
+        at.watch(client)
+        at.wait_for(UnitStatus.STATE_IDLE)
+        asking = threading.Thread(target=lambda: at.rpc("update", "--image", image))
+        asking.start()
+        at.wait_for(UnitStatus.STATE_LOADER, "updating: sending")
+        at.running.kill("gateway")
+        asking.join()
+        at.start_gateway()
+        at.wait_for(UnitStatus.STATE_LOADER, f"update it by noctule rpc {SITE} u1 update --image")
+        done = at.rpc("update", "--image", image)
+        assert json.loads(done.stdout)["detail"] == "0.2.0 -> 0.9.0", done.stderr
+        assert at.wait_for(UnitStatus.STATE_IDLE).firmware == "0.9.0"
+
+
+def test_a_gateway_that_is_stopped_says_so_to_who_waits_for_an_update(tmp_path: Path, image: Path) -> None:
+    with bench(tmp_path) as at, Client(SITE, connect=[at.endpoint]) as client:
+        at.watch(client)
+        at.wait_for(UnitStatus.STATE_IDLE)
+        told: list[str] = []
+        asking = threading.Thread(target=lambda: told.append(at.rpc("update", "--image", image).stderr))
+        asking.start()
+        at.wait_for(UnitStatus.STATE_LOADER, "updating: sending")
+        assert at.running.end("gateway") == 0
+        asking.join()
+        assert "update the unit again, it goes on where it was" in told[0]
