@@ -42,8 +42,8 @@ impl Default for Gear {
 impl Gear {
     /// The first thing wrong: field and problem.
     pub fn problem(&self) -> Option<(&'static str, &'static str)> {
-        if self.half_steps_per_turn < 8.0 {
-            return Some(("motor.half_steps_per_turn", "is less than one magnetic period"));
+        if !(8.0..=1e6).contains(&self.half_steps_per_turn) {
+            return Some(("motor.half_steps_per_turn", "is outside 8, a magnetic period, to a million"));
         }
         if !(0.0..=10.0).contains(&self.backlash_deg) {
             return Some(("motor.backlash_deg", "is outside 0 to 10"));
@@ -66,6 +66,7 @@ mod tests {
         assert_eq!(sound.problem(), None);
         for (gear, field) in [
             (Gear { half_steps_per_turn: 0.0, ..sound }, "motor.half_steps_per_turn"),
+            (Gear { half_steps_per_turn: f64::NAN, ..sound }, "motor.half_steps_per_turn"),
             (Gear { backlash_deg: -1.0, ..sound }, "motor.backlash_deg"),
             (Gear { lost_step_probability: 1.1, ..sound }, "motor.lost_step_probability"),
             (Gear { stop_deg: 0.0, ..sound }, "motor.stop_deg"),

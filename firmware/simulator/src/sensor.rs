@@ -63,10 +63,16 @@ impl Sensor {
         if !probabilities.iter().all(|probability| (0.0..=1.0).contains(probability)) {
             return Some(("sensor", "has a probability outside 0 to 1"));
         }
-        if self.reverberation_ms < 0.0 {
-            return Some(("sensor.reverberation_ms", "is negative"));
+        if !self.lobe.iter().all(|point| (0.0..=180.0).contains(&point.half_angle_deg)) {
+            return Some(("sensor.lobe", "has a half_angle_deg outside 0 to 180"));
         }
-        (self.range_sigma_m < 0.0).then_some(("sensor.range_sigma_m", "is negative"))
+        if !(0.0..=1000.0).contains(&self.reverberation_ms) {
+            return Some(("sensor.reverberation_ms", "is outside 0 to 1000"));
+        }
+        if !(-1.0..=1.0).contains(&self.range_bias_m) {
+            return Some(("sensor.range_bias_m", "is outside -1 to 1"));
+        }
+        (!(0.0..=1.0).contains(&self.range_sigma_m)).then_some(("sensor.range_sigma_m", "is outside 0 to 1"))
     }
 }
 
@@ -83,8 +89,18 @@ mod tests {
     }
 
     #[test]
-    fn a_probability_above_1_is_refused() {
-        let sensor = Sensor { lost_echo_probability: 1.5, ..Sensor::default() };
-        assert!(sensor.problem().is_some());
+    fn a_sensor_that_cannot_be_is_refused_by_its_field() {
+        let sound = Sensor::default;
+        assert_eq!(sound().problem(), None);
+        let wide = vec![LobePoint { range_m: 1.0, half_angle_deg: 200.0 }];
+        for (sensor, field) in [
+            (Sensor { lost_echo_probability: 1.5, ..sound() }, "sensor"),
+            (Sensor { lobe: wide, ..sound() }, "sensor.lobe"),
+            (Sensor { reverberation_ms: f64::INFINITY, ..sound() }, "sensor.reverberation_ms"),
+            (Sensor { range_bias_m: f64::NAN, ..sound() }, "sensor.range_bias_m"),
+            (Sensor { range_sigma_m: -0.1, ..sound() }, "sensor.range_sigma_m"),
+        ] {
+            assert_eq!(sensor.problem().map(|problem| problem.0), Some(field));
+        }
     }
 }

@@ -9,7 +9,8 @@ const URT0E: u8 = 0x01;
 const WEAKPUD: u8 = 0x80;
 const XBARE: u8 = 0x40;
 const PCA0ME: u8 = 0x07;
-const UART0_PINS: u8 = 0x30;
+const TX: u8 = 0x10;
+const RX: u8 = 0x20;
 const PCA_MODULES: u8 = 5;
 
 /// A pin: port number and bit number.
@@ -95,20 +96,24 @@ impl Ports {
 
     /// Whether UART0 reaches its pins; TX also needs a push-pull driver to make 115200 baud edges.
     pub fn uart0_transmits(&self) -> bool {
-        self.uart0_receives() && self.push_pull[0] & 0x10 != 0
+        self.uart0_has(TX) && self.push_pull[0] & TX != 0
     }
 
     pub fn uart0_receives(&self) -> bool {
-        self.enabled() && self.xbr0 & URT0E != 0
+        self.uart0_has(RX)
     }
 
-    /// The pin of CEXn, by the crossbar's priority: the first pin that is neither skipped nor taken.
+    fn uart0_has(&self, pin: u8) -> bool {
+        self.enabled() && self.xbr0 & URT0E != 0 && self.digital[0] & pin != 0
+    }
+
+    /// The pin of CEXn, by the crossbar's priority: the first pin that is neither skipped nor taken, unless it is analog.
     pub fn cex_pin(&self, module: u8) -> Option<Pin> {
         let modules = (self.xbr1 & PCA0ME).min(PCA_MODULES);
         if !self.enabled() || module >= modules {
             return None;
         }
-        let taken = if self.xbr0 & URT0E != 0 { UART0_PINS } else { 0 };
+        let taken = if self.xbr0 & URT0E != 0 { TX | RX } else { 0 };
         (0..4usize)
             .flat_map(|port| (0..8u8).map(move |bit| (port, bit)))
             .filter(|&(port, bit)| {
@@ -116,6 +121,7 @@ impl Ports {
                 used >> bit & 1 == 0
             })
             .nth(module as usize)
+            .filter(|&(port, bit)| self.digital[port] >> bit & 1 != 0)
     }
 
     /// The digital levels of a port's pins. A pin that nothing pulls (WEAKPUD set) reads as 0.
@@ -166,6 +172,18 @@ mod tests {
         let mut ports = board();
         ports.write(sfr::XBR0, 0);
         assert_eq!(ports.cex_pin(0), Some((0, 4)));
+    }
+
+    #[test]
+    fn an_analog_pin_carries_neither_cex0_nor_uart0() {
+        let mut ports = board();
+        ports.write(sfr::P0MDOUT, TX);
+        ports.write(sfr::P1MDIN, 0xFE);
+        assert_eq!(ports.cex_pin(0), None);
+        for (digital, transmits, receives) in [(0xFF, true, true), (!TX, false, true), (!RX, true, false)] {
+            ports.write(sfr::P0MDIN, digital);
+            assert_eq!((ports.uart0_transmits(), ports.uart0_receives()), (transmits, receives));
+        }
     }
 
     #[test]

@@ -163,6 +163,7 @@ mod tests {
             (sfr::ADC0CN, 0x82, "a start by Timer 2"),
             (sfr::REF0CN, 0x0E, "VDD as reference"),
             (sfr::SCON0, 0x80, "9-bit mode"),
+            (sfr::RSTSRC, 0x04, "missing clock detector"),
         ];
         for (address, value, function) in functions {
             assert!(chip().write_sfr(address, value).is_err(), "{function}");

@@ -6,7 +6,6 @@ use crate::time::{TICKS_PER_US, Tick};
 const VDMEN: u8 = 0x80;
 const VDDSTAT: u8 = 0x40;
 const PORSF: u8 = 0x02;
-const MCDE: u8 = 0x04;
 const WDTRSF: u8 = 0x08;
 const SWRSF: u8 = 0x10;
 const FERROR: u8 = 0x40;
@@ -39,12 +38,11 @@ pub struct Resets {
     cause: Cause,
     monitor_enabled_at: Option<Tick>,
     monitor_resets: bool,
-    clock_detector: bool,
 }
 
 impl Resets {
     pub fn power_up() -> Self {
-        Self { cause: Cause::PowerUp, monitor_enabled_at: None, monitor_resets: false, clock_detector: false }
+        Self { cause: Cause::PowerUp, monitor_enabled_at: None, monitor_resets: false }
     }
 
     /// A reset by `cause`; only a power-up changes the supply monitor.
@@ -53,12 +51,11 @@ impl Resets {
             *self = Self::power_up();
         }
         self.cause = cause;
-        self.clock_detector = false;
     }
 
     pub fn read(&self, address: u8) -> u8 {
         if address == sfr::RSTSRC {
-            return self.cause.flag() | if self.clock_detector { MCDE } else { 0 };
+            return self.cause.flag();
         }
         VDDSTAT | if self.monitor_enabled_at.is_some() { VDMEN } else { 0 }
     }
@@ -69,7 +66,6 @@ impl Resets {
             self.monitor_enabled_at = (value & VDMEN != 0).then(|| self.monitor_enabled_at.unwrap_or(now));
             return None;
         }
-        self.clock_detector = value & MCDE != 0;
         self.monitor_resets = value & PORSF != 0;
         let settled = self.monitor_enabled_at.is_some_and(|at| now >= at + MONITOR_SETTLE);
         if self.monitor_resets && !settled {
