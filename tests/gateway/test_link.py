@@ -24,10 +24,11 @@ from noctule_gateway.events import (
     StatusRead,
     SweepRead,
 )
-from noctule_gateway.link import GARBLED_AFTER, LOADER_RETRY_S, SILENT_AFTER, Link
+from noctule_gateway.link import LOADER_RETRY_S, Link
 from noctule_gateway.orders import DEFAULT_PLAN
 from noctule_gateway.requests import ORDER_ATTEMPTS, TIMEOUT_S
 from noctule_gateway.setup import Wanted
+from noctule_gateway.silence import GARBLED_AFTER, SILENT_AFTER
 
 E = TypeVar("E")
 
@@ -98,11 +99,11 @@ def of_type(events: list[Event], kind: type[E]) -> list[E]:
     return [event for event in events if isinstance(event, kind)]
 
 
-def test_hello_comes_first_then_eight_quick_clocks_the_settings_and_the_status() -> None:
+def test_hello_comes_first_then_eight_quick_clocks_the_status_and_the_settings() -> None:
     rig = Rig(ModelUnit(SERIAL))
     events = rig.run(0.3)
     assert isinstance(events[0], Identified)
-    assert [type(event) for event in events[1:]] == [ClockRead] * QUICK_CLOCKS + [SettingsRead, StatusRead, ClockRead]
+    assert [type(event) for event in events[1:]] == [ClockRead] * QUICK_CLOCKS + [StatusRead, SettingsRead, ClockRead]
 
 
 def test_the_settings_are_read_once_and_again_after_an_order_that_changes_them() -> None:
@@ -180,6 +181,22 @@ def test_a_line_that_is_opened_again_does_not_disturb_the_unit() -> None:
     rig.link.connected(rig.now_s)
     events = rig.run(2.0)
     assert [event.rebooted for event in of_type(events, Identified)] == [False]
+    assert unit.carried_out == [PLAN, frames.Start(0, 250)]
+
+
+def test_a_unit_that_somebody_else_has_stopped_is_set_up_again() -> None:
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit, SWEEPING)
+    rig.run(2.0)
+    ticket = rig.link.order(frames.Home(0))
+    rig.events += rig.link.connected(rig.now_s, "the unit is being updated")
+    assert "being updated" in str(rig.settled(ticket).error)
+    unit.receive(encode(frames.Stop(1)), rig.now_s)  # as an update does that then fails
+    unit.output(rig.now_s)
+    rig.link.set_up_again()
+    rig.link.connected(rig.now_s)
+    unit.carried_out.clear()
+    rig.run(2.0)
     assert unit.carried_out == [PLAN, frames.Start(0, 250)]
 
 

@@ -142,10 +142,18 @@ def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
     assert code == 1 and "unit 'u1' did not configure: unit 'u1' is a replayed survey" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "dance"))
     assert code == 2 and "'dance' is not one of hello" in err
+    code, _, err = finish(noctule("rpc", "room", "u1", "set_waypoint", "--waypoint", -1))
+    assert code == 2 and "'--waypoint': Input should be greater than or equal to 0" in err
+    code, _, err = finish(noctule("rpc", "room", "u1", "update"))
+    assert code == 2 and "give --image build/update.hex" in err
+    code, _, err = finish(noctule("rpc", "room", "u1", "update", "--image", "no-such.hex"))
+    assert code == 2 and "file 'no-such.hex' does not exist" in err
 
 
-def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_session):
+def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_session, tmp_path):
     asked = {}
+    image = tmp_path / "update.hex"
+    image.write_bytes(b":00000001FF")
 
     def answer(query):
         command = str(query.key_expr).rsplit("/", 1)[-1]
@@ -160,6 +168,7 @@ def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_sessio
         ("go_to", "--bearing-deg", 90),
         ("trim_temperature", "--temperature-c", 20.5),
         ("configure", "--pings", 5),
+        ("update", "--image", image, "--force"),
     ):
         code, _, err = finish(noctule("rpc", "room", "u1", command, *options))
         assert (code, err) == (0, "")
@@ -170,6 +179,7 @@ def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_sessio
     assert asked["go_to"].bearing_rad == math.radians(90)
     assert asked["trim_temperature"].temperature_c == 20.5
     assert asked["configure"].plan == SweepPlan(pings=5)
+    assert (asked["update"].image, asked["update"].force) == (b":00000001FF", True)
 
 
 def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site, noctule):

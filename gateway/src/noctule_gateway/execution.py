@@ -110,6 +110,8 @@ class Execution:
         elif command.name == SETTINGS:
             self._end(command, known=present)
         else:
+            if (plan := self._link.setup.plan_to_give) is not None:
+                present = settings.with_plan(present, plan)
             order = orders.order_over(command.name, command.request, present)
             self._ordered[self._link.order(order)] = command
 

@@ -8,7 +8,6 @@ when the caller says that it is committed, and again each time it comes again, o
 from noctule_gateway import frames
 from noctule_gateway.agenda import Agenda
 from noctule_gateway.boot_watch import BootWatch
-from noctule_gateway.clock import TICK_S, Exchange
 from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import CommandError
 from noctule_gateway.events import (
@@ -24,20 +23,15 @@ from noctule_gateway.events import (
 )
 from noctule_gateway.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
 from noctule_gateway.identity import mismatch
-from noctule_gateway.order_queue import OrderQueue
+from noctule_gateway.order_queue import CHANGES_SETTINGS, OrderQueue
 from noctule_gateway.receipts import Receipts, Standing
 from noctule_gateway.requests import Requests
+from noctule_gateway.round_trip import RoundTrip
 from noctule_gateway.setup import Setup, Wanted
+from noctule_gateway.silence import Silence
 
 REFUSED_RETRY_S = 5.0
 LOADER_RETRY_S = 5.0
-SILENT_AFTER = 6  # time-outs in a row, and nothing between them
-GARBLED_AFTER = 60  # time-outs in a row, and between them nothing that can be read
-ACK_AGAIN_S = 0.25  # at most so often for what could not be read
-
-_BYTE_S = 10 / 115200  # 8N1
-_CLOCK_ANSWER_S = len(encode(Clock(1, 0, 0))) * _BYTE_S
-_CHANGES_SETTINGS = (frames.Configure, frames.Calibrate, frames.TrimTemperature, frames.Store)
 
 
 class Link:
@@ -52,17 +46,18 @@ class Link:
         self.receipts = Receipts()
         self.timeouts = 0
         self.identified = False
-        self.settings: Settings | None = None  # as the unit has them now, once they have been read
         self._serial = serial
         self._agenda = Agenda()
         self._requests = Requests(first_request)
         self._out = bytearray()
         self._boot = BootWatch()
-        self._acknowledged: Sweep | None = None
-        self._acknowledge_again_s = 0.0
         self._setup_waits = False
+        self._settings: Settings | None = None
+        self._settings_told = False
         self._orders = OrderQueue(self.setup)
-        self._asked_s = self._asked_through_s = self._hushed_until_s = 0.0
+        self._round_trip = RoundTrip()
+        self._silence = Silence()
+        self._hushed_until_s = 0.0
         self._greet(0.0, "")
 
     def connected(self, now_s: float, why: str = "the line to the unit was cut") -> list[Event]:
@@ -82,16 +77,19 @@ class Link:
         read = self.reader.feed(data)
         if self.reader.frames_bad > bad_before:
             self._garbled(now_s)
-        return [event for frame in read for event in self._take(frame, now_s)]
+        events = [event for frame in read for event in self._take(frame, now_s)]
+        return events + self._tell_settings()
 
     def advance(self, now_s: float) -> list[Event]:
         """Take in that time has passed."""
+        return self._advance(now_s) + self._tell_settings()
+
+    def _advance(self, now_s: float) -> list[Event]:
         if not self._requests.overdue(now_s):
             return []
         self.timeouts += 1
-        self._nothing_came += 1
-        self._nothing_read += 1
-        if self.identified and (self._nothing_came >= SILENT_AFTER or self._nothing_read >= GARBLED_AFTER):
+        self._silence.timed_out()
+        if self.identified and self._silence.lasts:
             return [*self._greet(now_s, "the unit has stopped answering"), Silent()]
         again = self._requests.repeat(now_s)
         if again is not None:
@@ -105,7 +103,7 @@ class Link:
             return b""
         if not self._requests.pending and now_s >= self.next_s:
             self._out += self._requests.ask(self._next_request(now_s), now_s)
-            self._asked_s, self._asked_through_s = now_s, now_s + len(self._out) * _BYTE_S
+            self._round_trip.asked(now_s, len(self._out))
         if isinstance(self._orders.given, frames.Store) and self._requests.due_s is not None:
             self._hushed_until_s = self._requests.due_s
         written = bytes(self._out)
@@ -125,7 +123,17 @@ class Link:
         """Have the unit carry ``order`` out; OrderSettled comes with the ticket returned. Raises CommandError."""
         if not self.identified:
             raise CommandError("the unit is not connected")
-        return self._orders.add(order)
+        ticket = self._orders.add(order)
+        self._tell_settings()
+        return ticket
+
+    @property
+    def settings(self) -> Settings | None:
+        """As the unit has them; None until they have been read, and as long as an order that changes them is under way.
+
+        The plan that ``setup`` is still to give is not in them.
+        """
+        return None if self._setup_waits or self._orders.changes_settings else self._settings
 
     def committed(self, sweep: Sweep) -> None:
         """``sweep`` is safe: the unit may forget it."""
@@ -146,25 +154,22 @@ class Link:
         """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
         self._requests.abandon()
         self.identified = False
-        self.settings = None
-        self._nothing_came = self._nothing_read = 0
+        self._settings = None
+        self._silence.broken()
         self._agenda.greet(now_s + again_s)
         return self._orders.fail(why)
 
     def _garbled(self, now_s: float) -> None:
         """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
-        self._nothing_came = 0
-        if self.identified and self._acknowledged is not None and now_s >= self._acknowledge_again_s:
-            self._acknowledge_again_s = now_s + ACK_AGAIN_S
-            self._acknowledge(self._acknowledged)
+        self._silence.garbled()
+        if self.identified and (sweep := self.receipts.to_acknowledge_again(now_s)) is not None:
+            self._acknowledge(sweep)
 
     def _take(self, frame: frames.Frame, now_s: float) -> list[Event]:
-        self._nothing_came = self._nothing_read = 0
+        self._silence.broken()
         match frame:
-            case Hello() if frame.request == 0 or self._requests.answered(frame):
-                return self._hello(frame, now_s)
-            case Loader() if frame.request == 0 or self._requests.answered(frame):
-                return self._loader(frame, now_s)
+            case Hello() | Loader() if frame.request == 0 or self._requests.answered(frame):
+                return self._met(frame, now_s)
         if not self.identified:
             return []
         match frame:
@@ -175,17 +180,21 @@ class Link:
             case Clock() if self._requests.answered(frame):
                 return self._clock(frame, now_s)
             case Settings() if self._requests.answered(frame):
-                self.settings = frame
+                self._settings = frame
                 self._agenda.settings_came()
-                return [SettingsRead()]
             case Result() if self._requests.answered(frame):
                 return self._settle(frame, now_s)
         return []
 
-    def _hello(self, hello: Hello, now_s: float) -> list[Event]:
-        error = mismatch(hello, self._serial)
+    def _met(self, frame: Hello | Loader, now_s: float) -> list[Event]:
+        error = mismatch(frame, self._serial)
         if error is not None:
             return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
+        if isinstance(frame, Loader):
+            return [*self._greet(now_s, "the unit is in its loader", LOADER_RETRY_S), InLoader(frame)]
+        return self._hello(frame, now_s)
+
+    def _hello(self, hello: Hello, now_s: float) -> list[Event]:
         rebooted = self._boot.is_another(hello.boot)
         if self.identified and not rebooted:
             self._agenda.identified(now_s, rebooted=False)
@@ -200,12 +209,6 @@ class Link:
             self._setup_waits = True
         return [*done, *lost, Identified(hello, rebooted)]
 
-    def _loader(self, loader: Loader, now_s: float) -> list[Event]:
-        error = mismatch(loader, self._serial)
-        if error is not None:
-            return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
-        return [*self._greet(now_s, "the unit is in its loader", LOADER_RETRY_S), InLoader(loader)]
-
     def _status(self, status: Status, now_s: float) -> list[Event]:
         if self._boot.refuted_by_tick(status.tick):
             return self._doubt(now_s)
@@ -218,10 +221,7 @@ class Link:
         if self._boot.refuted_by_tick(clock.sent):
             return self._doubt(now_s)
         self._agenda.clock_came()
-        sent_s, answered_s = self._asked_through_s, now_s - _CLOCK_ANSWER_S
-        if answered_s - sent_s < (clock.sent - clock.received) * TICK_S:
-            sent_s, answered_s = self._asked_s, now_s  # a line that is faster than a UART
-        return [ClockRead(Exchange(sent_s, clock.received, clock.sent, answered_s))]
+        return [ClockRead(self._round_trip.exchange(clock, now_s))]
 
     def _doubt(self, now_s: float) -> list[Event]:
         """What has just come may be of another boot: leave it, and ask."""
@@ -229,10 +229,14 @@ class Link:
         return []
 
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
-        if result is not None and isinstance(self._orders.given, _CHANGES_SETTINGS):
-            self.settings = None
+        if result is not None and isinstance(self._orders.given, CHANGES_SETTINGS):
+            self._settings = None
             self._agenda.settings_changed(now_s)
         return self._orders.settle(result, now_s)
+
+    def _tell_settings(self) -> list[Event]:
+        told, self._settings_told = self._settings_told, self.settings is not None
+        return [SettingsRead()] if self._settings_told and not told else []
 
     def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
         if not self._agenda.time_is_known:
@@ -245,5 +249,5 @@ class Link:
         return [SweepRead(sweep)] if standing is Standing.NEW else []
 
     def _acknowledge(self, sweep: Sweep) -> None:
-        self._acknowledged = sweep
+        self.receipts.acknowledged(sweep)
         self._out += encode(frames.Ack(sweep.boot, sweep.sequence))

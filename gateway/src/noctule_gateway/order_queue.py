@@ -6,8 +6,10 @@ from math import inf
 
 from noctule_gateway.errors import CommandError
 from noctule_gateway.events import Event, OrderSettled
-from noctule_gateway.frames import Order, Outcome, Reset, Result
+from noctule_gateway.frames import Calibrate, Configure, Order, Outcome, Reset, Result, Store, TrimTemperature
 from noctule_gateway.setup import Setup, describe
+
+CHANGES_SETTINGS = (Configure, Calibrate, TrimTemperature, Store)
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,12 @@ class OrderQueue:
     def given(self) -> Order | None:
         """The order on its way."""
         return self._given.order if self._given else None
+
+    @property
+    def changes_settings(self) -> bool:
+        """The unit's settings will not be what they are, by an order of the caller's."""
+        asked = (self._given, *self._waiting)
+        return any(each and each.ticket is not None and isinstance(each.order, CHANGES_SETTINGS) for each in asked)
 
     @property
     def due_s(self) -> float:

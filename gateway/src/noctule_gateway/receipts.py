@@ -5,6 +5,7 @@ from enum import Enum, auto
 
 from noctule_gateway.frames import Sweep
 
+ACKNOWLEDGE_AGAIN_S = 0.25  # at most so often for what could not be read
 _REMEMBERED = 64  # a unit has one sweep on the line at a time
 
 
@@ -22,6 +23,8 @@ class Receipts:
     def __init__(self) -> None:
         self.duplicates = 0
         self._waiting: set[Sweep] = set()
+        self._acknowledged: Sweep | None = None
+        self._again_s = 0.0
         self._committed: deque[Sweep] = deque(maxlen=_REMEMBERED)
 
     def arrive(self, sweep: Sweep) -> Standing:
@@ -43,3 +46,14 @@ class Receipts:
     def failed(self, sweep: Sweep) -> None:
         """``sweep`` could not be committed: it is new when it comes again."""
         self._waiting.discard(sweep)
+
+    def acknowledged(self, sweep: Sweep) -> None:
+        """The acknowledgement of ``sweep`` is on its way; it may get lost."""
+        self._acknowledged = sweep
+
+    def to_acknowledge_again(self, now_s: float) -> Sweep | None:
+        """The sweep that something unreadable may have been, because the unit has not heard that it is safe."""
+        if now_s < self._again_s:
+            return None
+        self._again_s = now_s + ACKNOWLEDGE_AGAIN_S
+        return self._acknowledged

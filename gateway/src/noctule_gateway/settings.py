@@ -1,5 +1,7 @@
 """A unit's settings from the wire to the bus: plan, calibration and trim in SI units."""
 
+from dataclasses import replace
+
 from noctule.messages_pb2 import Calibration, SweepPlan, UnitSettings
 from noctule_gateway.frames import NO_TEMPERATURE, Calibrate, Configure, HomeKind, Settings
 from noctule_gateway.sweep import BEARING_RAD
@@ -25,6 +27,11 @@ def plan_of(settings: Settings) -> Configure:
         settle_ms=settings.settle_ms,
         pings=settings.pings,
     )
+
+
+def with_plan(settings: Settings, plan: Configure) -> Settings:
+    """The settings of a unit that goes by ``plan``."""
+    return replace(settings, **{name: value for name, value in vars(plan).items() if name != "request"})
 
 
 def calibration_of(settings: Settings) -> Calibrate:

@@ -45,6 +45,11 @@ class Setup:
         self._orders.clear()
 
     @property
+    def plan_to_give(self) -> Configure | None:
+        """The plan that the unit is still to be given."""
+        return next((each for each in self._orders if isinstance(each, Configure)), None)
+
+    @property
     def due_s(self) -> float:
         """When the next order is due; infinity when there is none."""
         return self._not_before_s if self._orders else inf
@@ -67,18 +72,17 @@ class Setup:
 
     def learn(self, order: Order) -> None:
         """An operator's order was carried out: a unit that resets is brought back to it."""
-        overruled: tuple[type[Order], ...] = ()
+        plan = self.plan_to_give
         match order:
             case Configure():
                 self._wanted = replace(self._wanted, plan=order)
-                overruled = (Configure,)
+                self._orders = deque(each for each in self._orders if not isinstance(each, Configure))
             case Start():
                 self._wanted = replace(self._wanted, start=order, running=True)
-                overruled = (Start, Stop)
+                self._orders = deque([Stop(0), plan, order] if plan else [])
             case Stop():
                 self._wanted = replace(self._wanted, running=False)
-                overruled = (Start, Stop)
-        self._orders = deque(waiting for waiting in self._orders if not isinstance(waiting, overruled))
+                self._orders = deque([plan] if plan else [])
 
 
 _OUTCOMES: dict[int, str] = {

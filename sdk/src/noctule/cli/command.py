@@ -18,6 +18,7 @@ COMMANDS = (
     *("hello", "status", "settings", "start", "stop", "single", "home", "go_to", "set_waypoint"),
     *("configure", "calibrate", "trim_temperature", "store", "reset", "update"),
 )
+MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0
 UPDATE_TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
 
@@ -44,18 +45,21 @@ def rpc(
         ),
     ] = None,
     pause_s: Annotated[float, typer.Option(help="start: between two sweeps.")] = 0.0,
-    waypoint: Annotated[int | None, typer.Option(help="set_waypoint: none if left out.")] = None,
+    waypoint: Annotated[int | None, typer.Option(help="set_waypoint: none if left out.", min=0, max=MAX_COUNT)] = None,
     bearing_deg: Annotated[float | None, typer.Option(help="go_to.")] = None,
     first_bearing_deg: Annotated[float | None, typer.Option(help="configure.")] = None,
     bearing_step_deg: Annotated[float | None, typer.Option(help="configure.")] = None,
-    count: Annotated[int | None, typer.Option(help="configure: readings per sweep.")] = None,
+    count: Annotated[int | None, typer.Option(help="configure: readings per sweep.", min=0, max=MAX_COUNT)] = None,
     ping_interval_s: Annotated[float | None, typer.Option(help="configure.")] = None,
     top_speed_half_steps_s: Annotated[float | None, typer.Option(help="configure.")] = None,
     ramp_s: Annotated[float | None, typer.Option(help="configure.")] = None,
     settle_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    pings: Annotated[int | None, typer.Option(help="configure: 1, 3 or 5 a reading, which is their median.")] = None,
+    pings: Annotated[
+        int | None,
+        typer.Option(help="configure: 1, 3 or 5 a reading, which is their median.", min=0, max=MAX_COUNT),
+    ] = None,
     half_steps_per_turn: Annotated[float | None, typer.Option(help="calibrate.")] = None,
-    backlash_half_steps: Annotated[int | None, typer.Option(help="calibrate.")] = None,
+    backlash_half_steps: Annotated[int | None, typer.Option(help="calibrate.", min=0, max=MAX_COUNT)] = None,
     home: Annotated[Home | None, typer.Option(help="calibrate: what home is.")] = None,
     home_bearing_deg: Annotated[float | None, typer.Option(help="calibrate: where home is.")] = None,
     temperature_c: Annotated[float | None, typer.Option(help="trim_temperature: of the air, now.")] = None,
