@@ -3,7 +3,6 @@
 #include "echo.h"
 
 #include "../hal/pins.h"
-#include "../hal/round.h"
 #include "../hal/timebase.h"
 #include "counters.h"
 #include "memory.h"
@@ -13,11 +12,12 @@
 #define TRIGGER_TICKS (12 * TICKS_PER_US)
 #define SHORTEST_TICKS (100 * TICKS_PER_US) // 17 mm
 #define LONGEST_TICKS (36 * TICKS_PER_MS) // 6.2 m, past the sensor's reach
-#define RISE_LIMIT_ROUNDS ROUNDS(10)
-#define FALL_LIMIT_ROUNDS ROUNDS(250)
+#define RISE_LIMIT_TICKS (10 * TICKS_PER_MS)
+#define FALL_LIMIT_TICKS (250 * TICKS_PER_MS)
 
-static enum { OVER, AWAITING_SENSOR, AWAITING_RISE, AWAITING_FALL } phase;
-static uint8_t rounds; // since the trigger, or that a ping has been due and the line is not down
+// Its limits are in ticks, not in rounds: a main loop that is late makes up for its rounds faster than time passes.
+static enum { OVER, AWAITING_INTERVAL, AWAITING_LOW, AWAITING_RISE, AWAITING_FALL } phase;
+static __xdata uint32_t due; // when the interval was over
 static __xdata uint32_t triggered;
 static __xdata uint32_t trigger_ended;
 static __xdata uint32_t interval_ticks;
@@ -40,23 +40,28 @@ static void trigger(void)
         ;
     pins_set_trigger(false);
     trigger_ended = timebase_now();
-    rounds = 0;
     phase = AWAITING_RISE;
 }
 
-static void await_sensor(void)
+static void await_low(void)
 {
-    uint32_t now = timebase_now();
-    if (now - triggered + WORTH_WAITING_TICKS < interval_ticks)
-        return;
-    while (now - triggered < interval_ticks)
-        now = timebase_now();
     if (!pins_echo_is_high()) {
         trigger();
-    } else if (++rounds > FALL_LIMIT_ROUNDS) {
-        triggered = now; // the reading needs a time, and the next attempt its interval
+    } else if (timebase_now() - due > FALL_LIMIT_TICKS) {
+        triggered = timebase_now(); // the reading needs a time, and the next attempt its interval
         finish(ECHO_STUCK_HIGH);
     }
+}
+
+static void await_interval(void)
+{
+    due = timebase_now();
+    if (due - triggered + WORTH_WAITING_TICKS < interval_ticks)
+        return;
+    while (due - triggered < interval_ticks)
+        due = timebase_now();
+    phase = AWAITING_LOW;
+    await_low();
 }
 
 static uint32_t measured(uint32_t rise, uint32_t fall)
@@ -69,9 +74,8 @@ static uint32_t measured(uint32_t rise, uint32_t fall)
 
 static void await_rise(void)
 {
-    rounds++;
     if (timebase_edges() == 0) {
-        if (rounds > RISE_LIMIT_ROUNDS)
+        if (timebase_now() - trigger_ended > RISE_LIMIT_TICKS)
             finish(ECHO_NO_SENSOR);
     } else if ((int32_t)(timebase_edge(0) - trigger_ended) < 0) {
         finish(ECHO_TOO_EARLY);
@@ -82,10 +86,9 @@ static void await_rise(void)
 
 static void await_fall(void)
 {
-    rounds++;
     if (timebase_edges() == 2)
         finish(measured(timebase_edge(0), timebase_edge(1)));
-    else if (rounds > FALL_LIMIT_ROUNDS)
+    else if (timebase_now() - trigger_ended > FALL_LIMIT_TICKS)
         // Down again all the same: a pulse too short for its second edge to be captured apart.
         finish(pins_echo_is_high() ? ECHO_STUCK_HIGH : ECHO_TOO_EARLY);
 }
@@ -93,8 +96,7 @@ static void await_fall(void)
 void echo_ping(uint16_t interval_ms)
 {
     interval_ticks = interval_ms * TICKS_PER_MS;
-    rounds = 0;
-    phase = AWAITING_SENSOR;
+    phase = AWAITING_INTERVAL;
 }
 
 bool echo_is_over(void)
@@ -116,8 +118,10 @@ void echo_task(void)
 {
     if (phase == OVER)
         return;
-    if (phase == AWAITING_SENSOR)
-        await_sensor();
+    if (phase == AWAITING_INTERVAL)
+        await_interval();
+    else if (phase == AWAITING_LOW)
+        await_low();
     else if (phase == AWAITING_RISE)
         await_rise();
     else

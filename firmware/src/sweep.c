@@ -1,7 +1,7 @@
 // One sweep. Sweeps alternate in direction by themselves: each begins where the last one has ended.
 #include "sweep.h"
 
-#include "../hal/round.h"
+#include "../hal/timebase.h"
 #include "bearing.h"
 #include "echo.h"
 #include "median.h"
@@ -12,8 +12,7 @@
 static enum { TURNING, SETTLING, PINGING } phase;
 static const __xdata struct plan *__xdata plan;
 static __xdata uint16_t waypoint;
-static __xdata uint16_t settle_rounds;
-static __xdata uint16_t settled; // rounds since the motor came to rest
+static __xdata uint32_t rested; // the tick at which the motor was found at rest
 static __xdata bool decreasing;
 static __xdata bool cut_short;
 static __xdata uint8_t readings; // made by now
@@ -65,7 +64,6 @@ void sweep_begin(const __xdata struct plan *wanted, uint16_t number)
     plan = wanted;
     waypoint = number;
     ramp_set(wanted->top_speed, wanted->ramp_ms);
-    settle_rounds = ROUNDS(wanted->settle_ms);
     decreasing = 2 * motor_half_step() > first + last;
     cut_short = false;
     readings = 0;
@@ -85,11 +83,11 @@ bool sweep_step(void)
     case TURNING:
         if (motor_is_moving())
             return false;
-        settled = 0;
+        rested = timebase_now();
         phase = SETTLING;
         return cut_short && finish();
     case SETTLING:
-        if (++settled >= settle_rounds)
+        if (timebase_now() - rested >= plan->settle_ms * TICKS_PER_MS)
             begin_reading();
         return false;
     default: // PINGING
