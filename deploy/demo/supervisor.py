@@ -5,6 +5,7 @@ them in order. If the supervisor is killed, the kernel kills them (PR_SET_PDEATH
 that started a process ends, so only the main thread may start one.
 """
 
+import contextlib
 import ctypes
 import os
 import signal
@@ -20,7 +21,7 @@ SUPERVISOR = "demo"
 _LOOK_EVERY_S = 0.1
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 1.0, 30.0
 _LASTING_S = 10.0  # a process that ran for longer is started again without a longer pause
-_END_WITHIN_S = 8.0  # all processes together; then they are killed
+_END_WITHIN_S = 5.0  # all processes together; then they are killed
 _DRAIN_WITHIN_S = 1.0
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None)
@@ -67,7 +68,7 @@ class _Process:
             if now_s >= self._due_s:
                 self._start(now_s)
         elif (status := self._running.poll()) is not None:
-            self._signal_group(signal.SIGKILL)  # its children may still hold its ports
+            self._kill_group()
             self._running = None
             if now_s - self._started_s > _LASTING_S:
                 self._pause_s = _FIRST_PAUSE_S
@@ -79,12 +80,12 @@ class _Process:
         """Ask the process to end, and kill what is left of it at ``by_s``."""
         if self._running is None:
             return
-        self._signal_group(signal.SIGTERM)
+        self._running.terminate()
         try:
             self._running.wait(max(by_s - time.monotonic(), 0.0))
         except subprocess.TimeoutExpired:
             self._say(SUPERVISOR, f"{self._name} did not end by itself and is killed")
-        self._signal_group(signal.SIGKILL)
+        self._kill_group()
         self._running.wait()
         self._reader.join(_DRAIN_WITHIN_S)
 
@@ -114,12 +115,11 @@ class _Process:
         for line in running.stdout:
             self._say(self._name, line.decode(errors="replace").rstrip())
 
-    def _signal_group(self, number: signal.Signals) -> None:
+    def _kill_group(self) -> None:
+        """Kill the process and the children that it has left: they may hold its ports."""
         assert self._running is not None
-        try:
-            os.killpg(self._running.pid, number)
-        except ProcessLookupError:
-            return  # nothing of it is left
+        with contextlib.suppress(ProcessLookupError):  # nothing of it is left
+            os.killpg(self._running.pid, signal.SIGKILL)
 
 
 def _ending(status: int) -> str:

@@ -31,7 +31,7 @@ class Demo:
         self.ports = dict(zip(names, free_ports(len(names)), strict=True))
         settings = {f"DEMO_{name}_PORT": str(port) for name, port in self.ports.items()}
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        environment = os.environ | settings | {"DEMO_DATA": str(folder / "data"), "PATH": path}
+        environment = os.environ | settings | {"DEMO_DATA": str(folder / "data"), "DEMO_SPEED": "24", "PATH": path}
         pid, self._window = pty.fork()
         if pid == 0:
             os.chdir(ROOT)
@@ -136,6 +136,7 @@ def test_a_demo_that_ends_when_all_is_up_leaves_no_process_and_no_port(ending: s
 def test_a_part_that_is_killed_is_started_again_and_ctrl_c_ends_all_without_a_complaint(tmp_path: Path) -> None:
     with demo(tmp_path) as running:
         running.wait_until_up()
+        wait_until(lambda: "Open http" in running.printed, "the address is not printed", within_s=30)
         killed = running.part("noctule-gateway")
         assert killed is not None
         with Client(SITE, connect=[f"tcp/127.0.0.1:{running.ports['ZENOH']}"]) as client:
@@ -146,7 +147,8 @@ def test_a_part_that_is_killed_is_started_again_and_ctrl_c_ends_all_without_a_co
         assert "gateway was ended by SIGKILL; started again in 1 s" in running.printed
         again = running.part("noctule-gateway")
         assert again is not None and again.pid != killed.pid
-        wait_until(lambda: "truth     |" in running.printed, "nothing is set beside the map", within_s=20)
+        wait_until(lambda: "The map is complete" in running.printed, "the truth's watcher is silent", within_s=60)
+        assert "truth     | \033[0mno router" not in running.printed
 
         assert_ends_all(running, Demo.press_ctrl_c)
         last_words = running.printed.split("^C")[-1].lower()
