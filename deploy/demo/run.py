@@ -1,66 +1,94 @@
 """Run the demo: simulated unit with its real firmware, gateway, mapper and viewer, all on this machine's loopback.
 
-The processes stand in the Procfile beside this file. The environment may change what SETTINGS names.
+The processes stand in the Procfile beside this file. The environment may change what settings.DEFAULTS names.
 """
 
+import http.client
 import os
-import shutil
-import socket
+import shlex
+import signal
 import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from string import Template
 
-from noctule_viewer.relay import Relay
+import folder
+import settings
+from supervisor import SUPERVISOR, end_with_parent, supervise
+from terminal import Terminal
 
 HERE = Path(__file__).parent
-SETTINGS = {
-    "DEMO_SPEED": "12",  # simulated seconds per second: the walk around the room takes some 8 minutes
-    "DEMO_SEED": "1",
-    "DEMO_UNIT_PORT": "7101",
-    "DEMO_ZENOH_PORT": "7447",
-    "DEMO_RERUN_PORT": "9876",
-    "DEMO_WEB_PORT": "9090",
-    "DEMO_DATA": ".demo",
-}
+ROOT = HERE.parents[1]
+LAST_LINES_WITHIN_S = 1.0
+ASK_EVERY_S = 0.2
 
 
 def main() -> None:
-    settings = {name: os.environ.get(name, default) for name, default in SETTINGS.items()}
-    for name, value in settings.items():
-        if name.endswith("_PORT"):
-            require_free(name, int(value))
-    write_site(Path(settings["DEMO_DATA"]), settings["DEMO_UNIT_PORT"])
-    relay = Relay("127.0.0.1", int(settings["DEMO_RERUN_PORT"]), int(settings["DEMO_WEB_PORT"]), memory_limit="512MB")
-    print(f"Open {relay.page} and watch the room being mapped; Ctrl-C ends the demo.", flush=True)
-    commands = Path(sys.executable).parent
-    path = f"{commands}{os.pathsep}{os.environ['PATH']}"
-    honcho = [str(commands / "honcho"), "start", "--procfile", str(HERE / "Procfile"), "--app-root", str(Path.cwd())]
-    os.execve(honcho[0], honcho, os.environ | settings | {"PATH": path, "PYTHONUNBUFFERED": "1"})
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # under nohup it stays ignored
+            signal.signal(number, lambda *_: stop.set())
+    end_with_parent()
+    chosen = settings.read(os.environ)
+    if faults := settings.faults(chosen):
+        raise SystemExit("\n".join(faults))
+    data = Path(chosen["DEMO_DATA"]).absolute()
+    try:
+        marker = folder.begin(data, int(chosen["DEMO_UNIT_PORT"]))
+    except (folder.FolderError, OSError) as error:
+        raise SystemExit(str(error)) from None
+    with marker:
+        run(chosen | {"DEMO_DATA": str(data)}, stop)
 
 
-def require_free(name: str, port: int) -> None:
-    """Exit with one line if something listens on the port already."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            message = (
-                f"Port {port} is in use: end what listens there (another demo?), or choose another with {name}=..."
-            )
-            raise SystemExit(message) from None
+def run(chosen: Mapping[str, str], stop: threading.Event) -> None:
+    """Run the processes until ``stop`` is set."""
+    commands = processes(HERE / "Procfile", chosen)
+    terminal = Terminal([SUPERVISOR, *commands], gone=stop.set)
+    say = terminal.say
+    say(SUPERVISOR, f"Starting {', '.join(commands)}; the address to open follows. Ctrl-C ends the demo.")
+    threading.Thread(target=announce_page, args=(chosen, partial(say, SUPERVISOR)), daemon=True).start()
+    os.chdir(ROOT)
+    supervise(commands, environment(), stop, say)
+    say(SUPERVISOR, "The demo has ended.")
+    terminal.close(LAST_LINES_WITHIN_S)
 
 
-def write_site(data: Path, unit_port: str) -> None:
-    """Begin with a data folder that holds nothing but the site file, its unit at the chosen port."""
-    if data.exists():
-        if any(data.iterdir()) and not (data / "site.toml").exists():
-            raise SystemExit(
-                f"{data} holds something else than an earlier demo: choose another folder with DEMO_DATA=..."
-            )
-        shutil.rmtree(data)
-    data.mkdir(parents=True)
-    site = (HERE / "site.toml").read_text()
-    (data / "site.toml").write_text(site.replace("socket://127.0.0.1:7101", f"socket://127.0.0.1:{unit_port}"))
+def processes(procfile: Path, chosen: Mapping[str, str]) -> dict[str, list[str]]:
+    """The commands of a Procfile by their names, with the settings in place of $NAME."""
+    named = (line.split(":", 1) for line in procfile.read_text().splitlines())
+    return {name: [Template(word).substitute(chosen) for word in shlex.split(command)] for name, command in named}
+
+
+def environment() -> dict[str, str]:
+    """For the processes: this Python's commands first, and each line printed at once."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return os.environ | {"PATH": path, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
+
+
+def announce_page(chosen: Mapping[str, str], say: Callable[[str], None]) -> None:
+    """Say which page to open, as soon as it is there."""
+    from noctule_viewer.relay import Relay  # takes seconds, while the processes start
+
+    relay = Relay(settings.HOST, int(chosen["DEMO_RERUN_PORT"]), int(chosen["DEMO_WEB_PORT"]), memory_limit="")
+    while not answers(relay.web_port):
+        time.sleep(ASK_EVERY_S)
+    say(f"Open {relay.page} and watch the room being mapped.")
+
+
+def answers(web_port: int) -> bool:
+    """The page can be loaded."""
+    connection = http.client.HTTPConnection(settings.HOST, web_port, timeout=2.0)
+    try:
+        connection.request("GET", "/")
+        return connection.getresponse().status == http.HTTPStatus.OK
+    except (OSError, http.client.HTTPException):
+        return False
+    finally:
+        connection.close()
 
 
 if __name__ == "__main__":

@@ -11,7 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import zenoh
+
+from noctule import bus
 from noctule.client import Client
+from noctule.errors import BusConfigError, BusError
 from noctule.messages_pb2 import Contour
 
 XY = tuple[float, float]
@@ -115,11 +119,8 @@ def _distance_to_segment(point: XY, start: XY, end: XY) -> float:
 
 def describe(comparison: Comparison, contour: Contour, room: Room) -> str:
     """The comparison as a few lines for a terminal."""
-    mean_cm = 100 * comparison.mean_corner_error_m
-    lines = [
-        f"{contour.sweeps} sweeps, {len(contour.walls)} walls (the room has {len(room.walls)}), "
-        f"mean corner error {mean_cm:.2f} cm"
-    ]
+    found_walls = f"{len(contour.walls)} of the room's {len(room.walls)} walls"
+    lines = [f"{_counted(contour.sweeps, 'sweep')}, {found_walls}, {_corners_off(comparison)}"]
     letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
     for label, (x_m, y_m), error_m in zip(letters, room.corners, comparison.corner_errors_m, strict=False):
         off = "not found yet" if error_m is None else f"{100 * error_m:.2f} cm off"
@@ -134,18 +135,54 @@ def describe(comparison: Comparison, contour: Contour, room: Room) -> str:
     return "\n".join(lines)
 
 
+def _corners_off(comparison: Comparison) -> str:
+    if math.isnan(comparison.mean_corner_error_m):
+        return "no corner yet"
+    return f"corners {100 * comparison.mean_corner_error_m:.2f} cm off on average"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def describe_complete(contour: Contour) -> str:
+    """One line on a map that has all of the room."""
+    counts = [(len(contour.walls), "wall"), (len(contour.corners), "corner"), (len(contour.cylinders), "cylinder")]
+    return f"The map is complete: {', '.join(_counted(*count) for count in counts)}; more sweeps make it more accurate"
+
+
 def watch(room: Room, site: str, connect: str, every_s: float) -> None:
     """Print the site's contour against the room when there is a newer one, at most every ``every_s``."""
     started_s = time.monotonic()
     version = 0
-    with Client(site, connect=[connect]) as client:
-        while True:
-            contour = client.contour()
-            if contour is not None and contour.version > version and contour.walls:
-                version = contour.version
-                elapsed_s = time.monotonic() - started_s
-                print(f"{elapsed_s:.0f} s, {describe(compare(contour, room), contour, room)}", flush=True)
-            time.sleep(every_s)
+    completed = False
+    session = _join(connect)
+    try:
+        with Client(site, session=session) as client:
+            while True:
+                contour = client.contour()
+                if contour is not None and contour.version != version and contour.walls:
+                    version = contour.version
+                    after = f"After {time.monotonic() - started_s:.0f} s: "
+                    comparison = compare(contour, room)
+                    print(f"{after}{describe(comparison, contour, room)}", flush=True)
+                    if comparison.complete and not completed:
+                        completed = True
+                        print(f"{after}{describe_complete(contour)}", flush=True)
+                time.sleep(every_s)
+    finally:
+        session.close()
+
+
+def _join(connect: str) -> zenoh.Session:
+    """A session on the bus, once its router answers; until then it waits without a word."""
+    while True:
+        try:
+            return bus.open_session([connect], patience_s=0)
+        except BusConfigError:
+            raise
+        except BusError:
+            continue
 
 
 def main() -> None:

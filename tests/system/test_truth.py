@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from truth import Room, compare
+from truth import Room, compare, describe, describe_complete
 
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Wall
 
@@ -54,3 +54,18 @@ def test_what_is_not_in_the_room_is_invented_and_what_is_not_on_the_map_is_missi
 
 def test_an_empty_map_has_no_corner_error_to_tell() -> None:
     assert math.isnan(compare(Contour(), ROOM).mean_corner_error_m)
+
+
+def test_a_map_without_a_corner_says_so_in_words() -> None:
+    contour = the_room_itself()
+    contour.sweeps = 1
+    del contour.corners[:]
+    first = describe(compare(contour, ROOM), contour, ROOM).splitlines()[0]
+    assert first == "1 sweep, 4 of the room's 4 walls, no corner yet"
+
+
+def test_a_complete_map_is_counted_in_words() -> None:
+    contour = the_room_itself()
+    assert describe_complete(contour) == (
+        "The map is complete: 4 walls, 4 corners, 1 cylinder; more sweeps make it more accurate"
+    )
