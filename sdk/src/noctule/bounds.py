@@ -303,6 +303,13 @@ _PAYLOAD_BYTES = {
 }
 
 
+def number(message: str, field: str) -> Number:
+    """The bounds of a field that holds a number."""
+    bound = BOUNDS[message][field]
+    assert isinstance(bound, Number)
+    return bound
+
+
 def decode(message_type: type[M], payload: bytes, but: Collection[str] = ()) -> M:
     """The message in ``payload``, checked. Raises BoundsError."""
     described = message_type.DESCRIPTOR

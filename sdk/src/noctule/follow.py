@@ -91,7 +91,7 @@ class LogFollower:
         return {name: cursor for name, cursor in found.items() if cursor.log_id}
 
     def counters(self) -> dict[str, int]:
-        """Sweeps ``delivered``, of these ``pulled`` from logs, ``lost`` there, ``refused``; attempts that ``failed``."""
+        """Sweeps ``delivered``, of these ``pulled`` from logs, ``lost``, ``refused``; attempts that ``failed``."""
         return dict(self._counts)
 
     # ---- Signs that a log holds more, on the client's thread ------------------------------------------------------
