@@ -16,6 +16,7 @@ from noctule.errors import BoundsError, KeyFormatError
 
 M = TypeVar("M", bound=Message)
 
+MAX_READINGS = 64  # a sweep, of a unit
 _SHOWN = 60  # characters of a refused text
 
 
@@ -113,13 +114,26 @@ _BEARING_RAD = Number(-2 * math.pi, 2 * math.pi, "rad")
 _CLOCK_ERROR_S = Number(0, _YEAR_2255_S, "s")
 _COVARIANCE = Number(-1e18, 1e18)  # finite, and its square too
 _SHARE = Number(-1e-6, 1 + 1e-6)  # 0 to 1, rounded
-_WAYPOINT = Number(0, 0xFFFF)
+_NUMBER_16 = Number(0, 0xFFFF)
+_HOUR_S = Number(0, 3600, "s")
 _CHIP_C = Number(-330, 330, "degrees C")  # all that the line can carry: a broken thermometer must not hide a status
 
 # A heading that a person writes into a file; one from a tracker may count turns.
 WRITTEN_HEADING_RAD = Number(-2 * math.pi, 2 * math.pi, "rad", "in degrees, up to one turn")
 # Air as the unit's chip survives it.
 AIR_C = Number(-60, 85, "degrees C", "in degrees Celsius, not kelvin")
+
+# What a unit takes of a plan, and as a pause (firmware/README.md, CONFIGURE and START).
+UNIT_PLAN = {
+    "first_bearing_rad": Number(-math.radians(148), math.radians(148), "rad"),
+    "bearing_step_rad": Number(2 * math.pi / 0x10000, 2 * math.pi, "rad"),
+    "count": Number(1, MAX_READINGS),
+    "ping_interval_s": Number(0.029, 1, "s", "in seconds"),
+    "top_speed_half_steps_s": Number(50, 1000, "half steps/s"),
+    "ramp_s": Number(0, 1, "s", "in seconds"),
+    "settle_s": Number(0, 1, "s", "in seconds"),
+}
+UNIT_PAUSE_S = Number(0, 65.535, "s", "in seconds")
 
 BOUNDS: dict[str, dict[str, Bound]] = {
     "Timestamp": {
@@ -141,7 +155,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
     },
     "Reading": {
         "bearing_rad": _BEARING_RAD,
-        "time_offset_s": Number(0, 3600, "s"),
+        "time_offset_s": _HOUR_S,
         "time_of_flight_s": Number(0, 0.3, "s"),  # a unit calls a pulse of 250 ms stuck
         "status": _ENUM,
     },
@@ -153,9 +167,9 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "boot": _NUMBER_32,
         "sequence": _NUMBER_32,
         "clock_error_s": _CLOCK_ERROR_S,
-        "waypoint": _WAYPOINT,
+        "waypoint": _NUMBER_16,
         "air_temperature_c": AIR_C,
-        "readings": Many(64),  # as a unit sends
+        "readings": Many(MAX_READINGS),
         "clock_drift": Number(-0.5, 0.5, "s/s"),
     },
     "UnitStatus": {
@@ -166,7 +180,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "serial": _NUMBER_32,
         "firmware": _ID,
         "boot": _NUMBER_32,
-        "waypoint": _WAYPOINT,
+        "waypoint": _NUMBER_16,
         "clock_error_s": _CLOCK_ERROR_S,
         "clock_drift": Number(-1e6, 1e6, "s/s"),  # a simulated unit runs as fast as it can
         "log_id": _ID,
@@ -178,7 +192,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "reset_cause": Text(200),
         "chip_temperature_c": _CHIP_C,
     },
-    # ---- Log and commands: a plan and a calibration as far as the unit takes them
+    # ---- Log and commands: wider than a unit takes, for its gateway answers an operator's mistake in words
     "LogRecords": {
         "log_id": _ID,
         "head": _NUMBER_53,
@@ -186,28 +200,28 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "sweeps": Many(1000),
     },
     "SweepPlan": {
-        "first_bearing_rad": Number(-math.radians(148), math.radians(148), "rad"),
-        "bearing_step_rad": Number(0, 2 * math.pi, "rad"),
-        "count": Number(1, 64),
-        "ping_interval_s": Number(0.029, 1, "s", "in seconds"),
-        "top_speed_half_steps_s": Number(50, 1000, "half steps/s"),
-        "ramp_s": Number(0, 1, "s", "in seconds"),
-        "settle_s": Number(0, 1, "s", "in seconds"),
-        "pings": Number(1, 5),
+        "first_bearing_rad": _BEARING_RAD,
+        "bearing_step_rad": _BEARING_RAD,
+        "count": _NUMBER_16,
+        "ping_interval_s": _HOUR_S,
+        "top_speed_half_steps_s": _NUMBER_16,
+        "ramp_s": _HOUR_S,
+        "settle_s": _HOUR_S,
+        "pings": _NUMBER_16,
     },
     "Calibration": {
-        "half_steps_per_turn": Number(3800, 4400, "half steps"),
-        "backlash_half_steps": Number(0, 64, "half steps"),
+        "half_steps_per_turn": _NUMBER_16,
+        "backlash_half_steps": _NUMBER_16,
         "home": _ENUM,
-        "home_bearing_rad": Number(-math.pi, math.pi, "rad"),
+        "home_bearing_rad": _BEARING_RAD,
     },
     "UnitSettings": {
         "temperature_trim_k": _CHIP_C,
     },
     "CommandRequest": {
         "request_id": _ID,
-        "pause_s": Number(0, 65.535, "s", "in seconds"),  # a unit counts milliseconds in 16 bits
-        "waypoint": _WAYPOINT,
+        "pause_s": _HOUR_S,
+        "waypoint": _NUMBER_16,
         "bearing_rad": _BEARING_RAD,
         "temperature_c": _CHIP_C,
         "image": Data(2**20),  # a unit's whole flash is 0.2 MB of Intel HEX

@@ -12,14 +12,13 @@ from typing import Literal
 from urllib.parse import urlsplit
 
 from noctule import keys, messages_pb2
-from noctule.bounds import AIR_C, WRITTEN_HEADING_RAD, Number, number
+from noctule.bounds import AIR_C, MAX_READINGS, UNIT_PAUSE_S, UNIT_PLAN, WRITTEN_HEADING_RAD, Number, number
 from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
 from noctule.path import walk
 from noctule.toml_table import Table
 
 MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
-MAX_READINGS = 64
 PINGS = (1, 3, 5)  # of which there is a median
 MAX_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is a unit that was flashed without one
 SCHEMES = ("socket", "rfc2217")
@@ -158,7 +157,7 @@ def _unit(table: Table, default: Sensor) -> Unit:
         sensor=_sensor(table.table("sensor"), default),
         plan=_plan(sweep),
         start=sweep.flag("start", default=False),  # a motor turns by itself only where the file says so
-        pause_s=sweep.optional_number("pause_s", number("CommandRequest", "pause_s")) or 0.0,
+        pause_s=sweep.optional_number("pause_s", UNIT_PAUSE_S) or 0.0,
     )
     sweep.end()
     table.end()
@@ -198,12 +197,12 @@ def _address(unit: Table) -> str:
 
 def _plan(sweep: Table) -> SweepPlan | None:
     plan = SweepPlan(
-        first_bearing_rad=sweep.optional_angle("first_bearing_deg", number("SweepPlan", "first_bearing_rad")),
-        bearing_step_rad=sweep.optional_angle("bearing_step_deg", number("SweepPlan", "bearing_step_rad")),
+        first_bearing_rad=sweep.optional_angle("first_bearing_deg", UNIT_PLAN["first_bearing_rad"]),
+        bearing_step_rad=sweep.optional_angle("bearing_step_deg", UNIT_PLAN["bearing_step_rad"]),
         count=sweep.integer("count", 1, MAX_READINGS) if sweep.has("count") else None,
         pings=_pings(sweep),
         **{
-            field: sweep.optional_number(field, number("SweepPlan", field))
+            field: sweep.optional_number(field, UNIT_PLAN[field])
             for field in ("ping_interval_s", "top_speed_half_steps_s", "ramp_s", "settle_s")
         },
     )
