@@ -204,8 +204,11 @@ class Client:
         fresh: set[str] = set()  # keys that something newer than the present was published on; of the delivery's thread
 
         def deliver(sample: zenoh.Sample) -> bool:
-            fresh.add(str(sample.key_expr))
-            return self._deliver(message_type, callback, sample)
+            message = self._accepted(message_type, sample)
+            if message is not None:
+                fresh.add(str(sample.key_expr))
+                callback(message)
+            return message is not None
 
         def deliver_present(sample: zenoh.Sample) -> bool:
             return str(sample.key_expr) not in fresh and self._deliver(message_type, callback, sample)
