@@ -272,6 +272,7 @@ def test_a_trackers_own_time_of_a_pose_counts_and_not_when_it_came(tmp_path: Pat
             now_s = int(time.time())
             client.publish_pose("u1", Pose(x_m=9.0, time=Timestamp(seconds=now_s + 3600)))  # of a clock that is wrong
             client.publish_pose("u1", Pose(x_m=0.0, time=Timestamp(seconds=now_s - 50)))
+            client.publish_pose("u1", Pose(x_m=1e300, time=Timestamp(seconds=now_s + 10)))  # no place on Earth
             client.publish_pose("u1", Pose(x_m=200.0, time=Timestamp(seconds=now_s + 50)))
 
             def placed() -> bool:

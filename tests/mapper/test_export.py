@@ -278,7 +278,7 @@ def test_a_survey_and_its_contour_export_alike(folder):
         ("contour.json", "nowhere/a.dxf", [], "nowhere"),
         ("broken.json", "a.dxf", [], "not JSON"),
         ("other.json", "a.dxf", [], "is not a contour"),
-        ("nan.json", "a.geojson", [], "walls[0].rho_m is not finite"),
+        ("nan.json", "a.geojson", [], "walls[0].rho_m is nan"),
     ],
 )
 def test_what_can_not_be_exported_is_told_in_one_line(folder, tmp_path, source, out, options, complaint):

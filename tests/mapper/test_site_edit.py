@@ -12,13 +12,19 @@ UNIT = '[[unit]] # first\nname = "u1"\nserial = 1\naddress = "a"\npose = "key"\n
 OTHER = '\n# second\n[[unit]]\nname = "u2"\nserial = 2\naddress = "b"\npose = "key"\n'
 FILES = {
     "no sensor": 'site = "a"\n' + UNIT + OTHER,
-    "both fields": 'site = "a"\n[sensor] # s\nrange_sigma_m = 1 # x\nrange_bias_m = 1   # y\n\n# z\n' + UNIT + OTHER,
+    "both fields": 'site = "a"\n[sensor] # s\nrange_sigma_m = 0.1 # x\nrange_bias_m = 1   # y\n\n# z\n' + UNIT + OTHER,
     "one field": 'site = "a"\n[sensor]\nbeam_width_deg = 22.5\n\n# next\n' + UNIT + OTHER,
     "dotted keys": 'site = "a"\nsensor.beam_width_deg = 22.5 # w\n' + UNIT + OTHER,
-    "inline": 'site = "a"\nsensor = { range_sigma_m = 1 } # s\n' + UNIT + OTHER,
-    "a unit's table": 'site = "a"\n' + UNIT + "[unit.sensor]\nrange_sigma_m = 1 # x\n[unit.sweep]\ncount = 3\n" + OTHER,
-    "a unit's inline": 'site = "a"\n' + UNIT + "sensor = { range_sigma_m = 1 } # s\n[unit.sweep]\ncount = 3\n" + OTHER,
-    "a unit's dotted": 'site = "a"\n' + UNIT + "sensor.range_sigma_m = 1 # s\n" + OTHER,
+    "inline": 'site = "a"\nsensor = { range_sigma_m = 0.1 } # s\n' + UNIT + OTHER,
+    "a unit's table": 'site = "a"\n'
+    + UNIT
+    + "[unit.sensor]\nrange_sigma_m = 0.1 # x\n[unit.sweep]\ncount = 3\n"
+    + OTHER,
+    "a unit's inline": 'site = "a"\n'
+    + UNIT
+    + "sensor = { range_sigma_m = 0.1 } # s\n[unit.sweep]\ncount = 3\n"
+    + OTHER,
+    "a unit's dotted": 'site = "a"\n' + UNIT + "sensor.range_sigma_m = 0.1 # s\n" + OTHER,
     "inline units": 'site = "a"\nunit = [{ name = "u1", serial = 1, address = "a", pose = "key" }] # all\n',
     "no last newline": ('site = "a"\n' + UNIT)[:-1],
 }
@@ -61,6 +67,14 @@ def test_a_new_field_goes_before_the_comment_of_the_next_table():
 def test_a_file_with_windows_line_ends_keeps_them():
     new = edited(FILES["one field"].replace("\n", "\r\n"), FIELDS, None)
     assert new == edited(FILES["one field"], FIELDS, None).replace("\n", "\r\n")
+
+
+def test_a_byte_order_mark_stays(tmp_path):
+    file = tmp_path / "site.toml"
+    file.write_text(FILES["one field"], encoding="utf-8-sig")
+    write_into_site(file, FIELDS, None)
+    assert file.read_text(encoding="utf-8-sig") == edited(FILES["one field"], FIELDS, None)
+    assert file.read_bytes().startswith(b"\xef\xbb\xbfsite")
 
 
 def test_a_file_is_replaced_with_its_rights_and_through_its_link(tmp_path):

@@ -213,14 +213,38 @@ def test_watch_prints_json_lines_on_demand(noctule):
 def test_record_goes_on_where_the_file_ends(site, noctule, tmp_path, name):
     out = tmp_path / name
     journal = out if out.suffix == ".jsonl" else tmp_path / "out.mcap.jsonl"
-    for total in (3, 5):
+    for total, new in ((3, 3), (5, 2)):
         process = noctule("record", "room", out)
-        while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < total):
+        lines = total if journal == out else new
+        while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < lines):
             time.sleep(0.02)  # a file tells nobody that it has grown
         process.send_signal(signal.SIGINT)
         assert finish(process)[0] == 0
         site.run(sweeps(2), None)
     assert [sweep.log_sequence for sweep in survey.read(out)] == [1, 2, 3, 4, 5]
+
+
+FAILING = """
+import sys, threading, time
+from noctule.cli import app
+
+def fail():
+    while threading.excepthook is threading.__excepthook__:
+        time.sleep(0.01)
+    raise BaseException("as Zenoh panics")
+
+threading.Thread(target=fail, name="part").start()
+app()
+"""
+
+
+@pytest.mark.parametrize("command", ["record", "watch"])
+def test_a_command_ends_with_the_reason_when_one_of_its_threads_does(start, tmp_path, command):
+    """It waits for a router, which never comes, and would wait on."""
+    process = start(sys.executable, "-c", FAILING, command, "room", *[tmp_path / "out.jsonl"][: command == "record"])
+    code, _, err = finish(process)
+    assert code == 70
+    assert "part failed, and with it the program" in err and "as Zenoh panics" in err
 
 
 def test_replay_is_the_router_itself_and_ends_when_its_readers_have_read_it(noctule, endpoint, survey_file, collected):

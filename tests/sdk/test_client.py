@@ -4,6 +4,7 @@ import queue
 import threading
 
 import pytest
+import zenoh
 
 from noctule import Client, bus, keys
 from noctule.errors import BusError, KeyFormatError
@@ -13,6 +14,7 @@ from noctule.messages_pb2 import (
     Contour,
     LogRecords,
     Pose,
+    Reading,
     ServiceStatus,
     Sweep,
     UnitStatus,
@@ -37,12 +39,12 @@ def test_sweeps_come_decoded_in_order_on_one_thread_that_is_not_zenohs(client, f
 
 def test_only_the_asked_for_unit_of_the_clients_own_site_comes(client, far, collected):
     client.on_sweep(collected.add, unit="u2")
-    far.publish(keys.sweep("room", "u2"), Sweep(boot=1))
+    far.publish(keys.sweep("room", "u2"), Sweep(unit="u2", boot=1))
     for site, unit in (("hall", "u2"), ("room", "u1")):
-        far.session.put(keys.sweep(site, unit), Sweep(boot=2).SerializeToString())
-    far.publish(keys.sweep("room", "u2"), Sweep(boot=3))
+        far.session.put(keys.sweep(site, unit), Sweep(unit=unit, boot=2).SerializeToString())
+    far.publish(keys.sweep("room", "u2"), Sweep(unit="u2", boot=3))
     collected.wait_for(lambda came: len(came) == 2)
-    assert collected == [Sweep(boot=1), Sweep(boot=3)]
+    assert collected == [Sweep(unit="u2", boot=1), Sweep(unit="u2", boot=3)]
 
 
 def test_what_finds_the_queue_full_is_dropped_and_counted(open_session, far, collected):
@@ -55,9 +57,9 @@ def test_what_finds_the_queue_full_is_dropped_and_counted(open_session, far, col
             collected.add(sweep.log_sequence)
 
         subscriber = client.on_sweep(slow)
-        far.publish(keys.sweep("room", "u1"), Sweep(log_sequence=0))
+        far.publish(keys.sweep("room", "u1"), Sweep(unit="u1", log_sequence=0))
         assert arrived.wait(20.0)
-        far.publish(keys.sweep("room", "u1"), *(Sweep(log_sequence=n) for n in range(1, 11)))
+        far.publish(keys.sweep("room", "u1"), *(Sweep(unit="u1", log_sequence=n) for n in range(1, 11)))
         dropped = threading.Condition()
         with dropped:  # nobody tells of a drop, so look again and again
             assert any(client.counters()["dropped"] == 7 or dropped.wait(0.05) for _ in range(400))
@@ -65,7 +67,7 @@ def test_what_finds_the_queue_full_is_dropped_and_counted(open_session, far, col
         go_on.set()
         collected.wait_for(lambda came: len(came) == 4)
     assert collected == [0, 1, 2, 3]
-    assert client.counters() == {"delivered": 4, "dropped": 7, "failed": 0}
+    assert client.counters() == {"delivered": 4, "dropped": 7, "failed": 0, "refused": 0}
 
 
 def test_a_callback_that_raises_is_counted_and_the_next_message_comes(client, far, collected, caplog):
@@ -75,22 +77,89 @@ def test_a_callback_that_raises_is_counted_and_the_next_message_comes(client, fa
         collected.add(sweep.log_sequence)
 
     client.on_sweep(callback)
-    far.publish(keys.sweep("room", "u1"), *(Sweep(log_sequence=n) for n in (1, 2)))
+    far.publish(keys.sweep("room", "u1"), *(Sweep(unit="u1", log_sequence=n) for n in (1, 2)))
     collected.wait_for(len)
     assert collected == [2]
     assert client.counters()["failed"] == 1
     assert "not this one" in caplog.text
 
 
-def test_a_payload_that_is_no_sweep_is_told_by_key_and_the_next_comes(client, far, collected, caplog):
+U1 = keys.sweep("room", "u1")
+REFUSED = {
+    "not a noctule.v1.Sweep: Error parsing": (U1, b"\xff\xff\xff"),
+    "not a noctule.v1.Sweep: it has 262145 bytes": (U1, bytes(2**18 + 1)),
+    "readings has 65 elements, and 64 are allowed": (U1, Sweep(unit="u1", readings=[Reading()] * 65)),
+    "pose.heading_rad is 1.7e+308: give -628.319 to 628.319 rad": (
+        U1,
+        Sweep(unit="u1", pose=Pose(heading_rad=1.7e308)),
+    ),
+    "a Sweep of unit 'u2' of site '' came on a key of unit 'u1'": (U1, Sweep(unit="u2")),
+    "a Sweep of unit 'u1' of site 'hall' came on a key of unit 'u1' of site 'room'": (
+        U1,
+        Sweep(site="hall", unit="u1"),
+    ),
+    "unit 'Upper' can't be part of a key": ("noctule/@v1/room/unit/Upper/sweep", Sweep(unit="u1")),
+}
+
+
+@pytest.mark.parametrize(("told", "put"), REFUSED.items(), ids=REFUSED)
+def test_a_message_that_can_not_be_true_is_counted_and_told_once_and_the_next_comes(
+    client, far, collected, caplog, told, put
+):
+    key, message = put
+    payload = message if isinstance(message, bytes) else message.SerializeToString()
     client.on_sweep(collected.add)
-    key = keys.sweep("room", "u1")
-    far.publish(key, Sweep(boot=1))
-    far.session.put(key, b"\xff\xff\xff")
-    far.publish(key, Sweep(boot=2))
+    good = [Sweep(unit="u1", boot=boot) for boot in (1, 2)]
+    far.publish(U1, good[0])
+    for _ in range(3):
+        far.session.put(key, payload)
+    far.publish(U1, good[1])
     collected.wait_for(lambda came: len(came) == 2)
-    assert collected == [Sweep(boot=1), Sweep(boot=2)]
-    assert f"{key} carries something that is not a noctule.v1.Sweep" in caplog.text
+    assert collected == good
+    assert client.counters() == {"delivered": 2, "dropped": 0, "failed": 0, "refused": 3}
+    assert [record.message for record in caplog.records if key in record.message and told in record.message] == [
+        record.message for record in caplog.records
+    ]
+    assert len(caplog.records) == 1
+
+
+def test_made_up_keys_without_number_fill_neither_log_nor_memory(client, far, collected, caplog):
+    client.on_sweep(collected.add)
+    far.publish(U1, Sweep(unit="u1"))
+    for number in range(1500):
+        far.session.put(keys.sweep("room", f"u{number}"), b"\xff", congestion_control=zenoh.CongestionControl.BLOCK)
+    far.publish(U1, Sweep(unit="u1"))
+    collected.wait_for(lambda came: len(came) == 2)
+    assert client.counters()["refused"] == 1500
+    assert len(caplog.records) == 1001
+    assert "more than 1000 keys" in caplog.records[-1].message
+
+
+def test_a_status_or_a_token_that_can_not_be_true_hides_no_other(client, far, known, collected):
+    """A name of 65,536 bytes made Zenoh panic in whoever asked for that unit's log."""
+    for unit, said in (("u1", "x" * 65536), ("u2", "u2")):
+        bus.StatePublisher(far.session, keys.unit_status("room", unit), UnitStatus).put(UnitStatus(unit=said))
+    tokens = [
+        far.session.liveliness().declare_token(f"noctule/@v1/room/unit/{name}/@alive") for name in ("Upper", "u2")
+    ]
+    known(client.session, keys.unit_status("room", "u2"))
+    assert [status.unit for status in client.unit_statuses()] == ["u2"]
+    client.on_alive(lambda unit, _alive: collected.add(unit))
+    collected.wait_for(len)
+    assert collected == ["u2"]
+    for token in tokens:
+        token.undeclare()
+
+
+def test_a_log_without_its_spoiled_records_is_there_for_the_asking(client, far):
+    key = keys.log("room", "u1")
+    sweeps = [Sweep(unit="u1", log_id="a", log_sequence=n) for n in (5, 6, 7)]
+    sweeps[1].sensor.beam_width_rad = 1e-300
+    records = LogRecords(log_id="a", head=9, tail=1, sweeps=sweeps)
+    far.answer(key, lambda query: query.reply(key, records.SerializeToString()), client.session)
+    sound = client.log("u1", 5)
+    assert sound is not None and [sweep.log_sequence for sweep in sound.sweeps] == [5, 7]
+    assert client.counters()["refused"] == 1
 
 
 def test_a_state_comes_at_once_to_a_late_joiner_and_then_anew(client, far, known, collected):

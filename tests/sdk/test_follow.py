@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from noctule import Client, LogFollower, bus, keys
-from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
+from noctule.messages_pb2 import Cursor, LogRecords, Reading, Sweep, UnitStatus
 
 PATIENCE_S = 20.0
 POLL_S = 0.3  # so that a test in which all signs are lost need not wait for the usual ten seconds
@@ -134,6 +134,56 @@ def follow(open_session):
     for follower, client in running:
         follower.close()
         client.close()
+
+
+def test_a_status_that_names_a_unit_by_64_kb_ends_nothing(open_session, far, follow):
+    """A key of 65,536 bytes makes Zenoh 1.10.2 panic, which is no Exception and breaks the session."""
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    follow(store)
+    unit.sweep()
+    store.wait_for(lambda stored: stored.of("u1") == [1])
+    forged = UnitStatus(unit="x" * 65536, log_id="L", log_head=1)
+    far.publish(keys.unit_status("room", "u2"), forged)
+    unit.sweep()
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2])
+
+
+def test_records_that_can_not_be_true_are_passed_over_and_counted(open_session, follow, caplog):
+    """Beam 1e-300, angles 1.7e308 and 100,000 readings, the last as many as an attack had; two end the log."""
+    unit, store = LoggedUnit(open_session(), "u1", lose=1.0), Store()
+    unit.sweep(6)
+    unit.sweeps[1].sensor.beam_width_rad = 1e-300
+    unit.sweeps[2].readings.extend([Reading(bearing_rad=0.1)] * 100_000)
+    unit.sweeps[4].pose.heading_rad = unit.sweeps[5].pose.heading_rad = 1.7e308
+    follower = follow(store)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 4])
+    unit.sweep(1)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 4, 7])
+    assert follower.counters()["refused"] == 4
+    assert follower.counters()["lost"] == 0
+    assert "unit u1: 4 records of its log are refused and passed over, the first is 2: sensor.beam_width" in caplog.text
+
+
+PANICKING = """
+import sys, threading
+from noctule import Client, LogFollower, threads
+threads.end_process_when_one_fails()
+client = Client("room", [sys.argv[1]])
+follower = LogFollower(client, lambda sweeps: client.session.get("x" * 70_000), {})
+follower.start()
+threading.Event().wait()
+"""
+
+
+def test_a_panic_in_a_thread_ends_the_program_with_its_reason(open_session, router):
+    unit = LoggedUnit(open_session(), "u1")
+    unit.sweep()
+    program = subprocess.run(
+        [sys.executable, "-c", PANICKING, router.endpoint], timeout=60, capture_output=True, text=True, check=False
+    )
+    assert program.returncode == 70
+    assert "noctule-follow-room failed, and with it the program" in program.stderr
+    assert "PanicException" in program.stderr
 
 
 def test_what_was_logged_before_and_after_the_start_comes_in_order(open_session, follow):

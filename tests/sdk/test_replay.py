@@ -14,7 +14,12 @@ def survey_of(*units, count=20, interval_ms=50):
     for n in range(count):
         for unit in units:
             sweep = Sweep(
-                site="old", unit=unit, log_id="old", log_sequence=90 + n, boot=4, readings=[Reading(bearing_rad=n)]
+                site="old",
+                unit=unit,
+                log_id="old",
+                log_sequence=90 + n,
+                boot=4,
+                readings=[Reading(bearing_rad=n / 1000)],
             )
             sweep.start.FromMilliseconds(1_000_000 + n * interval_ms)
             yield sweep
@@ -45,7 +50,7 @@ def test_a_follower_has_the_whole_survey_under_the_new_site_and_log(client, repl
         assert [sweep.log_sequence for sweep in got] == list(range(1, 701))
         assert {(sweep.site, sweep.log_id, sweep.boot) for sweep in got} == {("room", head.log_id, 4)}
         assert [sweep.start.ToMilliseconds() for sweep in got] == [1_000_000 + n * 50 for n in range(700)]
-        assert [sweep.readings[0].bearing_rad for sweep in got] == list(range(700))
+        assert [sweep.readings[0].bearing_rad for sweep in got] == [n / 1000 for n in range(700)]
 
 
 def test_a_survey_is_replayed_at_its_pace_times_the_speed(replay):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from noctule import site
+from noctule import bounds, site
 from noctule.errors import SiteFileError
 
 PAPER = """
@@ -105,11 +105,11 @@ MISTAKES = {
     "site = 'Room'\n" + UNIT + HERE: "site is 'Room'.*lower-case",
     HEAD + "unit = []\n": "unit must be an array of tables",
     HEAD + "clock = 'gps'\n" + UNIT + HERE: "clock is 'gps': choose 'utc' or 'unit'",
-    HEAD + "air_temperature_c = -300\n" + UNIT + HERE: "air_temperature_c is -300: it must be more than -273.15",
+    HEAD + "air_temperature_c = -300\n" + UNIT + HERE: "air_temperature_c is -300: give -60 to 85 degrees C",
     HEAD + "air_temperature_c = nan\n" + UNIT + HERE: "air_temperature_c is nan: give a finite number",
     HEAD + "sensor = 3\n" + UNIT + HERE: "sensor is 3: make it a table",
-    HEAD + "[sensor]\nbeam_width_deg = 0\n" + UNIT + HERE: r"\[sensor\]: beam_width_deg is 0: it must be more than 0",
-    HEAD + "temperature = 3\n" + UNIT + HERE: r"temperature is not known here: .*known: air_temperature_c",
+    HEAD + "[sensor]\nbeam_width_deg = 0\n" + UNIT + HERE: r"\[sensor\]: beam_width_deg is 0: give 0.1 to 180 degrees",
+    HEAD + "temperature = 3\n" + UNIT + HERE: r"temperature is not known here: did you mean air_temperature_c\?",
     HEAD + "[[unit]]\nserial = 1": r"\[\[unit\]\] 1: name is missing",
     HEAD
     + UNIT.replace("1", "true", 2).replace("utrue", "u1")
@@ -121,17 +121,57 @@ MISTAKES = {
     HEAD + UNIT + "pose = { x_m = 1, y_m = 2 }\n": "'u1'.pose: heading_deg is missing",
     HEAD + UNIT + "pose = { x_m = 'a', y_m = 2, heading_deg = 0 }\n": "'u1'.pose: x_m is 'a': give a finite number",
     HEAD + UNIT + 'pose = "key"\npose_sigma = { position_m = 1 }\n': "pose_sigma is not known here",
-    HEAD + UNIT + HERE + "pose_sigma = { position_m = -1 }\n": "position_m is -1: it must be 0 or more",
+    HEAD + UNIT + HERE + "pose_sigma = { position_m = -1 }\n": "position_m is -1: give 0 to 100 m",
     HEAD + UNIT + "path = {}\n": "'u1'.path: corners_m or waypoints, one of the two",
     HEAD + UNIT + "path = { waypoints = [[0, 0]] }\n": r"waypoints\[0\] is \[0, 0\]: give \[x_m, y_m, heading_deg\]",
     HEAD + UNIT + "path = { waypoints = [] }\n": "waypoints must be a list of at least 1",
     HEAD + UNIT + "path = { corners_m = [[0, 0], [0, 0]], spacing_m = 1 }\n": r"corners_m\[0\] is the same place",
-    HEAD + UNIT + "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 0 }\n": "spacing_m is 0: it must be more than 0",
-    HEAD + UNIT + "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 1e-9 }\n": "spacing_m is 1e-09: make it larger",
+    HEAD + UNIT + "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 0 }\n": "spacing_m is 0: give 0.001 to 10000 m",
+    HEAD + UNIT + "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 1e-9 }\n": "spacing_m is 1e-09: give 0.001 to",
+    HEAD
+    + UNIT
+    + "path = { corners_m = [[0, 0], [100, 0]], spacing_m = 0.001 }\n": "spacing_m is 0.001: make it larger",
     HEAD + UNIT + HERE + "sweep = { count = 65 }\n": "'u1'.sweep: count is 65: give a whole number from 1 to 64",
     HEAD + UNIT + HERE + "sweep = { pings = 2 }\n": "'u1'.sweep: pings is 2: give 1, 3 or 5",
     HEAD + UNIT + HERE + "sweep = { start = 1 }\n": "start is 1: give true or false",
-    HEAD + UNIT + HERE + "sweep = { cuont = 5 }\n": "cuont is not known here",
+    HEAD + UNIT + HERE + "sweep = { cuont = 5 }\n": r"cuont is not known here: did you mean count\?",
+    HEAD
+    + UNIT
+    + HERE
+    + "sweep = { zeal = 5 }\n": r"zeal is not known here: correct or remove it \(known: bearing_step",
+    HEAD + UNIT.replace("serial", "seriel") + HERE: r"'u1': serial is missing: add it \(did you write it as seriel\?",
+    HEAD + UNIT.replace("[[unit]]", "[[units]]") + HERE: r"unit is missing: add it \(did you write it as units\?",
+    HEAD + UNIT + "psoe = { x_m = 1, y_m = 2, heading_deg = 0 }\n": r"pose or path.*did you write it as psoe\?",
+    HEAD + "air_temperature_c = 294\n" + UNIT + HERE: r"air_temperature_c is 294: .*in degrees Celsius, not kelvin",
+    HEAD + f"air_temperature_c = 1{'0' * 400}\n" + UNIT + HERE: "air_temperature_c is 1000.*: give a finite number",
+    HEAD + "[sensor]\nbeam_width_deg = 400\n" + UNIT + HERE: r"\[sensor\]: beam_width_deg is 400: .*the full width",
+    HEAD + "[sensor]\nrange_bias_m = 2.3\n" + UNIT + HERE: r"range_bias_m is 2.3: give -1 to 1 m \(in metres\)",
+    HEAD + UNIT + HERE + "sensor = { range_sigma_m = 3.2 }\n": r"'u1'.sensor: range_sigma_m is 3.2: .*\(in metres\)",
+    HEAD + UNIT + HERE + "sweep = { pause_s = 70 }\n": r"'u1'.sweep: pause_s is 70: give 0 to 65.535 s \(in seconds\)",
+    HEAD
+    + UNIT
+    + HERE
+    + "sweep = { ping_interval_s = 60 }\n": r"ping_interval_s is 60: give 0.029 to 1 s \(in seconds\)",
+    HEAD + UNIT + HERE + "sweep = { first_bearing_deg = 200 }\n": "first_bearing_deg is 200: give -148 to 148 degrees",
+    HEAD + UNIT + HERE.replace("90", "9000"): "'u1'.pose: heading_deg is 9000: give -360 to 360 degrees",
+    HEAD + UNIT + HERE.replace("1,", "1e6,"): r"'u1'.pose: x_m is 1000000.0: give -10000 to 10000 m \(in metres",
+    HEAD + UNIT + HERE + "pose_sigma = { heading_deg = 200 }\n": "heading_deg is 200: give 0 to 180 degrees",
+    HEAD
+    + UNIT
+    + "path = { waypoints = [[0, 0, 0], [0, 1e7, 0]] }\n": r"waypoints\[1\], y_m, is 10000000.0: give -10000",
+    HEAD + UNIT + "path = { waypoints = [[0, 0, 720]] }\n": r"waypoints\[0\], heading_deg, is 720: give -360 to 360",
+    HEAD + UNIT + "path = { corners_m = [[0, 0], [1e308, 0]], spacing_m = 1 }\n": r"corners_m\[1\], x_m, is 1e\+308",
+    HEAD
+    + UNIT.replace("/dev/ttyUSB0", "sockt://h:1")
+    + HERE: r"sockt:// is not known, give socket://HOST:PORT, rfc2217",
+    HEAD
+    + UNIT.replace("/dev/ttyUSB0", "socket://h:70000")
+    + HERE: "'socket://h:70000': Port out of range 0-65535; give",
+    HEAD + UNIT.replace("/dev/ttyUSB0", "socket://h:0") + HERE: "the port from 1 to 65535; give",
+    HEAD + UNIT.replace("/dev/ttyUSB0", "rfc2217://h") + HERE: "host and port must both be there",
+    HEAD + UNIT.replace("/dev/ttyUSB0", "socket://:7101") + HERE: "host and port must both be there",
+    HEAD + UNIT.replace("/dev/ttyUSB0", "localhost:7101") + HERE: "'localhost:7101': give socket://HOST:PORT",
+    HEAD.replace("room", "x" * 65) + UNIT + HERE: "site is 'xxx.*too long for a key: 64 characters at most",
     HEAD + UNIT + HERE + UNIT + HERE: "'u1': name 'u1' is also that of 'u1'",
     HEAD + UNIT + HERE + UNIT.replace("u1", "u2") + HERE: "'u2': serial 1 is also that of 'u1'",
     HEAD + UNIT + HERE + UNIT.replace("1", "2") + HERE: "'u2': address '/dev/ttyUSB0' is also that of 'u1'",
@@ -143,6 +183,35 @@ def test_a_mistake_is_told_by_file_table_and_field(tmp_path, text, told):
     with pytest.raises(SiteFileError, match=told) as error:
         load(tmp_path, text)
     assert str(error.value).startswith(str(tmp_path / "site.toml"))
+
+
+def test_a_byte_order_mark_is_read_over(tmp_path):
+    path = tmp_path / "site.toml"
+    path.write_text(HEAD + UNIT + HERE, encoding="utf-8-sig")
+    assert site.load(path).name == "room"
+
+
+@pytest.mark.parametrize(
+    "address", ["socket://h:1", "socket://[::1]:65535", "rfc2217://h:7?ign_set_control", "/dev/serial/by-id/usb-FTDI:1"]
+)
+def test_an_address_that_a_gateway_can_open_is_taken_as_it_is(tmp_path, address):
+    unit = UNIT.replace("/dev/ttyUSB0", address)
+    assert load(tmp_path, HEAD + unit + HERE).unit("u1").address == address
+
+
+def test_the_edges_of_the_bounds_are_allowed(tmp_path):
+    """-148 degrees and 65.535 s are the unit's own limits (firmware/README.md, CONFIGURE and START)."""
+    edges = (
+        "pose = { x_m = -1e4, y_m = 1e4, heading_deg = -360 }\npose_sigma = { position_m = 100, heading_deg = 180 }\n"
+        "sweep = { first_bearing_deg = -148, count = 64, pause_s = 65.535, ping_interval_s = 0.029 }\n"
+        "sensor = { beam_width_deg = 0.1, range_sigma_m = 0.5, range_bias_m = -1 }\n"
+    )
+    unit = load(tmp_path, HEAD + UNIT + edges).unit("u1")
+    assert unit.plan is not None
+    bounds.check(unit.plan)
+    bounds.check(unit.sensor.message())
+    assert isinstance(unit.pose, site.FixedPose)
+    bounds.check(unit.pose.pose.message())
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path):

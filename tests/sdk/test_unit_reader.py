@@ -110,9 +110,55 @@ def test_a_new_log_is_read_from_its_tail_and_an_old_one_from_where_it_was_left()
 def test_a_log_that_went_back_is_told_and_nothing_is_delivered():
     delivered = []
     unit, _ = reader(Log(head=3), delivered, Cursor(unit="u1", log_id="a", log_sequence=9))
-    with pytest.raises(BusError, match="log a of unit 'u1' ends at 3 and was read to 9: was it restored"):
+    with pytest.raises(BusError, match=r"ends at 3 and was read to 9: .*noctule-gateway repair DATA --unit u1"):
         unit.ask_log()
     assert delivered == []
+
+
+def spoiled(sequence, **fields):
+    return Sweep(unit="u1", log_id="a", log_sequence=sequence, clock_error_s=-1.0, **fields)
+
+
+@pytest.mark.parametrize(
+    ("record", "told"),
+    [
+        (spoiled(4), "clock_error_s is -1: give 0 to"),
+        (spoiled(2**60), "log_sequence is 1152921504606846976: give 0 to 9007199254740991"),
+        (spoiled(0), "clock_error_s is -1"),
+        (Sweep(unit="u2", log_id="a", log_sequence=4), "it is a sweep of unit 'u2'"),
+        (Sweep(unit="u1", log_id="b", log_sequence=4), "it is a sweep of log 'b', and this is log 'a'"),
+        (Sweep(unit="u1", log_id="a", log_sequence=99), "its sequence is 99, and the log ends at 5"),
+    ],
+)
+@pytest.mark.parametrize("head", [4, 5])
+def test_a_record_that_is_none_of_the_log_is_passed_over_and_told(caplog, record, told, head):
+    delivered, good = [], [Log(head=5).sweep(n) for n in (3, 5)][: head - 3]
+    records = LogRecords(log_id="a", head=head, tail=1, sweeps=[good[0], record, *good[1:]])
+    unit, counts = reader(lambda *_: records, delivered, Cursor(unit="u1", log_id="a", log_sequence=2))
+    assert not unit.ask_log()
+    assert sequences(delivered) == [3, 5][: head - 3]
+    assert unit.cursor.log_sequence == head
+    assert (counts["refused"], counts["lost"]) == (1, 0)
+    assert "the first is 4: " + told.replace("ends at 5", f"ends at {head}") in caplog.text
+
+
+@given(st.data())
+def test_whatever_records_are_spoiled_the_others_come_and_the_log_is_read_to_its_head(data):
+    head = data.draw(st.integers(1, 12))
+    bad = data.draw(st.sets(st.integers(1, head)))
+    sweeps = [
+        spoiled(data.draw(st.just(n) | st.integers(0, 2**64 - 1))) if n in bad else Log().sweep(n)
+        for n in range(1, head + 1)
+    ]
+
+    def log(_unit, first):
+        return LogRecords(log_id="a", head=head, tail=1, sweeps=sweeps[first - 1 :][:3])
+
+    delivered = []
+    unit, _ = reader(log, delivered, Cursor(unit="u1", log_id="a"))
+    read_to_head(unit)
+    assert set(sequences(delivered)) == set(range(1, head + 1)) - bad
+    assert unit.cursor.log_sequence == head
 
 
 def test_a_log_that_sends_nothing_of_what_it_says_it_holds_is_told():

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import deque
-from math import isfinite, pi, remainder
+from math import pi, remainder
 from typing import assert_never
 
 from noctule.messages_pb2 import Pose
@@ -20,14 +20,13 @@ class PoseTrack:
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
 
     def add(self, time_s: float, pose: Pose) -> None:
-        """Take in where the unit was at ``time_s`` (UTC), unless that is not after the last, or not finite.
+        """Take in where the unit was at ``time_s`` (UTC), unless that is not after the last.
 
         Where the tracker's clock was set back, what it told before is forgotten.
         """
         if self._poses and time_s < self._poses[-1][0] - _SET_BACK_S:
             self._poses.clear()
-        values = (pose.x_m, pose.y_m, pose.heading_rad, pose.sigma_position_m, pose.sigma_heading_rad)
-        if all(map(isfinite, values)) and (not self._poses or time_s > self._poses[-1][0]):
+        if not self._poses or time_s > self._poses[-1][0]:
             self._poses.append((time_s, pose))
         else:
             self.refused += 1

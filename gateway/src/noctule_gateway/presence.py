@@ -5,9 +5,9 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import zenoh
-from google.protobuf.message import DecodeError
 
-from noctule import bus, keys
+from noctule import bounds, bus, keys
+from noctule.errors import BoundsError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogRecords, Pose, Sweep, UnitStatus
 from noctule.site import PoseKey, Unit
 from noctule_gateway.commands import Commands, Server
@@ -58,8 +58,8 @@ class Presence:
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
         try:
-            pose = Pose.FromString(sample.payload.to_bytes())
-        except DecodeError:
+            pose = bounds.decode(Pose, sample.payload.to_bytes())
+        except BoundsError:
             self._track.refused += 1
         else:
             time_s = _time_of(pose, sample)
@@ -84,9 +84,9 @@ class Presence:
     def _on_command(self, query: zenoh.Query) -> None:
         name = str(query.key_expr).rsplit("/", 1)[-1]
         try:
-            request = CommandRequest.FromString(query.payload.to_bytes() if query.payload else b"")
-        except DecodeError:
-            query.reply_err("the payload is not a CommandRequest")
+            request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
+        except BoundsError as error:
+            query.reply_err(str(error))
             return
         reply = self._commands.carry_out(name, request)
         reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))

@@ -2,18 +2,18 @@
 
 import logging
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from types import TracebackType
 from typing import Self, TypeVar
 
 import zenoh
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 
-from noctule import bus, keys
+from noctule import bounds, bus, keys
 from noctule.delivery import Delivery
-from noctule.errors import BusError
+from noctule.errors import BoundsError, BusError, KeyFormatError
 from noctule.messages_pb2 import (
     CommandReply,
     CommandRequest,
@@ -26,8 +26,11 @@ from noctule.messages_pb2 import (
     Sweep,
     UnitStatus,
 )
+from noctule.refusals import Refusals
+from noctule.unit_records import sift
 
 QUERY_TIMEOUT_S = 5.0
+_LONGEST_ERROR = 2000  # bytes of a service's own words
 
 M = TypeVar("M", bound=Message)
 
@@ -39,6 +42,7 @@ class Client:
 
     Callbacks get decoded messages, one at a time, on one thread of the client. A subscription lasts until the client is
     closed or the returned subscriber undeclared. The on_... of a state also deliver the present one, if there is one.
+    A message that does not fit its key or the bounds of its fields is refused: it is counted, and its key logged once.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class Client:
         self.session = bus.open_session(connect) if session is None else session
         self._owns_session = session is None
         self._delivery = Delivery(f"noctule-{site}", queue_length)
+        self._refusals = Refusals()
         self._subscribers: list[zenoh.Subscriber] = []
         self._pose_publishers: dict[str, zenoh.Publisher] = {}
 
@@ -78,8 +83,8 @@ class Client:
             self.session.close()
 
     def counters(self) -> dict[str, int]:
-        """How many messages were ``delivered``, ``dropped`` as callbacks were too slow, or ``failed`` in one."""
-        return self._delivery.counters()
+        """How many messages were ``delivered``, ``refused``, ``dropped`` (callbacks were slow) or ``failed`` in one."""
+        return self._delivery.counters() | {"refused": self._refusals.count}
 
     # ---- Messages as they come ------------------------------------------------------------------------------------
 
@@ -90,8 +95,9 @@ class Client:
     def on_pose(self, callback: Callable[[str, Pose], None], unit: str = keys.ANY) -> zenoh.Subscriber:
         """Poses of units that are tracked, each with the name of its unit."""
 
-        def deliver(sample: zenoh.Sample) -> None:
-            callback(keys.parse_unit(str(sample.key_expr)).unit, _decode(Pose, sample))
+        def deliver(sample: zenoh.Sample) -> bool:
+            # A pose names no unit, its key does.
+            return self._deliver(Pose, lambda pose: callback(_unit_of(sample), pose), sample)
 
         return self._subscribe(keys.pose(self.site, unit), deliver)
 
@@ -118,8 +124,11 @@ class Client:
     def on_alive(self, callback: Callable[[str, bool], None]) -> zenoh.Subscriber:
         """Each unit's name with True when a gateway serves it (at once where one does), False when none does."""
 
-        def deliver(sample: zenoh.Sample) -> None:
-            callback(keys.parse_unit(str(sample.key_expr)).unit, sample.kind == zenoh.SampleKind.PUT)
+        def deliver(sample: zenoh.Sample) -> bool:
+            name = self._alive_unit(sample)
+            if name is not None:
+                callback(name, sample.kind == zenoh.SampleKind.PUT)
+            return name is not None
 
         subscriber = self.session.liveliness().declare_subscriber(
             keys.alive(self.site, keys.ANY), lambda sample: self._delivery.put(partial(deliver, sample)), history=True
@@ -141,17 +150,30 @@ class Client:
     def units(self) -> set[str]:
         """The names of the units that a gateway serves at this moment."""
         replies = self.session.liveliness().get(keys.alive(self.site, keys.ANY), timeout=QUERY_TIMEOUT_S)
-        return {keys.parse_unit(str(reply.ok.key_expr)).unit for reply in replies if reply.ok is not None}
+        names = {self._alive_unit(reply.ok) for reply in replies if reply.ok is not None}
+        return {name for name in names if name is not None}
 
     # ---- A unit's log and commands --------------------------------------------------------------------------------
 
     def log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
         """Up to ``max`` records of a unit's log from ``from_sequence`` on, or None where no gateway serves the unit.
 
+        Records that don't fit their log or the bounds are left out and counted as refused.
         Raises BusError: the gateway gave an error or was silent for QUERY_TIMEOUT_S.
         """
+        records = self.unsifted_log(unit, from_sequence, max)
+        if records is not None:
+            sifted = sift(records, unit, from_sequence - 1)
+            for sequence, reason in sifted.refused.items():
+                self._refusals.note(keys.log(self.site, unit), f"record {sequence}: {reason}")
+            del records.sweeps[:]
+            records.sweeps.extend(sifted.sound)
+        return records
+
+    def unsifted_log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
+        """The same with all records as they came, unchecked, so that a LogFollower knows which ones it passes over."""
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
-        return next((_decode(LogRecords, reply) for reply in self._ask(selector)), None)
+        return next((_decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
 
     def command(self, unit: str, name: str, request: CommandRequest, timeout_s: float) -> CommandReply:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
@@ -176,18 +198,20 @@ class Client:
     # ---- How ------------------------------------------------------------------------------------------------------
 
     def _on(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
-        return self._subscribe(key, lambda sample: callback(_decode(message_type, sample)))
+        return self._subscribe(key, partial(self._deliver, message_type, callback))
 
     def _on_state(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
         fresh: set[str] = set()  # keys that something newer than the present was published on; of the delivery's thread
 
-        def deliver(sample: zenoh.Sample) -> None:
-            fresh.add(str(sample.key_expr))
-            callback(_decode(message_type, sample))
+        def deliver(sample: zenoh.Sample) -> bool:
+            message = self._accepted(message_type, sample)
+            if message is not None:
+                fresh.add(str(sample.key_expr))
+                callback(message)
+            return message is not None
 
-        def deliver_present(sample: zenoh.Sample) -> None:
-            if str(sample.key_expr) not in fresh:
-                callback(_decode(message_type, sample))
+        def deliver_present(sample: zenoh.Sample) -> bool:
+            return str(sample.key_expr) not in fresh and self._deliver(message_type, callback, sample)
 
         subscriber = self._subscribe(key, deliver)
         try:
@@ -197,13 +221,35 @@ class Client:
             _log.warning("the present of %s is not known until it is next published: %s", key, error)
         return subscriber
 
-    def _subscribe(self, key: str, deliver: Callable[[zenoh.Sample], None]) -> zenoh.Subscriber:
+    def _deliver(self, message_type: type[M], callback: Callable[[M], None], sample: zenoh.Sample) -> bool:
+        """Hand the message to ``callback``; False where it is refused."""
+        message = self._accepted(message_type, sample)
+        if message is not None:
+            callback(message)
+        return message is not None
+
+    def _accepted(self, message_type: type[M], sample: zenoh.Sample) -> M | None:
+        try:
+            return _decode(message_type, sample)
+        except (BusError, KeyFormatError) as error:
+            self._refusals.note(str(sample.key_expr), error)
+            return None
+
+    def _alive_unit(self, sample: zenoh.Sample) -> str | None:
+        try:
+            return _unit_of(sample)
+        except KeyFormatError as error:
+            self._refusals.note(str(sample.key_expr), error)
+            return None
+
+    def _subscribe(self, key: str, deliver: Callable[[zenoh.Sample], bool]) -> zenoh.Subscriber:
         subscriber = self.session.declare_subscriber(key, lambda sample: self._delivery.put(partial(deliver, sample)))
         self._subscribers.append(subscriber)
         return subscriber
 
     def _ask_all(self, key: str, message_type: type[M]) -> list[M]:
-        return [_decode(message_type, reply) for reply in self._ask(key)]
+        accepted = [self._accepted(message_type, reply) for reply in self._ask(key)]
+        return [message for message in accepted if message is not None]
 
     def _ask(
         self, selector: str, payload: bytes | None = None, timeout_s: float = QUERY_TIMEOUT_S
@@ -219,14 +265,27 @@ class Client:
                 answered = True
                 yield reply.ok
             elif reply.err is not None:
-                error = reply.err.payload.to_bytes().decode(errors="replace")
+                error = reply.err.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
         if error is not None and not answered:
             raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
 
 
-def _decode(message_type: type[M], sample: zenoh.Sample) -> M:
+def _decode(message_type: type[M], sample: zenoh.Sample, but: Collection[str] = ()) -> M:
+    """The message; raises BusError where it does not fit the bounds or the key that it came on."""
     try:
-        return message_type.FromString(sample.payload.to_bytes())
-    except DecodeError as error:
-        name = message_type.DESCRIPTOR.full_name
-        raise BusError(f"{sample.key_expr} carries something that is not a {name}: {error}") from error
+        message = bounds.decode(message_type, sample.payload.to_bytes(), but)
+    except BoundsError as error:
+        raise BusError(f"{sample.key_expr}: {error}") from error
+    if isinstance(message, Sweep | UnitStatus):
+        _check_identity(message, keys.parse_unit(str(sample.key_expr)))
+    return message
+
+
+def _check_identity(message: Sweep | UnitStatus, key: keys.UnitKey) -> None:
+    if message.unit != key.unit or message.site not in ("", key.site):
+        said = f"unit {message.unit!r} of site {message.site!r}"
+        raise BusError(f"a {message.DESCRIPTOR.name} of {said} came on a key of unit {key.unit!r} of site {key.site!r}")
+
+
+def _unit_of(sample: zenoh.Sample) -> str:
+    return keys.parse_unit(str(sample.key_expr)).unit

@@ -14,14 +14,14 @@ class Delivery:
     """Runs what it is given, in order, on one thread; what finds the queue full is dropped and counted."""
 
     def __init__(self, name: str, capacity: int) -> None:
-        self._queue: queue.Queue[Callable[[], None] | None] = queue.Queue(capacity)
+        self._queue: queue.Queue[Callable[[], bool] | None] = queue.Queue(capacity)
         self._counts: Counter[str] = Counter(delivered=0, dropped=0, failed=0)
         self._closed = False
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def put(self, call: Callable[[], None]) -> None:
-        """Have ``call`` made soon; never waits."""
+    def put(self, call: Callable[[], bool]) -> None:
+        """Have ``call`` made soon, which returns whether it delivered anything; never waits."""
         try:
             self._queue.put_nowait(call)
         except queue.Full:
@@ -47,9 +47,7 @@ class Delivery:
     def _run(self) -> None:
         while (call := self._queue.get()) is not None and not self._closed:
             try:
-                call()
-            except Exception:
+                self._counts["delivered"] += call()
+            except Exception:  # a panic of Zenoh is none, breaks the session for good, and so ends the thread
                 self._counts["failed"] += 1
                 _log.exception("%s: a callback raised; its message is lost to it", self._thread.name)
-            else:
-                self._counts["delivered"] += 1

@@ -17,6 +17,10 @@ class SurveyError(NoctuleError):
     """A file of sweeps that can't be read; the message names the line."""
 
 
+class BoundsError(NoctuleError):
+    """A message with a value that nothing real has, or bytes that are no such message; it names the field."""
+
+
 class BusError(NoctuleError):
     """The bus gave no answer, or one that can't be used."""
 

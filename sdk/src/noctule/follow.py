@@ -37,7 +37,8 @@ class LogFollower:
     Per (unit, log_id) each sweep is delivered once, in the order of log_sequence, several of one unit at a time.
     ``deliver`` must store the sweeps and with them the cursor, which is the last one's identity, in one transaction.
     If it raises, nothing has moved, and the same sweeps come again, later and later. ``cursors`` (by unit) is what was
-    stored when the process last ran. What the gateway removed before it was read is counted as lost.
+    stored when the process last ran. What the gateway removed before it was read is counted as lost, a record that is
+    none of the log or beyond the bounds as refused.
     """
 
     def __init__(
@@ -51,7 +52,7 @@ class LogFollower:
         self._client = client
         self._deliver = deliver
         self._poll_s = poll_s
-        self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, failed=0)
+        self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, refused=0, failed=0)
         self._changed = threading.Condition()
         self._closed = False
         self._units: dict[str, _Unit] = {}
@@ -90,7 +91,7 @@ class LogFollower:
         return {name: cursor for name, cursor in found.items() if cursor.log_id}
 
     def counters(self) -> dict[str, int]:
-        """Sweeps ``delivered``, of these ``pulled`` from logs, ``lost`` to retention; attempts that ``failed``."""
+        """Sweeps ``delivered``, of these ``pulled`` from logs, ``lost``, ``refused``; attempts that ``failed``."""
         return dict(self._counts)
 
     # ---- Signs that a log holds more, on the client's thread ------------------------------------------------------
@@ -160,6 +161,7 @@ class LogFollower:
             all_taken = unit.reader.take(live)
             more = (behind or not all_taken) and unit.reader.ask_log()
             unit.retry_s = FIRST_RETRY_S
+        # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
         except Exception as error:  # whatever the store or the bus has to say, the sweeps are still in the log
             self._counts["failed"] += 1
             _log.warning(
@@ -178,4 +180,4 @@ class LogFollower:
                 self._see_to(name)
 
     def _ask(self, unit: str, from_sequence: int) -> LogRecords | None:
-        return self._client.log(unit, from_sequence)
+        return self._client.unsifted_log(unit, from_sequence)

@@ -16,11 +16,18 @@ from noctule.errors import KeyFormatError
 
 ROOT = "noctule/@v1"
 ANY = "*"
+LONGEST_NAME = 64
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
 
 def name(value: str, what: str) -> str:
-    """``value`` if it may be a name in keys: lower-case letters, digits, ``-`` and ``_``. Raises KeyFormatError."""
+    """``value`` if it may be a name in keys: up to 64 lower-case letters, digits, ``-`` and ``_``.
+
+    Raises KeyFormatError.
+    """
+    if len(value) > LONGEST_NAME:
+        told = f"{value[:LONGEST_NAME]!r}..."
+        raise KeyFormatError(f"{what} {told} is too long for a key: {LONGEST_NAME} characters at most")
     if _NAME.fullmatch(value):
         return value
     raise KeyFormatError(f"{what} {value!r} can't be part of a key: use lower-case letters, digits, '-' and '_'")
@@ -99,7 +106,7 @@ def parse_unit(key: str) -> UnitKey:
     """Take a unit's key apart; raises KeyFormatError if it is not one."""
     match key.split("/"):
         case ["noctule", "@v1", site, "unit", unit, *subject] if subject:
-            return UnitKey(site, unit, "/".join(subject))
+            return UnitKey(name(site, "site"), name(unit, "unit"), "/".join(subject))
     raise KeyFormatError(f"{key!r} is not a unit's key: it should read {ROOT}/SITE/unit/UNIT/SUBJECT")
 
 

@@ -7,9 +7,9 @@ from time import monotonic
 
 import zenoh
 
-from noctule import bus, keys
+from noctule import bounds, bus, keys
 from noctule.client import Client
-from noctule.errors import SurveyError
+from noctule.errors import BoundsError, SurveyError
 from noctule.messages_pb2 import (
     CommandReply,
     CommandRequest,
@@ -102,7 +102,11 @@ class ReplayedUnit:
         query.reply(self._log_key, records.SerializeToString(), encoding=bus.encoding(LogRecords))
 
     def _answer_command(self, query: zenoh.Query) -> None:
-        request = CommandRequest.FromString(query.payload.to_bytes() if query.payload else b"")
+        try:
+            request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
+        except BoundsError as error:
+            query.reply_err(str(error))
+            return
         reply = CommandReply(request_id=request.request_id)
         if str(query.key_expr).rsplit("/", 1)[-1] in ("hello", "status"):
             reply.done = True

@@ -1,22 +1,30 @@
-"""The site file: which units a site has, how each is reached, where it is, and what is known of its sensor."""
+"""The site file: which units a site has, how each is reached, where it is, and what is known of its sensor.
+
+Its quantities have the bounds of the messages that they go into.
+"""
 
 import math
+import re
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+from urllib.parse import urlsplit
 
 from noctule import keys, messages_pb2
+from noctule.bounds import AIR_C, MAX_READINGS, UNIT_PAUSE_S, UNIT_PLAN, WRITTEN_HEADING_RAD, Number, number
 from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
 from noctule.path import walk
 from noctule.toml_table import Table
 
 MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
-MAX_READINGS = 64
 PINGS = (1, 3, 5)  # of which there is a median
 MAX_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is a unit that was flashed without one
-ABSOLUTE_ZERO_C = -273.15
+SCHEMES = ("socket", "rfc2217")
+
+_X_M, _Y_M = number("Pose", "x_m"), number("Pose", "y_m")
+_SPACING_M = Number(1e-3, 1e4, "m", "in metres")
 
 
 @dataclass(frozen=True)
@@ -109,7 +117,7 @@ class Site:
 def load(path: Path) -> Site:
     """Read a site file. Raises SiteFileError, which names file, table and field and says what to do."""
     try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin with a byte order mark
     except OSError as error:
         raise SiteFileError(f"{path} can't be read: {error.strerror}") from error
     except ValueError as error:  # not TOML, or not text
@@ -119,7 +127,7 @@ def load(path: Path) -> Site:
     site = Site(
         name=_name(top, "site"),
         units=tuple(_unit(table, sensor) for table in top.tables("unit")),
-        air_temperature_c=top.optional_number("air_temperature_c", over=ABSOLUTE_ZERO_C),
+        air_temperature_c=top.optional_number("air_temperature_c", AIR_C),
         clock=top.choice("clock", ("utc", "unit")),  # pyright: ignore[reportArgumentType]
     )
     top.end()
@@ -144,12 +152,12 @@ def _unit(table: Table, default: Sensor) -> Unit:
     unit = Unit(
         name=name,
         serial=table.integer("serial", 0, MAX_SERIAL),
-        address=table.text("address"),
+        address=_address(table),
         pose=_pose_source(table),
         sensor=_sensor(table.table("sensor"), default),
         plan=_plan(sweep),
         start=sweep.flag("start", default=False),  # a motor turns by itself only where the file says so
-        pause_s=sweep.optional_number("pause_s", least=0.0) or 0.0,
+        pause_s=sweep.optional_number("pause_s", UNIT_PAUSE_S) or 0.0,
     )
     sweep.end()
     table.end()
@@ -157,29 +165,46 @@ def _unit(table: Table, default: Sensor) -> Unit:
 
 
 def _sensor(table: Table, default: Sensor) -> Sensor:
-    width_deg = table.optional_number("beam_width_deg", over=0.0)
-    bias_m = table.optional_number("range_bias_m")
-    sigma_m = table.optional_number("range_sigma_m", over=0.0)
+    width_rad = table.optional_angle("beam_width_deg", number("Sensor", "beam_width_rad"))
+    bias_m = table.optional_number("range_bias_m", number("Sensor", "range_bias_m"))
+    sigma_m = table.optional_number("range_sigma_m", number("Sensor", "range_sigma_m"))
     table.end()
     return Sensor(
-        beam_width_rad=default.beam_width_rad if width_deg is None else math.radians(width_deg),
+        beam_width_rad=default.beam_width_rad if width_rad is None else width_rad,
         range_bias_m=default.range_bias_m if bias_m is None else bias_m,
         range_sigma_m=default.range_sigma_m if sigma_m is None else sigma_m,
     )
 
 
+def _address(unit: Table) -> str:
+    address = unit.text("address")
+    form = "give socket://HOST:PORT, rfc2217://HOST:PORT or a device's path such as /dev/ttyUSB0"
+    scheme, found, _ = address.partition("://")
+    if not found:
+        if re.fullmatch(r"[^/]+:\d+", address):
+            raise unit.error("address", f"is {address!r}: {form}")
+        return address
+    if scheme not in SCHEMES:
+        raise unit.error("address", f"is {address!r}: {scheme}:// is not known, {form}")
+    try:
+        parts = urlsplit(address)
+        if not parts.hostname or not parts.port:
+            raise ValueError("host and port must both be there, the port from 1 to 65535")
+    except ValueError as error:
+        raise unit.error("address", f"is {address!r}: {error}; {form}") from error
+    return address
+
+
 def _plan(sweep: Table) -> SweepPlan | None:
-    first_deg = sweep.optional_number("first_bearing_deg")
-    step_deg = sweep.optional_number("bearing_step_deg", over=0.0)
     plan = SweepPlan(
-        first_bearing_rad=None if first_deg is None else math.radians(first_deg),
-        bearing_step_rad=None if step_deg is None else math.radians(step_deg),
+        first_bearing_rad=sweep.optional_angle("first_bearing_deg", UNIT_PLAN["first_bearing_rad"]),
+        bearing_step_rad=sweep.optional_angle("bearing_step_deg", UNIT_PLAN["bearing_step_rad"]),
         count=sweep.integer("count", 1, MAX_READINGS) if sweep.has("count") else None,
-        ping_interval_s=sweep.optional_number("ping_interval_s", over=0.0),
-        top_speed_half_steps_s=sweep.optional_number("top_speed_half_steps_s", over=0.0),
-        ramp_s=sweep.optional_number("ramp_s", least=0.0),
-        settle_s=sweep.optional_number("settle_s", least=0.0),
         pings=_pings(sweep),
+        **{
+            field: sweep.optional_number(field, UNIT_PLAN[field])
+            for field in ("ping_interval_s", "top_speed_half_steps_s", "ramp_s", "settle_s")
+        },
     )
     return plan if plan.ListFields() else None
 
@@ -195,22 +220,22 @@ def _pings(sweep: Table) -> int | None:
 
 def _pose_source(unit: Table) -> FixedPose | WaypointPath | PoseKey:
     if unit.has("path") == unit.has("pose"):
+        form = 'pose = { ... }, pose = "key" or path = { ... }'
         raise unit.error(
-            "pose",
-            'or path, one of the two, must say where the unit is: pose = { ... }, pose = "key" or path = { ... }',
+            "pose", f"or path, one of the two, must say where the unit is: {form}{unit.hint('pose', 'path')}"
         )
     if unit.entries.get("pose") == "key":
         return PoseKey()
     sigma = unit.table("pose_sigma")
-    sigma_m = sigma.optional_number("position_m", least=0.0) or 0.0
-    sigma_rad = math.radians(sigma.optional_number("heading_deg", least=0.0) or 0.0)
+    sigma_m = sigma.optional_number("position_m", number("Pose", "sigma_position_m")) or 0.0
+    sigma_rad = sigma.optional_angle("heading_deg", number("Pose", "sigma_heading_rad")) or 0.0
     sigma.end()
     if unit.has("path"):
         places = _path(unit.table("path"))
         return WaypointPath(tuple(Pose2(x, y, heading, sigma_m, sigma_rad) for x, y, heading in places))
     pose = unit.table("pose")
-    heading_rad = math.radians(pose.number("heading_deg"))
-    place = Pose2(pose.number("x_m"), pose.number("y_m"), heading_rad, sigma_m, sigma_rad)
+    heading_rad = pose.angle("heading_deg", WRITTEN_HEADING_RAD)
+    place = Pose2(pose.number("x_m", _X_M), pose.number("y_m", _Y_M), heading_rad, sigma_m, sigma_rad)
     pose.end()
     return FixedPose(place)
 
@@ -219,8 +244,8 @@ def _path(path: Table) -> list[tuple[float, float, float]]:
     if path.has("waypoints") == path.has("corners_m"):
         raise path.error("corners_m", "or waypoints, one of the two, must give the path")
     if path.has("waypoints"):
-        rows = path.rows("waypoints", ("x_m", "y_m", "heading_deg"), least=1)
-        places = [(x_m, y_m, math.radians(heading_deg)) for x_m, y_m, heading_deg in rows]
+        columns = {"x_m": _X_M, "y_m": _Y_M, "heading_deg": WRITTEN_HEADING_RAD}
+        places = [(x_m, y_m, heading_rad) for x_m, y_m, heading_rad in path.rows("waypoints", columns, least=1)]
     else:
         places = _walked(path)
     path.end()
@@ -228,9 +253,9 @@ def _path(path: Table) -> list[tuple[float, float, float]]:
 
 
 def _walked(path: Table) -> list[tuple[float, float, float]]:
-    corners_m = [(x_m, y_m) for x_m, y_m in path.rows("corners_m", ("x_m", "y_m"), least=2)]
+    corners_m = [(x_m, y_m) for x_m, y_m in path.rows("corners_m", {"x_m": _X_M, "y_m": _Y_M}, least=2)]
     closed = path.flag("closed", default=False)
-    spacing_m = path.number("spacing_m", over=0.0)
+    spacing_m = path.number("spacing_m", _SPACING_M)
     following = [*corners_m[1:], corners_m[0]] if closed else corners_m[1:]
     for index, (corner, after) in enumerate(zip(corners_m, following, strict=False)):
         if corner == after:

@@ -1,7 +1,6 @@
 """Files of sweeps: JSON lines of the message Sweep, or MCAP where the file is named so."""
 
 import json
-import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
@@ -9,7 +8,8 @@ from typing import IO
 from google.protobuf import json_format
 from google.protobuf.message import Message
 
-from noctule.errors import SurveyError
+from noctule import bounds
+from noctule.errors import BoundsError, SurveyError
 from noctule.messages_pb2 import Sweep
 
 MCAP_SUFFIX = ".mcap"
@@ -41,7 +41,7 @@ def read(survey: Path | IO[str]) -> Iterator[Sweep]:
 
 
 def write(sweeps: Iterable[Sweep], stream: IO[str]) -> None:
-    """Write sweeps as JSON lines. Raises SurveyError at one whose numbers are not all finite."""
+    """Write sweeps as JSON lines. Raises SurveyError at one with a value beyond its bounds."""
     for sweep in sweeps:
         stream.write(to_json(sweep) + "\n")
 
@@ -49,10 +49,12 @@ def write(sweeps: Iterable[Sweep], stream: IO[str]) -> None:
 def to_json(message: Message) -> str:
     """A message as one line of JSON: proto field names, fields at zero written out.
 
-    Raises SurveyError where a number is not finite.
+    Raises SurveyError where a value is beyond its bounds.
     """
-    if bad := not_finite(message):
-        raise SurveyError(f"{bad} is not finite and can't be written: leave the field out, or leave out the reading")
+    try:
+        bounds.check(message)
+    except BoundsError as error:
+        raise SurveyError(f"a {message.DESCRIPTOR.name} can't be written: {error}") from error
     return json_format.MessageToJson(
         message, preserving_proto_field_name=True, always_print_fields_with_no_presence=True, indent=None
     )
@@ -64,24 +66,11 @@ def from_json(line: str, where: str) -> Sweep:
         sweep = json_format.Parse(line, Sweep())
     except json_format.ParseError as error:
         raise SurveyError(f"{where}: {_reason(line, error)}") from error
-    if bad := not_finite(sweep):
-        raise SurveyError(f"{where}: {bad} is not finite: leave the field out, or leave out the reading")
+    try:
+        bounds.check(sweep)
+    except BoundsError as error:
+        raise SurveyError(f"{where}: {error}") from error
     return sweep
-
-
-def not_finite(message: Message, path: str = "") -> str | None:
-    """The path of the first field that holds NaN or an infinity (``readings[3].bearing_rad``), or None."""
-    for field, value in message.ListFields():
-        name = f"{path}{field.name}"
-        many = field.is_repeated
-        for index, element in enumerate(value if many else [value]):
-            at = f"{name}[{index}]" if many else name
-            if isinstance(element, Message):
-                if bad := not_finite(element, f"{at}."):
-                    return bad
-            elif isinstance(element, float) and not math.isfinite(element):
-                return at
-    return None
 
 
 def _read_lines(lines: Iterable[str], name: str) -> Iterator[Sweep]:

@@ -7,8 +7,8 @@ from typing import IO
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
-from noctule import bus, keys
-from noctule.errors import SurveyError
+from noctule import bounds, bus, keys
+from noctule.errors import BoundsError, SurveyError
 from noctule.messages_pb2 import Sweep
 
 _SCHEMA = Sweep.DESCRIPTOR.full_name
@@ -18,15 +18,19 @@ _ENCODING = "protobuf"
 def read(path: Path) -> Iterator[Sweep]:
     """The sweeps of an MCAP file in the order in which they were written; other messages in it are passed over.
 
-    Raises SurveyError.
+    Raises SurveyError, also where the file was cut or a bit of it has changed.
     """
+    number = 0
     try:
         with path.open("rb") as stream:
-            for schema, _, message in NonSeekingReader(stream).iter_messages(log_time_order=False):
+            for schema, _, message in NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False):
                 if schema is not None and schema.name == _SCHEMA:
-                    yield Sweep.FromString(message.data)
+                    number += 1
+                    yield bounds.decode(Sweep, message.data)
     except OSError as error:
         raise SurveyError(f"{path} can't be read: {error.strerror}") from error
+    except BoundsError as error:
+        raise SurveyError(f"{path}, sweep {number}: {error}") from error
     except Exception as error:  # on broken data the library raises whatever its parts raise
         reason = str(error) or "it ends too early"
         raise SurveyError(f"{path} is not a whole MCAP file of sweeps: {reason}") from error

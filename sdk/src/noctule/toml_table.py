@@ -1,11 +1,18 @@
 """A table of a TOML file, read field by field: whatever is wrong is told by file, table and field."""
 
+import difflib
 import math
+import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
+from noctule.bounds import Number
 from noctule.errors import SiteFileError
+
+_LARGEST = sys.float_info.max  # TOML's whole numbers have no end
+_ALIKE = 0.7  # of difflib; "seriel" and "serial" are 0.83 alike, "x_m" and "y_m" 0.67
 
 
 @dataclass
@@ -27,6 +34,11 @@ class Table:
         self.asked.add(key)
         return key in self.entries
 
+    def hint(self, *missing: str) -> str:
+        """What was probably written in the place of a ``missing`` field; empty where nothing looks like it."""
+        written = (_alike(key, self.entries.keys() - self.asked) for key in missing)
+        return next((f" (did you write it as {key}?)" for key in written if key), "")
+
     def text(self, key: str) -> str:
         """A string that is not empty."""
         value = self._required(key)
@@ -34,20 +46,25 @@ class Table:
             raise self.error(key, f'is {value!r}: give it as text, {key} = "..."')
         return value
 
-    def number(self, key: str, least: float = -math.inf, over: float = -math.inf) -> float:
-        """A finite number, not below ``least`` and above ``over``."""
+    def number(self, key: str, bound: Number) -> float:
+        """A number within ``bound``."""
         value = self._required(key)
-        if not is_number(value):
-            raise self.error(key, f"is {value!r}: give a finite number")
-        if value < least:
-            raise self.error(key, f"is {value}: it must be {least:g} or more")
-        if value <= over:
-            raise self.error(key, f"is {value}: it must be more than {over:g}")
+        self._check(key, value, bound)
         return float(value)
 
-    def optional_number(self, key: str, least: float = -math.inf, over: float = -math.inf) -> float | None:
+    def optional_number(self, key: str, bound: Number) -> float | None:
         """The same, or None where the field was left out."""
-        return self.number(key, least, over) if self.has(key) else None
+        return self.number(key, bound) if self.has(key) else None
+
+    def angle(self, key: str, bound: Number) -> float:
+        """In radians, what the file gives in degrees; ``bound`` is in radians."""
+        value = self._required(key)
+        self._check_angle(key, value, bound)
+        return math.radians(value)
+
+    def optional_angle(self, key: str, bound: Number) -> float | None:
+        """The same, or None where the field was left out."""
+        return self.angle(key, bound) if self.has(key) else None
 
     def integer(self, key: str, least: int, most: int) -> int:
         """A whole number from ``least`` to ``most``."""
@@ -72,8 +89,8 @@ class Table:
             raise self.error(key, f"is {value!r}: choose {' or '.join(repr(choice) for choice in choices)}")
         return value
 
-    def rows(self, key: str, columns: tuple[str, ...], least: int) -> list[tuple[float, ...]]:
-        """A list of at least ``least`` rows of finite numbers, one for each name in ``columns``."""
+    def rows(self, key: str, columns: dict[str, Number], least: int) -> list[tuple[float, ...]]:
+        """A list of at least ``least`` rows, each a number for each of ``columns``; angles as angle() gives them."""
         value = self._required(key)
         form = f"[{', '.join(columns)}]"
         if not isinstance(value, list) or len(value) < least:
@@ -81,7 +98,13 @@ class Table:
         for index, row in enumerate(value):
             if not isinstance(row, list) or len(row) != len(columns) or not all(map(is_number, row)):
                 raise self.error(f"{key}[{index}]", f"is {row!r}: give {form}, finite numbers")
-        return [tuple(map(float, row)) for row in value]
+        return [
+            tuple(
+                self._cell(f"{key}[{index}], {column},", cell, bound)
+                for cell, (column, bound) in zip(row, columns.items(), strict=True)
+            )
+            for index, row in enumerate(value)
+        ]
 
     def table(self, key: str) -> "Table":
         """The table below ``key``, empty where it was left out."""
@@ -101,16 +124,43 @@ class Table:
         """Refuse what was written but not asked for."""
         for key in self.entries:
             if key not in self.asked:
-                raise self.error(
-                    key, f"is not known here: correct or remove it (known: {', '.join(sorted(self.asked))})"
-                )
+                meant = _alike(key, self.asked)
+                known = f"did you mean {meant}?" if meant else f"correct or remove it (known: {_listed(self.asked)})"
+                raise self.error(key, f"is not known here: {known}")
 
     def _required(self, key: str) -> Any:
         if not self.has(key):
-            raise self.error(key, "is missing: add it")
+            raise self.error(key, f"is missing: add it{self.hint(key)}")
         return self.entries[key]
 
+    def _cell(self, key: str, value: float, bound: Number) -> float:
+        if bound.unit == "rad":
+            self._check_angle(key, value, bound)
+            return math.radians(value)
+        self._check(key, value, bound)
+        return float(value)
 
-def is_number(value: object) -> bool:
+    def _check(self, key: str, value: object, bound: Number) -> None:
+        if not is_number(value):
+            raise self.error(key, f"is {value!r}: give a finite number")
+        if not bound.least <= value <= bound.most:
+            raise self.error(key, f"is {value}: {bound.allowed()}")
+
+    def _check_angle(self, key: str, value: object, bound: Number) -> None:
+        if not is_number(value):
+            raise self.error(key, f"is {value!r}: give a finite number")
+        if not bound.least <= math.radians(value) <= bound.most:
+            raise self.error(key, f"is {value}: {bound.allowed(math.degrees(1), 'degrees')}")
+
+
+def is_number(value: object) -> TypeGuard[int | float]:
     """Whether ``value`` is a finite number; TOML's booleans, nan and inf are not."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
+
+
+def _alike(key: str, others: Iterable[str]) -> str | None:
+    return next(iter(difflib.get_close_matches(key, others, 1, _ALIKE)), None)
+
+
+def _listed(keys: Iterable[str]) -> str:
+    return ", ".join(sorted(keys))

@@ -2,10 +2,11 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 from noctule.errors import BusError
 from noctule.messages_pb2 import Cursor, LogRecords, Sweep
+from noctule.unit_records import sift
 
 _log = logging.getLogger(__name__)
 
@@ -14,7 +15,7 @@ class UnitReader:
     """Reads one unit's log by two ways, live sweeps and the log itself, and hands on each sweep just once.
 
     ``ask`` gets records from a log sequence on, or None where nobody serves the unit. ``deliver`` takes sweeps for
-    good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``pulled`` and ``lost``.
+    good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``pulled``, ``lost`` and ``refused``.
     """
 
     def __init__(
@@ -65,12 +66,13 @@ class UnitReader:
         if records.head < at.log_sequence:
             raise BusError(
                 f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to {at.log_sequence}: "
-                "was it restored from a copy? Move its file aside so that a new one is begun"
+                f"was it restored from a copy? Begin a new one: noctule-gateway repair DATA --unit {self.unit}"
             )
-        fresh = [sweep for sweep in records.sweeps if sweep.log_sequence > at.log_sequence]
-        if fresh:
-            self._commit(fresh)
-            self._counts["pulled"] += len(fresh)
+        sifted = sift(records, self.unit, at.log_sequence)
+        if sifted.sound or sifted.refused:
+            self._commit(sifted.sound, sifted.refused)
+            self._counts["pulled"] += len(sifted.sound)
+            self._pass_over_refused(records.log_id, sifted.refused)
         elif records.head > at.log_sequence:
             self._pass_over(records)
         return self.cursor.log_sequence < records.head
@@ -92,14 +94,31 @@ class UnitReader:
         self._count_lost(self.cursor.log_sequence, records.head + 1)
         self.cursor = self._at(records.log_id, records.head)
 
-    def _commit(self, sweeps: Sequence[Sweep]) -> None:
+    def _pass_over_refused(self, log_id: str, refused: Mapping[int, str]) -> None:
+        """Go on behind records that no reader takes, for they would come again for ever."""
+        if not refused:
+            return
+        first, last = min(refused), max(refused)
+        if last > self.cursor.log_sequence:
+            self._count_lost(self.cursor.log_sequence, last, refused)
+            self.cursor = self._at(log_id, last)
+        self._counts["refused"] += len(refused)
+        _log.error(
+            "unit %s: %d records of its log are refused and passed over, the first is %d: %s",
+            self.unit,
+            len(refused),
+            first,
+            refused[first],
+        )
+
+    def _commit(self, sweeps: Sequence[Sweep], refused: Collection[int] = ()) -> None:
         """Deliver ``sweeps``, in order and all after the cursor, and move the cursor to the last."""
         if not sweeps:
             return
         self._deliver(sweeps)
         before = self.cursor.log_sequence
         for sweep in sweeps:
-            self._count_lost(before, sweep.log_sequence)
+            self._count_lost(before, sweep.log_sequence, refused)
             before = sweep.log_sequence
         self.cursor = self._at(sweeps[-1].log_id, before)
         self._counts["delivered"] += len(sweeps)
@@ -107,8 +126,9 @@ class UnitReader:
     def _at(self, log_id: str, log_sequence: int) -> Cursor:
         return Cursor(unit=self.unit, log_id=log_id, log_sequence=log_sequence)
 
-    def _count_lost(self, before: int, after: int) -> None:
-        if lost := after - before - 1:
+    def _count_lost(self, before: int, after: int, refused: Collection[int] = ()) -> None:
+        """What lies between two sequences was removed, except what was ``refused``."""
+        if lost := after - before - 1 - sum(before < sequence < after for sequence in refused):
             self._counts["lost"] += lost
             _log.error(
                 "unit %s: sweeps %d to %d were removed from its log unread: let the log keep more",

@@ -44,15 +44,17 @@ def write_into_site(path: Path, fields: dict[str, float], unit: str | None) -> s
     before = site.load(path)
     if unit is not None:
         before.unit(unit)
-    text = path.read_bytes().decode()
+    data = path.read_bytes()
+    text = data.decode("utf-8-sig")
+    mark = data.removesuffix(text.encode())  # some editors begin with a byte order mark
     new = edited(text, fields, unit)
     if tomllib.loads(new) != _expected(text, fields, unit):
         raise SiteFileError(f"{path}: its sensor is written in a way that can't be edited: enter {fields} by hand")
     with tempfile.TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
-        trial.write_bytes(new.encode())
+        trial.write_bytes(mark + new.encode())
         after = site.load(trial)
-    write_whole({path: new.encode()})
+    write_whole({path: mark + new.encode()})
     return after
 
 

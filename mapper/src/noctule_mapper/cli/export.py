@@ -10,8 +10,8 @@ import numpy as np
 import typer
 from google.protobuf import json_format
 
-from noctule import survey
-from noctule.errors import NoctuleError
+from noctule import bounds, survey
+from noctule.errors import BoundsError, NoctuleError
 from noctule.messages_pb2 import Contour
 from noctule_mapper.config import MapperConfig, Method
 from noctule_mapper.export.dxf import dxf
@@ -86,6 +86,8 @@ def _contour(source: Path) -> Contour | None:
         contour = json_format.ParseDict(fields, Contour())
     except json_format.ParseError as error:
         raise ExportError(f"{source} is not a contour: {error}") from error
-    if bad := survey.not_finite(contour):
-        raise ExportError(f"{source}: {bad} is not finite: fit the survey again")
+    try:
+        bounds.check(contour)
+    except BoundsError as error:
+        raise ExportError(f"{source}: {error}: fit the survey again") from error
     return contour

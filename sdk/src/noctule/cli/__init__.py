@@ -10,6 +10,7 @@ try:
 except ModuleNotFoundError as error:
     raise SystemExit("the command noctule needs typer, rich and mcap: install noctule[cli]") from error
 
+from noctule import threads
 from noctule.cli import ask, command, record, replay, show
 from noctule.errors import NoctuleError
 
@@ -26,6 +27,7 @@ for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.
 def app() -> None:
     """Run the command line; what went wrong is told in one line."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
+    threads.end_process_when_one_fails()
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         commands()

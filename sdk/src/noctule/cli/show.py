@@ -89,4 +89,6 @@ def _sweep_line(sweep: Sweep) -> str:
 
 
 def _state(status: UnitStatus) -> str:
+    if status.state not in UnitStatus.State.values():
+        return f"state {status.state} of a newer gateway"
     return UnitStatus.State.Name(status.state).removeprefix("STATE_").lower()

@@ -1,0 +1,386 @@
+"""What each field of each message may hold: one table, and check(), which every message passes when it is decoded.
+
+A value beyond its bounds is an accident or an attack: it is far from all that a unit, a room or a clock can do, and
+can break every program that computes with it. A field that is not set is not checked.
+"""
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from google.protobuf.message import DecodeError, Message
+
+from noctule import keys
+from noctule.errors import BoundsError, KeyFormatError
+
+M = TypeVar("M", bound=Message)
+
+MAX_READINGS = 64  # a sweep, of a unit
+_SHOWN = 60  # characters of a refused text
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number from ``least`` to ``most``, and finite; ``meant`` is what its writer may have got wrong."""
+
+    least: float
+    most: float
+    unit: str = ""
+    meant: str = ""
+
+    def fault(self, value: float) -> str:
+        """What is wrong with ``value``; empty if nothing is."""
+        if self.least <= value <= self.most:  # False for NaN
+            return ""
+        return f"is {_shown(value)}: {self.allowed()}"
+
+    def allowed(self, per_unit: float = 1, unit: str | None = None) -> str:
+        """The interval in words, in this unit or in another, of which this one holds ``per_unit``."""
+        interval = f"{_shown(self.least * per_unit)} to {_shown(self.most * per_unit)}"
+        words = f"give {interval} {self.unit if unit is None else unit}".rstrip()
+        return f"{words} ({self.meant})" if self.meant else words
+
+
+@dataclass(frozen=True)
+class Text:
+    """Text of up to ``longest`` characters."""
+
+    longest: int
+
+    def fault(self, value: str) -> str:
+        """What is wrong with ``value``; empty if nothing is."""
+        if len(value) <= self.longest:
+            return ""
+        return f"is {value[:_SHOWN]!r}...: {len(value)} characters, and {self.longest} are allowed"
+
+
+@dataclass(frozen=True)
+class Name:
+    """A name that can be part of a key, or empty where nobody set it."""
+
+    def fault(self, value: str) -> str:
+        """What is wrong with ``value``; empty if nothing is."""
+        try:
+            if value:
+                keys.name(value, "the name")
+        except KeyFormatError as error:
+            return f"is wrong: {error}"
+        return ""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Up to ``longest`` bytes."""
+
+    longest: int
+
+    def fault(self, value: bytes) -> str:
+        """What is wrong with ``value``; empty if nothing is."""
+        return "" if len(value) <= self.longest else f"has {len(value)} bytes, and {self.longest} are allowed"
+
+
+@dataclass(frozen=True)
+class Many:
+    """Up to ``most`` elements: messages, or what ``each`` allows."""
+
+    most: int
+    each: Number | None = None
+
+
+@dataclass(frozen=True)
+class Counts:
+    """A map of up to ``most`` names to numbers."""
+
+    most: int
+    name: Text
+    each: Number
+
+
+Bound = Number | Text | Name | Data | Many | Counts
+
+_YEAR_2255_S = 9e9  # a count of nanoseconds in 64 bits ends soon after
+_NUMBER_32 = Number(0, 2**32 - 1)
+_NUMBER_53 = Number(0, 2**53 - 1)  # beyond, a double and so JavaScript and many databases no longer count
+_ENUM = Number(0, 63)  # a newer sender may have a value that this version does not know
+
+_NAME = Name()
+_ID = Text(64)
+_SENTENCES = Text(2000)
+
+_PLACE_M = Number(-1e4, 1e4, "m", "in metres, from the site's origin")
+_MAP_M = Number(-2e4, 2e4, "m")  # what was seen from there
+_BEARING_RAD = Number(-2 * math.pi, 2 * math.pi, "rad")
+_CLOCK_ERROR_S = Number(0, _YEAR_2255_S, "s")
+_COVARIANCE = Number(-1e18, 1e18)  # finite, and its square too
+_SHARE = Number(-1e-6, 1 + 1e-6)  # 0 to 1, rounded
+_NUMBER_16 = Number(0, 0xFFFF)
+_HOUR_S = Number(0, 3600, "s")
+_CHIP_C = Number(-330, 330, "degrees C")  # all that the line can carry: a broken thermometer must not hide a status
+
+# A heading that a person writes into a file; one from a tracker may count turns.
+WRITTEN_HEADING_RAD = Number(-2 * math.pi, 2 * math.pi, "rad", "in degrees, up to one turn")
+# Air as the unit's chip survives it.
+AIR_C = Number(-60, 85, "degrees C", "in degrees Celsius, not kelvin")
+
+# What a unit takes of a plan, and as a pause (firmware/README.md, CONFIGURE and START).
+UNIT_PLAN = {
+    "first_bearing_rad": Number(-math.radians(148), math.radians(148), "rad"),
+    "bearing_step_rad": Number(2 * math.pi / 0x10000, 2 * math.pi, "rad"),
+    "count": Number(1, MAX_READINGS),
+    "ping_interval_s": Number(0.029, 1, "s", "in seconds"),
+    "top_speed_half_steps_s": Number(50, 1000, "half steps/s"),
+    "ramp_s": Number(0, 1, "s", "in seconds"),
+    "settle_s": Number(0, 1, "s", "in seconds"),
+}
+UNIT_PAUSE_S = Number(0, 65.535, "s", "in seconds")
+
+BOUNDS: dict[str, dict[str, Bound]] = {
+    "Timestamp": {
+        "seconds": Number(0, _YEAR_2255_S, "s", "after 1970"),
+        "nanos": Number(0, 999_999_999, "ns"),
+    },
+    # ---- Units
+    "Pose": {
+        "x_m": _PLACE_M,
+        "y_m": _PLACE_M,
+        "heading_rad": Number(-200 * math.pi, 200 * math.pi, "rad"),  # 100 turns
+        "sigma_position_m": Number(0, 100, "m", "in metres"),
+        "sigma_heading_rad": Number(0, math.pi, "rad"),
+    },
+    "Sensor": {
+        "beam_width_rad": Number(math.radians(0.1), math.pi, "rad", "the full width of the beam"),
+        "range_bias_m": Number(-1, 1, "m", "in metres"),
+        "range_sigma_m": Number(1e-4, 0.5, "m", "in metres"),
+    },
+    "Reading": {
+        "bearing_rad": _BEARING_RAD,
+        "time_offset_s": _HOUR_S,
+        "time_of_flight_s": Number(0, 0.3, "s"),  # a unit calls a pulse of 250 ms stuck
+        "status": _ENUM,
+    },
+    "Sweep": {
+        "site": _NAME,
+        "unit": _NAME,
+        "log_id": _ID,
+        "log_sequence": _NUMBER_53,
+        "boot": _NUMBER_32,
+        "sequence": _NUMBER_32,
+        "clock_error_s": _CLOCK_ERROR_S,
+        "waypoint": _NUMBER_16,
+        "air_temperature_c": AIR_C,
+        "readings": Many(MAX_READINGS),
+        "clock_drift": Number(-0.5, 0.5, "s/s"),
+    },
+    "UnitStatus": {
+        "site": _NAME,
+        "unit": _NAME,
+        "state": _ENUM,
+        "detail": _SENTENCES,
+        "serial": _NUMBER_32,
+        "firmware": _ID,
+        "boot": _NUMBER_32,
+        "waypoint": _NUMBER_16,
+        "clock_error_s": _CLOCK_ERROR_S,
+        "clock_drift": Number(-1e6, 1e6, "s/s"),  # a simulated unit runs as fast as it can
+        "log_id": _ID,
+        "log_head": _NUMBER_53,
+        "log_tail": _NUMBER_53,
+        "log_removed": _NUMBER_53,
+        "counters": Counts(200, _ID, _NUMBER_53),
+        "gateway": _NAME,
+        "reset_cause": Text(200),
+        "chip_temperature_c": _CHIP_C,
+    },
+    # ---- Log and commands: wider than a unit takes, for its gateway answers an operator's mistake in words
+    "LogRecords": {
+        "log_id": _ID,
+        "head": _NUMBER_53,
+        "tail": _NUMBER_53,
+        "sweeps": Many(1000),
+    },
+    "SweepPlan": {
+        "first_bearing_rad": _BEARING_RAD,
+        "bearing_step_rad": _BEARING_RAD,
+        "count": _NUMBER_16,
+        "ping_interval_s": _HOUR_S,
+        "top_speed_half_steps_s": _NUMBER_16,
+        "ramp_s": _HOUR_S,
+        "settle_s": _HOUR_S,
+        "pings": _NUMBER_16,
+    },
+    "Calibration": {
+        "half_steps_per_turn": _NUMBER_16,
+        "backlash_half_steps": _NUMBER_16,
+        "home": _ENUM,
+        "home_bearing_rad": _BEARING_RAD,
+    },
+    "UnitSettings": {
+        "temperature_trim_k": _CHIP_C,
+    },
+    "CommandRequest": {
+        "request_id": _ID,
+        "pause_s": _HOUR_S,
+        "waypoint": _NUMBER_16,
+        "bearing_rad": _BEARING_RAD,
+        "temperature_c": _CHIP_C,
+        "image": Data(2**20),  # a unit's whole flash is 0.2 MB of Intel HEX
+    },
+    "CommandReply": {
+        "request_id": _ID,
+        "error": _SENTENCES,
+        "detail": _SENTENCES,
+    },
+    # ---- Services
+    "Cursor": {
+        "unit": _NAME,
+        "log_id": _ID,
+        "log_sequence": _NUMBER_53,
+    },
+    "ServiceStatus": {
+        "site": _NAME,
+        "name": _NAME,
+        "role": _ID,
+        "version": _ID,
+        "detail": _SENTENCES,
+        "counters": Counts(200, _ID, _NUMBER_53),
+        "cursors": Many(4096),
+    },
+    # ---- Map
+    "Point": {
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+    },
+    "Wall": {
+        "theta_rad": _BEARING_RAD,
+        "rho_m": Number(-4e4, 4e4, "m"),
+        "covariance": Many(4, _COVARIANCE),
+        "readings": _NUMBER_32,
+    },
+    "Corner": {
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+        "covariance": Many(4, _COVARIANCE),
+        "walls": Many(16, _NUMBER_32),
+    },
+    "Cylinder": {
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+        "radius_m": Number(0, 2e4, "m"),
+        "covariance": Many(9, _COVARIANCE),
+        "readings": _NUMBER_32,
+    },
+    "Contour": {
+        "site": _NAME,
+        "mapper": _NAME,
+        "version": _NUMBER_53,
+        "method": _ID,
+        "walls": Many(10_000),  # 64 rooms have some hundreds
+        "corners": Many(10_000),
+        "cylinders": Many(10_000),
+        "sweeps": _NUMBER_53,
+    },
+    "FeaturePoint": {
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+        "reliability": _SHARE,
+        "kind": _ENUM,
+    },
+    "Features": {
+        "site": _NAME,
+        "mapper": _NAME,
+        "version": _NUMBER_53,
+        "points": Many(100_000),
+    },
+    "GridTile": {
+        "site": _NAME,
+        "mapper": _NAME,
+        "tile_x": Number(-(2**20), 2**20),
+        "tile_y": Number(-(2**20), 2**20),
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+        "cell_m": Number(1e-3, 10, "m"),
+        "columns": Number(0, 256),  # the largest tile that a mapper can be configured for
+        "rows": Number(0, 256),
+        "occupied": Data(256 * 256),
+        "free": Data(256 * 256),
+    },
+}
+
+_SMALL_BYTES = 2**18
+_PAYLOAD_BYTES = {
+    "LogRecords": 2**22,
+    "Contour": 2**22,
+    "Features": 2**22,
+    "ServiceStatus": 2**20,
+    "CommandRequest": 2**21,
+}
+
+
+def number(message: str, field: str) -> Number:
+    """The bounds of a field that holds a number."""
+    bound = BOUNDS[message][field]
+    assert isinstance(bound, Number)
+    return bound
+
+
+def decode(message_type: type[M], payload: bytes, but: Collection[str] = ()) -> M:
+    """The message in ``payload``, checked. Raises BoundsError."""
+    described = message_type.DESCRIPTOR
+    most = _PAYLOAD_BYTES.get(described.name, _SMALL_BYTES)
+    if len(payload) > most:
+        raise BoundsError(f"not a {described.full_name}: it has {len(payload)} bytes, and {most} are allowed")
+    try:
+        message = message_type.FromString(payload)
+    except DecodeError as error:
+        raise BoundsError(f"not a {described.full_name}: {error}") from error
+    check(message, but)
+    return message
+
+
+def check(message: Message, but: Collection[str] = ()) -> None:
+    """Raise BoundsError at the first value beyond its bounds, which it names by its path (``readings[3].bearing_rad``).
+
+    The messages in the fields ``but`` are left to the caller, so that one of them alone can be refused.
+    """
+    if fault := _fault(message, but):
+        raise BoundsError(fault)
+
+
+def _fault(message: Message, but: Collection[str] = ()) -> str:
+    """The path of the first value beyond its bounds and what is wrong with it; empty if nothing is."""
+    bounds = BOUNDS.get(message.DESCRIPTOR.name, {})
+    for field, value in message.ListFields():
+        bound = bounds.get(field.name)
+        if type(bound) is Number:  # most are, and this runs for every reading
+            if not bound.least <= value <= bound.most:
+                return f"{field.name} {bound.fault(value)}"
+        elif isinstance(bound, Many | Counts):
+            if len(value) > bound.most:
+                return f"{field.name} has {len(value)} elements, and {bound.most} are allowed"
+            if field.name not in but and (fault := _fault_inside(value, bound)):
+                return field.name + fault
+        elif bound is not None:
+            if fault := bound.fault(value):
+                return f"{field.name} {fault}"
+        elif isinstance(value, Message) and (fault := _fault(value)):
+            return f"{field.name}.{fault}"
+    return ""
+
+
+def _fault_inside(elements: Any, bound: Many | Counts) -> str:
+    if isinstance(bound, Counts):
+        for key, element in elements.items():
+            if fault := bound.name.fault(key):
+                return f"'s name {fault}"
+            if fault := bound.each.fault(element):
+                return f"[{key!r}] {fault}"
+        return ""
+    for index, element in enumerate(elements):
+        if fault := _fault(element) if bound.each is None else bound.each.fault(element):
+            return f"[{index}]{'.' if bound.each is None else ' '}{fault}"
+    return ""
+
+
+def _shown(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:.6g}"
