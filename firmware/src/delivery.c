@@ -14,7 +14,8 @@
 
 static __xdata uint16_t wait; // rounds between the oldest sweep's last two times, 0 before the second
 static uint16_t until_due; // rounds until it should go out
-static __xdata bool was_sent;
+static bool is_ready; // it is due and sound, and stays ready until it has gone out
+static const __xdata uint8_t *__xdata sent; // the sweep that went out last, if it is not acknowledged
 static __xdata bool is_going_out;
 
 // An acknowledgement that came while the sweep was going out again.
@@ -24,33 +25,34 @@ static __xdata uint32_t acknowledged_sequence;
 
 void delivery_task(void)
 {
-    if (until_due == 0 || --until_due != 0)
-        return;
-    if (was_sent && !ring_oldest_is_sound()) {
-        // No host can ever acknowledge it, and it would keep back all that follow.
-        ring_sift();
-        was_sent = false;
-        wait = 0;
-    }
+    if (until_due != 0)
+        until_due--;
+    // In years, memory may change by itself. No host could ever acknowledge such a sweep, and it would keep back all that
+    // follow: so it is not sent.
+    if (until_due == 0 && !is_ready)
+        is_ready = ring_seek();
 }
 
 bool delivery_is_due(void)
 {
-    return until_due == 0 && ring_frames() != 0;
+    return is_ready;
 }
 
 void delivery_begin(void)
 {
     is_going_out = true;
-    if (was_sent)
+    if (ring_oldest() == sent)
         counters.sweeps_resent++;
-    cobs_encode_begin(ring_oldest(), ring_oldest_length(), ring_memory(), ring_memory_end());
+    else
+        wait = 0;
+    sent = ring_oldest();
+    cobs_encode_begin(sent, ring_oldest_length(), ring_memory(), ring_memory_end());
 }
 
 void delivery_end(void)
 {
     is_going_out = false;
-    was_sent = true;
+    is_ready = false;
     if (wait == 0)
         wait = FIRST_WAIT;
     else if (wait != LONGEST_WAIT)
@@ -71,7 +73,8 @@ void delivery_acknowledge(uint16_t boot, uint32_t sequence)
         acknowledged_sequence = sequence;
     } else if (record_acknowledge(boot, sequence)) {
         delivery_hasten();
-        was_sent = false;
+        is_ready = false;
+        sent = 0;
     }
 }
 

@@ -88,7 +88,7 @@ static uint16_t oldest16(uint16_t offset)
 
 bool record_acknowledge(uint16_t boot, uint32_t sequence)
 {
-    if (ring_frames() == 0 || oldest16(OFFSET_BOOT) != boot || oldest16(OFFSET_SEQUENCE) != (uint16_t)sequence ||
+    if (!ring_has_oldest() || oldest16(OFFSET_BOOT) != boot || oldest16(OFFSET_SEQUENCE) != (uint16_t)sequence ||
         oldest16(OFFSET_SEQUENCE + 2) != (uint16_t)(sequence >> 16))
         return false;
     ring_drop_oldest();

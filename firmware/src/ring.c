@@ -8,6 +8,10 @@
 #define MARK_FRAME 0x5A
 #define MARK_DROPPED 0xA5
 
+// The most that ring_seek() does in one call: it looks at so many blocks, or adds up so many bytes of a CRC.
+#define BLOCKS_A_CALL 64
+#define CRC_BYTES_A_CALL 128
+
 // The top of XRAM; the Makefile keeps the compiler's own variables below (XRAM_SIZE).
 static volatile __xdata __at(0x0400) struct {
     uint8_t magic[4];
@@ -18,8 +22,11 @@ static __xdata __at(0x040C) uint8_t memory[RING_BYTES];
 
 static const __code uint8_t magic[4] = {'N', 'o', 'c', '2'};
 
-static uint8_t frames;
 static __xdata uint16_t written; // bytes of the slot in the making, header included
+
+// How far the CRC of the oldest frame is added up.
+static __xdata uint16_t checked; // bytes of its content
+static __xdata uint32_t checked_crc;
 
 static __xdata uint8_t *locate(uint8_t block, uint16_t offset)
 {
@@ -53,35 +60,44 @@ static uint8_t slot_blocks(uint8_t block)
     return blocks_for(HEADER_BYTES + frame_length(block));
 }
 
-static uint32_t crc_of(uint8_t block, uint16_t content_bytes)
+// Goes on with a CRC, by `bytes` from `offset` in the slot.
+static uint32_t crc_over(uint32_t crc, uint8_t block, uint16_t offset, uint16_t bytes)
 {
-    const __xdata uint8_t *at = locate(block, HEADER_BYTES);
+    const __xdata uint8_t *at = locate(block, offset);
     const __xdata uint8_t *end = memory + RING_BYTES;
-    uint32_t crc = CRC_EMPTY;
-    while (content_bytes-- != 0) {
+    while (bytes-- != 0) {
         crc = crc_add(crc, *at);
         if (++at == end)
             at = memory;
     }
-    return crc_end(crc);
+    return crc;
 }
 
-static bool crc_holds(uint8_t block)
+// By its header alone.
+static bool looks_like_frame(uint8_t block)
 {
-    uint16_t content = frame_length(block) - CRC_BYTES;
-    uint32_t crc = crc_of(block, content);
+    if (*locate(block, 0) != MARK_FRAME)
+        return false;
+    uint16_t length = frame_length(block);
+    return length > CRC_BYTES && length <= RING_CAPACITY - HEADER_BYTES &&
+           blocks_for(HEADER_BYTES + length) <= blocks_between(block, control.next);
+}
+
+static bool oldest_has_crc(uint32_t crc)
+{
+    uint16_t at = HEADER_BYTES + frame_length(control.oldest) - CRC_BYTES;
     for (uint8_t i = 0; i < CRC_BYTES; i++) {
-        if (*locate(block, HEADER_BYTES + content + i) != (uint8_t)crc)
+        if (*locate(control.oldest, at + i) != (uint8_t)crc)
             return false;
         crc >>= 8;
     }
     return true;
 }
 
-static void skip_dropped(void)
+static void forget_check(void)
 {
-    while (control.oldest != control.next && *locate(control.oldest, 0) == MARK_DROPPED)
-        control.oldest = block_after(control.oldest, slot_blocks(control.oldest));
+    checked = 0;
+    checked_crc = CRC_EMPTY;
 }
 
 void ring_clear(void)
@@ -90,7 +106,7 @@ void ring_clear(void)
     control.next = 0;
     for (uint8_t i = 0; i < sizeof magic; i++)
         control.magic[i] = magic[i];
-    frames = 0;
+    forget_check();
     ring_begin();
 }
 
@@ -102,44 +118,13 @@ static bool control_is_sound(void)
     return control.oldest < RING_BLOCKS && control.next < RING_BLOCKS;
 }
 
-static bool holds_frame(uint8_t block)
-{
-    uint16_t length = frame_length(block);
-    return *locate(block, 0) == MARK_FRAME && length > CRC_BYTES && length <= RING_CAPACITY - HEADER_BYTES &&
-           slot_blocks(block) <= blocks_between(block, control.next) && crc_holds(block);
-}
-
-// Makes a block a slot of its own, with nothing in it.
-static void drop(uint8_t block)
-{
-    *locate(block, 0) = MARK_DROPPED;
-    *locate(block, 1) = 0;
-    *locate(block, 2) = 0;
-}
-
-void ring_sift(void)
-{
-    frames = 0;
-    uint8_t block = control.oldest;
-    while (block != control.next) {
-        if (holds_frame(block)) {
-            frames++;
-            block = block_after(block, slot_blocks(block));
-        } else {
-            drop(block); // its length means nothing either: what comes next is looked for block by block
-            block = block_after(block, 1);
-        }
-    }
-    skip_dropped();
-}
-
 void ring_recover(void)
 {
     if (!control_is_sound()) {
         ring_clear();
         return;
     }
-    ring_sift();
+    forget_check();
     ring_begin();
 }
 
@@ -167,7 +152,7 @@ void ring_amend(uint16_t offset, uint8_t byte)
 
 void ring_commit(void)
 {
-    uint32_t crc = crc_of(control.next, written - HEADER_BYTES);
+    uint32_t crc = crc_end(crc_over(CRC_EMPTY, control.next, HEADER_BYTES, written - HEADER_BYTES));
     for (uint8_t i = 0; i < CRC_BYTES; i++) {
         ring_put((uint8_t)crc);
         crc >>= 8;
@@ -177,12 +162,23 @@ void ring_commit(void)
     *locate(control.next, 1) = (uint8_t)length;
     *locate(control.next, 2) = length >> 8;
     control.next = block_after(control.next, blocks_for(written));
-    frames++;
     ring_begin();
 }
 
 uint8_t ring_frames(void)
 {
+    uint8_t frames = 0;
+    uint8_t block = control.oldest;
+    uint8_t left = blocks_between(block, control.next);
+    while (left != 0) {
+        uint8_t blocks = 1;
+        if (looks_like_frame(block)) {
+            blocks = slot_blocks(block);
+            frames++;
+        }
+        block = block_after(block, blocks);
+        left -= blocks;
+    }
     return frames;
 }
 
@@ -201,21 +197,59 @@ uint16_t ring_oldest_length(void)
     return frame_length(control.oldest);
 }
 
-bool ring_oldest_is_sound(void)
-{
-    return holds_frame(control.oldest);
-}
-
 uint8_t ring_oldest_byte(uint16_t offset)
 {
     return *locate(control.oldest, HEADER_BYTES + offset);
 }
 
+bool ring_has_oldest(void)
+{
+    return control.oldest != control.next && looks_like_frame(control.oldest);
+}
+
+// Block by block: the length of what is no frame means nothing. Ends at a frame, at the newest, or after its share.
+static void skip_dropped(void)
+{
+    for (uint8_t left = BLOCKS_A_CALL; left != 0 && control.oldest != control.next; left--) {
+        if (looks_like_frame(control.oldest))
+            return;
+        control.oldest = block_after(control.oldest, 1);
+    }
+}
+
+// Adds its share of the oldest frame to the CRC; whether that was the last.
+static bool check_share(void)
+{
+    uint16_t content = frame_length(control.oldest) - CRC_BYTES;
+    uint16_t left = checked < content ? content - checked : 0; // the length may have been spoiled since the last share
+    bool is_last = left <= CRC_BYTES_A_CALL;
+    uint16_t bytes = is_last ? left : CRC_BYTES_A_CALL;
+    checked_crc = crc_over(checked_crc, control.oldest, HEADER_BYTES + checked, bytes);
+    checked += bytes;
+    return is_last;
+}
+
+bool ring_seek(void)
+{
+    if (control.oldest == control.next)
+        return false;
+    if (!looks_like_frame(control.oldest)) {
+        forget_check();
+        skip_dropped();
+        return false;
+    }
+    if (!check_share())
+        return false;
+    bool is_sound = oldest_has_crc(crc_end(checked_crc));
+    forget_check();
+    if (!is_sound)
+        ring_drop_oldest();
+    return is_sound;
+}
+
 void ring_drop_oldest(void)
 {
-    control.oldest = block_after(control.oldest, slot_blocks(control.oldest));
-    frames--;
-    skip_dropped();
+    *locate(control.oldest, 0) = MARK_DROPPED;
 }
 
 const __xdata uint8_t *ring_memory(void)

@@ -17,7 +17,7 @@
 
 void ring_clear(void);
 
-// Takes up the ring as the last boot left it: drops the slots that fail their CRC, or everything if no ring is there.
+// Takes up the ring as the last boot left it, or begins with an empty one if there is none.
 void ring_recover(void);
 
 // Whether a frame of `length` bytes of content finds room now.
@@ -30,22 +30,25 @@ void ring_put(uint8_t byte);
 void ring_amend(uint16_t offset, uint8_t byte); // writes a byte of the content anew
 void ring_commit(void);
 
-// The number of frames, and the bytes their slots take up.
+// The number of frames, by their headers alone, and the bytes that all slots take up.
 uint8_t ring_frames(void);
 uint16_t ring_used(void);
 
-// The oldest frame, if there is one: where it lies, its length with the CRC, a byte of it. It may go on from
-// ring_memory_end() at ring_memory().
+// One step towards the oldest frame that is still what was put there; what is not is dropped on the way. Says whether it
+// is found. However much is spoiled, one call takes no longer than the CRC of a short frame, so that a round of the main
+// loop stays short; in between, frames may be added and dropped.
+bool ring_seek(void);
+
+// Whether the oldest slot has the header of a frame.
+bool ring_has_oldest(void);
+
+// The oldest frame, once ring_seek() has found it: where it lies, its length with the CRC, a byte of it. It may go on
+// from ring_memory_end() at ring_memory().
 const __xdata uint8_t *ring_oldest(void);
 uint16_t ring_oldest_length(void);
 uint8_t ring_oldest_byte(uint16_t offset);
 
-// Whether the oldest frame is still what was put there: in years, memory may change by itself.
-bool ring_oldest_is_sound(void);
-
-// Drops what is not. A slot in the making stays.
-void ring_sift(void);
-
+// The next ring_seek() looks for the one after it; its room is free then.
 void ring_drop_oldest(void);
 
 const __xdata uint8_t *ring_memory(void);

@@ -144,6 +144,8 @@ static void walk_ring(void)
             ring_put(few_zeros ? random_byte() | 1 : random_byte() & 3);
         ring_commit();
         ring_recover();
+        while (!ring_seek())
+            ;
         cobs_encode_begin(ring_oldest(), ring_oldest_length(), ring_memory(), ring_memory_end());
         cobs_decode_begin();
         uint32_t encoded = CRC_EMPTY;
@@ -158,9 +160,11 @@ static void walk_ring(void)
         show("decoded", decoded);
         show("complete", cobs_decode_is_complete());
         show("used", ring_used());
+        show("frames", ring_frames());
         if (!ring_has_room(531))
-            while (ring_frames() != 0)
-                ring_drop_oldest();
+            while (ring_used() != 0)
+                if (ring_seek())
+                    ring_drop_oldest();
     }
 }
 

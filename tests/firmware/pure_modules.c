@@ -254,19 +254,34 @@ static void ring_add(const char *hex)
 static void ring_show(void)
 {
     printf("%u %u ", ring_frames(), ring_used());
-    for (uint16_t i = 0; ring_frames() != 0 && i < ring_oldest_length(); i++)
+    for (uint16_t i = 0; ring_has_oldest() && i < ring_oldest_length(); i++)
         printf("%02x", ring_oldest_byte(i));
     puts("");
 }
 
-// What radiation or a fading supply would do; the offset is from the oldest frame's first byte.
+// Up to so many calls of ring_seek(); answers how that ended and after how many.
+static void seek(const char *arguments)
+{
+    unsigned most = (unsigned)strtoul(arguments, NULL, 10);
+    for (unsigned calls = 1; calls <= most; calls++) {
+        if (ring_seek()) {
+            printf("found %u\n", calls);
+            return;
+        }
+        if (ring_used() == 0) {
+            printf("empty %u\n", calls);
+            return;
+        }
+    }
+    puts("seeking");
+}
+
+// What radiation or a fading supply would do; the offset is from the beginning of the ring's memory.
 static void ring_flip(const char *arguments)
 {
     size_t offset, bits;
     sscanf(arguments, "%zu %zu", &offset, &bits);
-    size_t size = (size_t)(ring_memory_end() - ring_memory());
-    size_t at = ((size_t)(ring_oldest() - ring_memory()) + offset) % size;
-    ((uint8_t *)ring_memory())[at] ^= (uint8_t)bits;
+    ((uint8_t *)ring_memory())[offset] ^= (uint8_t)bits;
     puts("flipped");
 }
 
@@ -313,10 +328,8 @@ static void answer(const char *command, const char *arguments)
         ring_recover(), puts("recovered");
     else if (strcmp(command, "ring_add") == 0)
         ring_add(arguments);
-    else if (strcmp(command, "ring_is_sound") == 0)
-        printf("%d\n", ring_oldest_is_sound());
-    else if (strcmp(command, "ring_sift") == 0)
-        ring_sift(), puts("sifted");
+    else if (strcmp(command, "ring_seek") == 0)
+        seek(arguments);
     else if (strcmp(command, "ring_drop") == 0)
         ring_drop_oldest(), puts("dropped");
     else if (strcmp(command, "ring_flip") == 0)

@@ -25,6 +25,8 @@ from noctule_gateway.frames import (
 
 IMAGE = Path(__file__).parents[2] / "firmware" / "build" / "noctule.ihx"
 
+TICK_S = 1 / 48e6  # of simulated time
+
 F = TypeVar("F", bound=Frame)
 G = TypeVar("G", bound=Frame)
 
@@ -87,7 +89,7 @@ class SteppedUnit:
                     del self._heard[: place + 1]
                     return frame
             self._heard.clear()
-            if self.now_s >= end_s:
+            if self.now_s >= end_s - TICK_S:  # the simulator rounds to whole ticks
                 names = " or ".join({one.__name__, other.__name__})
                 raise SilenceError(f"no {names} within {within_s} s of simulated time")
             self._heard += self._reader.feed(self.step(until_s=end_s, stop_at_frame=True))

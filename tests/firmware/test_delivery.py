@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
-from firmware.images import built_with_fault
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import Ack, AskHello, AskStatus, Single, Status, Sweep
+from noctule_gateway.frames import Ack, AskHello, AskStatus, Single, Sweep
 
 # A round of the tasks, 2 ms, then 129 bytes of a sweep of 13 readings at 115200 bit/s, and a request's before it.
 HEARD_S = 0.002 + (129 + 13) * 10 / 115200
@@ -56,20 +54,3 @@ def test_a_hello_ends_the_wait_at_once(unit: SteppedUnit) -> None:
     gaps_s(unit, 4)
     unit.send(AskHello(9))
     assert gaps_s(unit, 2) == pytest.approx([0.0, 0.5], abs=HEARD_S + GREETED_S)
-
-
-def test_a_sweep_that_memory_has_spoiled_is_dropped_and_does_not_keep_back_the_next(tmp_path: Path) -> None:
-    spoils = (
-        "    frames++;\n    ring_begin();",
-        "    if (++frames == 2)\n        *locate(control.oldest, 9) ^= 1;\n    ring_begin();",
-    )
-    with stepped_unit("--laps", "0", image=built_with_fault(tmp_path, "src/ring.c", spoils)) as unit:
-        unit.greet()
-        unit.command(Single(0))
-        assert unit.receive(Sweep, within_s=60.0).sequence == 0
-        unit.command(Single(0))
-        while (sweep := unit.receive(Sweep, within_s=20.0)).sequence == 0:
-            pass
-        assert sweep.sequence == 1
-        unit.acknowledge(sweep)
-        assert unit.ask(AskStatus(0), Status).sweeps_waiting == 0

@@ -27,11 +27,10 @@ from noctule_gateway.frames import (
     Rejected,
     Run,
     Status,
-    Update,
     Wire,
 )
 
-LOADERS = {Put, Program, Install, Run, Update}
+LOADERS = {Put, Program, Install, Run}
 REQUESTS = [kind for kind in [*get_args(Enquiry), *get_args(Order), Ack] if kind not in LOADERS]
 # firmware/README.md: reasons of REJECTED
 UNREADABLE, UNKNOWN_TYPE, WRONG_LENGTH, TOO_LONG = "1", "2", "3", "4"
