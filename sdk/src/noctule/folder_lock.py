@@ -137,5 +137,5 @@ def _is_at(file: int, path: Path) -> bool:
 
 def _unusable(folder: Path, error: OSError) -> FolderError:
     return FolderError(
-        f"{folder} can't be used ({error.strerror}): a free disk and the right to write there are needed"
+        f"{folder} can't be used ({error.strerror}): see that its disk has room and that it can be written to"
     )
