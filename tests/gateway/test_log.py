@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -14,9 +15,11 @@ from pathlib import Path
 import pytest
 
 from noctule.messages_pb2 import Sweep
+from noctule_gateway.elapsed import Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import SweepLog
 from noctule_gateway.log_file import Arrival, Committed, LogFile, Retention
+from noctule_gateway.repair import repair
 
 KEEP_ALL = Retention()
 
@@ -28,8 +31,10 @@ def arrival(sequence: int, boot: int = 1, digest: bytes = b"") -> Arrival:
 
 
 @contextmanager
-def opened(path: Path, retention: Retention = KEEP_ALL, now_s: Callable[[], float] = lambda: 0.0) -> Iterator[SweepLog]:
-    log = SweepLog(path, retention, now_s)
+def opened(
+    path: Path, retention: Retention = KEEP_ALL, now: Callable[[], Instant] = lambda: Instant(0.0, "boot", 0.0)
+) -> Iterator[SweepLog]:
+    log = SweepLog(path, retention, now)
     try:
         yield log
     finally:
@@ -113,7 +118,7 @@ def test_sequences_are_never_used_again_after_age_has_removed_all(tmp_path: Path
     path = tmp_path / "u1.sqlite"
     with opened(path) as log:
         append(log, arrival(1), arrival(2))
-    with opened(path, Retention(max_age_s=100.0), now_s=lambda: 101.0) as log:
+    with opened(path, Retention(max_age_s=100.0), now=lambda: Instant(0.0, "boot", 101.0)) as log:
         assert (log.state.head, log.state.tail, log.state.removed, log.state.size_bytes) == (2, 3, 2, 0)
         assert read(log) == []
         (result,) = append(log, arrival(3))
@@ -147,11 +152,11 @@ def test_a_damaged_file_is_told_and_left_alone_and_the_log_goes_on_once_it_is_aw
     path = tmp_path / "u1.sqlite"
     path.write_bytes(b"not a database at all" * 100)
     with opened(path) as log:
-        assert "move the file away" in log.state.error
+        assert f"noctule-gateway repair {tmp_path} --unit u1" in log.state.error
         (failed,) = append(log, arrival(1))
         assert isinstance(failed, LogError)
         assert str(path) in str(failed)
-        path.rename(tmp_path / "damaged")
+        repair(tmp_path, ["u1"])
         (result,) = append(log, arrival(1))
         assert isinstance(result, Committed)
         assert log.state.error == ""
@@ -183,6 +188,60 @@ def test_a_file_of_a_later_gateway_is_not_touched(tmp_path: Path) -> None:
         db.execute("PRAGMA user_version = 99")
     with pytest.raises(LogError, match="schema 99"):
         LogFile(path)
+
+
+@pytest.mark.parametrize(
+    "removed", [["u1.sqlite"], ["u1.sqlite-wal"], ["u1.sqlite", "u1.sqlite-wal", "u1.sqlite-shm"]], ids=" ".join
+)
+def test_nothing_is_acknowledged_that_went_into_a_deleted_file(tmp_path: Path, removed: list[str]) -> None:
+    path = tmp_path / "u1.sqlite"
+    with opened(path) as log:
+        append(log, arrival(1))
+        for name in removed:
+            (tmp_path / name).unlink()
+        (failed,) = append(log, arrival(2))
+        assert isinstance(failed, LogError)
+        assert "deleted or replaced under the running gateway" in str(failed)
+        assert str(failed) == log.state.error
+        (result,) = append(log, arrival(2))
+        assert isinstance(result, Committed)
+        assert log.state.error == ""
+        assert 2 in {sweep.sequence for sweep in read(log)}
+        assert path.exists()
+
+
+def test_a_log_whose_file_was_replaced_goes_on_in_the_new_file_and_the_moved_one_is_whole(tmp_path: Path) -> None:
+    path, other, aside = (tmp_path / f"{name}.sqlite" for name in ("u1", "backup", "aside"))
+    with opened(other) as log:
+        append(log, *map(arrival, range(10, 15)))
+        restored = log.state.log_id
+    with opened(path) as log:
+        append(log, *map(arrival, range(3)))
+        path.rename(aside)
+        other.rename(path)
+        (failed,) = append(log, arrival(4))
+        assert isinstance(failed, LogError)
+        (result,) = append(log, arrival(4))
+        assert isinstance(result, Committed)
+        assert (log.state.log_id, result.log_sequence) == (restored, 6)
+    with opened(aside) as log:
+        assert [sweep.sequence for sweep in read(log)] == [0, 1, 2]
+
+
+def test_a_log_whose_folder_was_deleted_goes_on_when_there_is_one_again(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    folder.mkdir()
+    with opened(folder / "u1.sqlite") as log:
+        append(log, arrival(1))
+        shutil.rmtree(folder)
+        for _ in range(2):
+            (failed,) = append(log, arrival(2))
+            assert isinstance(failed, LogError)
+        assert "see that the folder is there" in log.state.error
+        folder.mkdir()
+        (result,) = append(log, arrival(2))
+        assert isinstance(result, Committed)
+        assert len(read(log)) == 1
 
 
 WRITER = """

@@ -1,20 +1,24 @@
 """The gateway whole: model units over TCP on one side, a real Zenoh router and client on the other."""
 
 import math
+import shutil
+import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import zenoh
 from gateway.model_unit import ModelUnit
+from gateway.rfc2217_server import server
 from gateway.tcp_unit import tcp_unit
 from google.protobuf.timestamp_pb2 import Timestamp
 from system.processes import free_ports, programs, wait_until
 
 from noctule import bus, keys
 from noctule.client import Client
+from noctule.folder_lock import FILE_NAME
 from noctule.messages_pb2 import (
     Calibration,
     CommandReply,
@@ -27,7 +31,8 @@ from noctule.messages_pb2 import (
     UnitStatus,
 )
 from noctule.site import load
-from noctule_gateway import frames
+from noctule_gateway import elapsed, frames
+from noctule_gateway.elapsed import Instant
 from noctule_gateway.service import Gateway
 
 SITE = "test-site"
@@ -59,8 +64,10 @@ def router() -> Iterator[zenoh.Session]:
 
 
 @contextmanager
-def running(path: Path, data: Path, session: zenoh.Session) -> Iterator[Gateway]:
-    gateway = Gateway(load(path), data)
+def running(
+    path: Path, data: Path, session: zenoh.Session, now: Callable[[], Instant] = elapsed.now
+) -> Iterator[Gateway]:
+    gateway = Gateway(load(path), data, now=now)
     try:
         gateway.start()
         gateway.join(session)
@@ -350,3 +357,81 @@ def test_a_gateway_that_can_not_begin_says_why_and_ends(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("gateway", "noctule-gateway", "run", str(tmp_path / "none.toml"), "--data", str(tmp_path))
         wait_until(lambda: "none.toml can't be read" in started.log("gateway"), "no reason was given", 30)
+
+
+def test_a_host_whose_clock_is_set_by_forty_days_keeps_its_sweeps_and_says_that_it_was_set(
+    tmp_path: Path, router: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    set_s = 0.0
+
+    def now() -> Instant:
+        true = elapsed.now()
+        return Instant(true.utc_s + set_s, true.kernel_boot, true.since_boot_s)
+
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router, now) as gateway, Client(SITE, session=router) as client:
+            services: list[ServiceStatus] = []
+            client.on_service_status(services.append)
+            # The gateway of running() has reported once, with the clock as it was.
+            for made, days in enumerate((-40, 0, 40), start=1):
+                set_s = days * 86400.0
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                wait_until(
+                    lambda most=made: unit_status(client).log_head == most and not unit.ring, "no sweep was logged", 20
+                )
+                gateway.report()
+            wait_until(lambda: services and services[-1].counters["clock_sets"] == 3, "it was not counted", 20)
+            assert (unit_status(client).log_tail, unit_status(client).log_removed) == (1, 0)
+    assert "the host's clock was set forward by 3456000 s" in services[-1].detail
+    assert caplog.text.count("the host's clock was set") == 3
+
+
+def test_sweeps_of_a_unit_whose_log_was_deleted_wait_in_it_until_they_are_in_a_new_one(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    unit = ModelUnit(7, born_s=time.monotonic())
+    data = tmp_path / "data"
+    with tcp_unit(unit) as line, programs(tmp_path) as started:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        endpoint = f"tcp/127.0.0.1:{port}"
+        started.start("gateway", "noctule-gateway", "run", str(path), "--data", str(data), "--listen", endpoint)
+        with Client(SITE, connect=[endpoint]) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 30)
+            with line.lock:
+                unit.make_sweep(time.monotonic())
+            wait_until(lambda: not unit.ring, "the sweep was not acknowledged", 20)
+            shutil.rmtree(data)
+            with line.lock:
+                lost = unit.make_sweep(time.monotonic())
+            wait_until(lambda: "see that the folder is there" in unit_status(client).detail, "it is not told", 20)
+            assert unit.ring
+            data.mkdir()
+            wait_until(lambda: not unit.ring, "the sweep was not logged in the end", 20)
+            (held,) = held_sweeps(client)
+            assert held.sequence == lost.sequence
+            wait_until(lambda: (data / FILE_NAME).exists(), "the new folder is not held", 20)
+        assert "was moved, deleted or replaced" in started.log("gateway")
+        assert started.end("gateway") == 0
+
+
+def test_a_server_that_sends_no_rfc2217_is_its_units_trouble_and_the_other_units_are_served(tmp_path: Path) -> None:
+    def send(connection: socket.socket) -> None:
+        connection.sendall(bytes.fromhex("ff fa 2c 65 ff f0"))
+        while connection.recv(1000):
+            pass
+
+    (port,) = free_ports(1)
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line, server(send, timeout_s=0.3) as address, programs(tmp_path) as started:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED), ("u2", 8, address, FIXED))
+        endpoint = f"tcp/127.0.0.1:{port}"
+        started.start("gateway", "noctule-gateway", "run", str(path), "--data", str(tmp_path), "--listen", endpoint)
+        with Client(SITE, connect=[endpoint]) as client:
+            wait_until(lambda: connected(client), "the sound unit was not connected", 30)
+            wait_until(lambda: "not RFC 2217" in unit_status(client, "u2").detail, "the trouble is not told", 30)
+            with line.lock:
+                unit.make_sweep(time.monotonic())
+            wait_until(lambda: not unit.ring, "the sound unit is not served", 20)
+        assert started.end("gateway") == 0

@@ -237,7 +237,7 @@ def test_contour_versions_go_on_counting_after_a_restart(path: Path) -> None:
 
 def test_a_file_that_is_no_store_is_refused_with_what_to_do(path: Path) -> None:
     path.write_text("a letter to the editor, long enough to be no database " * 40)
-    with pytest.raises(StoreError, match=r"paper-room\.sqlite3 can't be used .* move it away"):
+    with pytest.raises(StoreError, match=r"paper-room\.sqlite3 can't be used .* move the whole folder"):
         SweepStore(path, Window())
 
 

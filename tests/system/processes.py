@@ -64,6 +64,14 @@ class Programs:
         """What ``name`` has printed so far."""
         return self._log_path(name).read_text(errors="replace")
 
+    def pid(self, name: str) -> int:
+        """The process that runs under ``name``."""
+        return self._running[name].pid
+
+    def wait(self, name: str) -> int:
+        """Wait until ``name`` has ended by itself and return its exit status."""
+        return self._running.pop(name).wait(END_WITHIN_S)
+
     def check(self) -> None:
         """Fail, showing its log, if a program has ended by itself."""
         for name, process in self._running.items():

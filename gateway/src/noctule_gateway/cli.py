@@ -17,6 +17,7 @@ from noctule import bus, site
 from noctule.errors import NoctuleError
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log_file import Retention
+from noctule_gateway.repair import repair as repair_logs
 from noctule_gateway.service import Gateway
 from noctule_gateway.update.image import load
 from noctule_gateway.update.report import Bars, report
@@ -84,6 +85,25 @@ def update(
         raise typer.Exit(130) from stop
     if not report(console, updates, image):
         raise typer.Exit(1)
+
+
+@app.command()
+def repair(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a gateway that is stopped.")],
+    unit: Annotated[
+        list[str] | None, typer.Option(help="Set this unit's log aside, damaged or not; give more for several.")
+    ] = None,
+) -> None:
+    """Set damaged logs aside, whole, into DATA/set-aside; the gateway then begins new ones."""
+    try:
+        repairs = repair_logs(data, list(dict.fromkeys(unit or [])))
+    except NoctuleError as error:
+        Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
+        raise typer.Exit(1) from error
+    for each in repairs:
+        typer.echo(str(each))
+    if not repairs:
+        typer.echo(f"{data} holds no logs")
 
 
 def _serve(site_file: Path, data: Path, name: str, retention: Retention, connect: list[str], listen: list[str]) -> None:

@@ -5,6 +5,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from math import inf
 from typing import Protocol
 
 from noctule_gateway.errors import LineError
@@ -12,6 +13,7 @@ from noctule_gateway.port import Port, open_port
 
 FIRST_RETRY_S = 0.25
 LAST_RETRY_S = 5.0
+OF_USE_S = 5.0  # a line that is cut sooner is opened ever later, as one that can't be opened
 _MAX_WAIT_S = 1.0
 
 
@@ -77,12 +79,15 @@ class Line:
     def _run(self) -> None:
         retry_s = FIRST_RETRY_S
         while not self._closing.is_set():
+            opened_s = inf
             try:
                 self._port = open_port(self._address)
-                retry_s = FIRST_RETRY_S
-                self._talker.opened(time.monotonic())
+                opened_s = time.monotonic()
+                self._talker.opened(opened_s)
                 self._talk(self._port)
             except LineError as error:
+                if time.monotonic() - opened_s >= OF_USE_S:
+                    retry_s = FIRST_RETRY_S
                 self._hang_up()
                 self._talker.closed(error, time.monotonic())
                 self._wait(retry_s)

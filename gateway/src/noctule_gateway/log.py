@@ -5,20 +5,24 @@ fault (full disk, damaged file) fails the waiting appends and shows in the state
 """
 
 import contextlib
+import logging
 import queue
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from noctule_gateway import elapsed
 from noctule_gateway.clock import HostTime
+from noctule_gateway.elapsed import Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log_file import Arrival, Committed, LogFile, LogSlice, Retention
 
 Done = Callable[[Committed | LogError], None]
 
 _TRIM_EVERY_S = 60.0
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -40,10 +44,10 @@ class LogState:
 class SweepLog:
     """The log at ``path``, made if it is not there. append() and read() may be called from any thread."""
 
-    def __init__(self, path: Path, retention: Retention, now_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, path: Path, retention: Retention, now: Callable[[], Instant] = elapsed.now) -> None:
         self._path = path
         self._retention = retention
-        self._now_s = now_s
+        self._now = now
         self._state = LogState()
         self._writing: LogFile | None = None
         self._reading: LogFile | None = None
@@ -106,9 +110,11 @@ class SweepLog:
         try:
             if self._writing is None:
                 self._writing = LogFile(self._path)
-            committed = self._writing.commit(arrivals, self._now_s(), self._retention)
+            committed = self._writing.commit(arrivals, self._now(), self._retention)
         except LogError as error:
             self._abandon()
+            if not self._state.error:
+                _log.error("%s", error)  # the status may say it for less than a second
             self._state = replace(self._state, error=str(error))
             return error
         file = self._writing
@@ -116,7 +122,7 @@ class SweepLog:
         return committed
 
     def _abandon(self) -> None:
-        """Give the file up; what is damaged may have been put right, or moved away, when it is opened again."""
+        """Close the file. When it is opened again its trouble may be over."""
         if self._writing is not None:
             self._writing.close()
             self._writing = None

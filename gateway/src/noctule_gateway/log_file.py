@@ -4,35 +4,27 @@ log_sequence runs without a gap from tail to head, for only the oldest records a
 removed since the log's birth is tail - 1, and head outlives every record.
 """
 
-import secrets
+import contextlib
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from noctule.messages_pb2 import Sweep
+from noctule_gateway import log_schema
 from noctule_gateway.clock import HostTime
+from noctule_gateway.elapsed import Elapsed, Instant
 from noctule_gateway.errors import LogError
 
-_SCHEMA_VERSION = 1
-_SCHEMA = """
-CREATE TABLE log (log_id TEXT NOT NULL, head INTEGER NOT NULL, size_bytes INTEGER NOT NULL);
-CREATE TABLE sweeps (
-    log_sequence INTEGER PRIMARY KEY,
-    boot INTEGER NOT NULL,
-    sequence INTEGER NOT NULL,
-    digest BLOB NOT NULL,
-    start_tick INTEGER NOT NULL,
-    committed_s REAL NOT NULL,
-    record BLOB NOT NULL,
-    UNIQUE (boot, sequence, digest)
-);
-"""
+FILE_SUFFIXES = ("", "-wal", "-shm")  # SQLite's files of one log: newest commits are in the -wal alone
 
 
 @dataclass(frozen=True)
 class Retention:
-    """How much a log keeps: the oldest records go when the records' bytes or their age (since the commit) pass this."""
+    """How much a log keeps: the oldest records go when the records' bytes or their age pass this.
+
+    The age is the time elapsed since the commit, as elapsed.py counts it.
+    """
 
     max_bytes: int = 256 * 2**20
     max_age_s: float = 30 * 86400.0
@@ -74,43 +66,51 @@ class LogFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._written = [path, Path(f"{path}-wal")]
         try:
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         except sqlite3.Error as error:
             raise self._fault("opened", error) from error
         try:
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute("PRAGMA synchronous = FULL")
             self._prepare()
-            self.log_id, self.head, self.size_bytes = self._db.execute("SELECT * FROM log").fetchone()
-            self.tail = self._tail(self.head)
         except sqlite3.Error as error:
             self.close()
             raise self._fault("opened", error) from error
+        except LogError:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Close the file."""
         self._db.close()
 
-    def commit(self, arrivals: Sequence[Arrival], now_s: float, retention: Retention) -> list[Committed]:
-        """Append ``arrivals`` in one transaction that is on the disk on return, and remove what retention says."""
-        head, size_bytes = self.head, self.size_bytes
+    def commit(self, arrivals: Sequence[Arrival], now: Instant, retention: Retention) -> list[Committed]:
+        """Append ``arrivals`` in one transaction that is on the disk on return, and remove what retention says.
+
+        What is written into a file that has no name any more is lost with this process: that raises LogError too.
+        """
+        self._check_in_place()
+        head, size_bytes, elapsed = self.head, self.size_bytes, self._elapsed.at(now)
         committed = []
         try:
             with self._db:
                 self._db.execute("BEGIN IMMEDIATE")
                 for arrival in arrivals:
-                    result = self._known(arrival) or self._append(arrival, head + 1, now_s)
+                    result = self._known(arrival) or self._append(arrival, head + 1, now.utc_s, elapsed.seconds)
                     if result.fresh:
                         head += 1
                         size_bytes += len(result.record)
                     committed.append(result)
-                size_bytes -= self._trim(size_bytes, now_s, retention)
-                self._db.execute("UPDATE log SET head = ?, size_bytes = ?", (head, size_bytes))
+                size_bytes -= self._trim(size_bytes, elapsed.seconds, retention)
+                self._db.execute(
+                    "UPDATE log SET head = ?, size_bytes = ?, elapsed_s = ?, kernel_boot = ?, since_boot_s = ?",
+                    (head, size_bytes, elapsed.seconds, elapsed.kernel_boot, elapsed.since_boot_s),
+                )
                 tail = self._tail(head)
         except sqlite3.Error as error:
             raise self._fault("written", error) from error
-        self.head, self.size_bytes, self.tail = head, size_bytes, tail
+        self._check_in_place()  # once more: it may have gone meanwhile
+        self.head, self.size_bytes, self.tail, self._elapsed = head, size_bytes, tail, elapsed
         return committed
 
     def read(self, first: int, max_records: int, max_bytes: int) -> LogSlice:
@@ -149,19 +149,33 @@ class LogFile:
         return row[0], HostTime(sweep.start.ToNanoseconds() / 1e9, sweep.clock_error_s)
 
     def _prepare(self) -> None:
-        (version,) = self._db.execute("PRAGMA user_version").fetchone()
-        if version == _SCHEMA_VERSION:
+        self._db.execute("PRAGMA journal_mode = WAL")
+        self._db.execute("PRAGMA synchronous = FULL")
+        log_schema.prepare(self._db, self._path)
+        row = self._db.execute(
+            "SELECT log_id, head, size_bytes, elapsed_s, kernel_boot, since_boot_s FROM log"
+        ).fetchone()
+        if row is None:
+            raise sqlite3.DatabaseError("its table log is empty")
+        self.log_id, self.head, self.size_bytes = row[:3]
+        self._elapsed = Elapsed(*row[3:])
+        self.tail = self._tail(self.head)
+        self._identities = self._files_at_path()
+
+    def _files_at_path(self) -> list[tuple[int, int] | None]:
+        """Which files bear the names of the database and its -wal now."""
+        return [_identity(path) for path in self._written]
+
+    def _check_in_place(self) -> None:
+        if self._files_at_path() == self._identities:
             return
-        if version != 0:
-            raise LogError(
-                f"log {self._path} has schema {version}, this gateway knows {_SCHEMA_VERSION}; run its own version"
-            )
-        with self._db:
-            self._db.execute("BEGIN IMMEDIATE")
-            for statement in _SCHEMA.split(";\n")[:-1]:
-                self._db.execute(statement)
-            self._db.execute("INSERT INTO log VALUES (?, 0, 0)", (secrets.token_hex(8),))
-            self._db.execute(f"PRAGMA user_version = {_SCHEMA_VERSION}")
+        # A file that was moved without its -wal is so made whole, and the -wal harms none that was put in its place.
+        with contextlib.suppress(sqlite3.Error):
+            self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        raise LogError(
+            f"log {self._path} was moved, deleted or replaced under the running gateway: it opens the file again "
+            "or begins a new log; stop the gateway before you touch its folder"
+        )
 
     def _known(self, arrival: Arrival) -> Committed | None:
         row = self._db.execute(
@@ -170,25 +184,27 @@ class LogFile:
         ).fetchone()
         return None if row is None else Committed(*row, fresh=False)
 
-    def _append(self, arrival: Arrival, log_sequence: int, now_s: float) -> Committed:
+    def _append(self, arrival: Arrival, log_sequence: int, utc_s: float, elapsed_s: float) -> Committed:
         sweep = Sweep()
         sweep.CopyFrom(arrival.sweep)
         sweep.log_id, sweep.log_sequence = self.log_id, log_sequence
         record = sweep.SerializeToString()
         self._db.execute(
-            "INSERT INTO sweeps VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (log_sequence, sweep.boot, sweep.sequence, arrival.digest, arrival.start_tick, now_s, record),
+            "INSERT INTO sweeps VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            (log_sequence, sweep.boot, sweep.sequence, arrival.digest, arrival.start_tick, utc_s, record, elapsed_s),
         )
         return Committed(log_sequence, record, fresh=True)
 
-    def _trim(self, size_bytes: int, now_s: float, retention: Retention) -> int:
+    def _trim(self, size_bytes: int, elapsed_s: float, retention: Retention) -> int:
         """Remove the oldest records that are too much or too old; their bytes."""
         removed_bytes = 0
         last = 0
-        rows = self._db.execute("SELECT log_sequence, committed_s, length(record) FROM sweeps ORDER BY log_sequence")
-        for log_sequence, committed_s, record_bytes in rows:
+        rows = self._db.execute(
+            "SELECT log_sequence, committed_elapsed_s, length(record) FROM sweeps ORDER BY log_sequence"
+        )
+        for log_sequence, committed_elapsed_s, record_bytes in rows:
             too_much = size_bytes - removed_bytes > retention.max_bytes
-            too_old = now_s - committed_s > retention.max_age_s
+            too_old = elapsed_s - committed_elapsed_s > retention.max_age_s
             if not (too_much or too_old):
                 break
             last = log_sequence
@@ -203,17 +219,31 @@ class LogFile:
         return tail or head + 1
 
     def _fault(self, what: str, error: sqlite3.Error) -> LogError:
-        primary_code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-        return LogError(f"log {self._path} can't be {what}: {error}; {_REMEDIES.get(primary_code, _ANY_REMEDY)}")
+        primary_code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
+        remedy = _REMEDIES.get(primary_code) or repair_advice(self._path)
+        return LogError(f"log {self._path} can't be {what}: {error}; {remedy}")
 
 
-_DAMAGED = "move the file away: a new log, with a log_id of its own, begins without it"
+def repair_advice(path: Path) -> str:
+    """What to do about the log at ``path`` where the file itself is the trouble."""
+    return (
+        f"stop the gateway and run: noctule-gateway repair {path.parent} --unit {path.stem} "
+        "(it sets the log aside whole, and a new one begins)"
+    )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
 _REMEDIES = {
     sqlite3.SQLITE_FULL: "make room on the disk",
-    sqlite3.SQLITE_CORRUPT: _DAMAGED,
-    sqlite3.SQLITE_NOTADB: _DAMAGED,
+    sqlite3.SQLITE_IOERR: "see to the disk",
     sqlite3.SQLITE_CANTOPEN: "see that the folder is there and may be written to",
     sqlite3.SQLITE_READONLY: "see that the file may be written to",
-    sqlite3.SQLITE_BUSY: "another gateway has it open: only one may serve a unit",
+    sqlite3.SQLITE_BUSY: "another program has it open: close that",
 }
-_ANY_REMEDY = "see to the disk"

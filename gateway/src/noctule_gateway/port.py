@@ -1,8 +1,8 @@
 """The line to a unit: a serial device, ``socket://host:port`` or ``rfc2217://host:port``, read as bytes arrive.
 
 pyserial's own read waits for a number of bytes, which would cost a clock exchange its accuracy, so a line that has a
-file descriptor is read and written through it. That also lets wake() end a wait at once; rfc2217 has none and is looked
-at every 10 ms.
+file descriptor is read and written through it. That also lets wake() end a wait at once. rfc2217 has none:
+rfc2217_port.py.
 """
 
 import contextlib
@@ -16,16 +16,15 @@ from typing import Protocol
 from urllib.parse import urlsplit
 
 import serial
-from serial import rfc2217
 
 from noctule_gateway.errors import LineError
+from noctule_gateway.rfc2217_port import Rfc2217Port
 
 BAUD = 115200
 
 _CHUNK_BYTES = 4096
 _CONNECT_TIMEOUT_S = 5.0
 _WRITE_TIMEOUT_S = 2.0
-_LOOK_EVERY_S = 0.01
 
 
 class Port(Protocol):
@@ -52,19 +51,24 @@ def open_port(address: str) -> Port:
     """Open the line at ``address``. Raises LineError."""
     try:
         if address.startswith("socket://"):
-            return _DescriptorPort(address, _connect(address))
+            return _DescriptorPort(address, _connect(*_host_and_port(address)))
         if address.startswith("rfc2217://"):
-            return _PolledPort(address, rfc2217.Serial(address, baudrate=BAUD, timeout=_LOOK_EVERY_S))
+            _host_and_port(address)
+            return Rfc2217Port(address, BAUD)
         return _DescriptorPort(address, serial.Serial(address, baudrate=BAUD, exclusive=True))
     except (serial.SerialException, termios.error, OSError, ValueError) as error:  # termios: pulled out meanwhile
         raise LineError(f"can't open {address}: {error}") from error
 
 
-def _connect(address: str) -> socket.socket:
+def _host_and_port(address: str) -> tuple[str, int]:
     where = urlsplit(address)
     if where.hostname is None or where.port is None:
-        raise ValueError("write it as socket://host:port")
-    line = socket.create_connection((where.hostname, where.port), timeout=_CONNECT_TIMEOUT_S)
+        raise ValueError(f"write it as {where.scheme}://host:port")
+    return where.hostname, where.port
+
+
+def _connect(host: str, port: int) -> socket.socket:
+    line = socket.create_connection((host, port), timeout=_CONNECT_TIMEOUT_S)
     # Nagle's algorithm would hold a CLOCK request back until an earlier acknowledgement is confirmed.
     line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return line
@@ -136,33 +140,3 @@ class _DescriptorPort:
                 if not room.select(max(give_up_s - time.monotonic(), 0.0)):
                     raise TimeoutError(errno.ETIMEDOUT, f"nothing in {_WRITE_TIMEOUT_S:g} s") from None
             return 0
-
-
-class _PolledPort:
-    def __init__(self, address: str, line: rfc2217.Serial) -> None:
-        self._address = address
-        self._line = line
-        self._awake = False
-
-    def read(self, timeout_s: float) -> bytes:
-        deadline_s = time.monotonic() + timeout_s
-        try:
-            while not (data := self._line.read(self._line.in_waiting or 1)):
-                if self._awake or time.monotonic() >= deadline_s:
-                    break
-        except (serial.SerialException, OSError) as error:
-            raise LineError(f"{self._address} was cut: {error}") from error
-        self._awake = False
-        return data
-
-    def write(self, data: bytes) -> None:
-        try:
-            self._line.write(data)
-        except (serial.SerialException, OSError) as error:
-            raise LineError(f"{self._address} takes no more: {error}") from error
-
-    def wake(self) -> None:
-        self._awake = True
-
-    def close(self) -> None:
-        self._line.close()

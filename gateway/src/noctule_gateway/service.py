@@ -3,6 +3,8 @@
 Units are served with or without a bus: what is committed while no router answers is read from the logs later.
 """
 
+import logging
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -11,8 +13,12 @@ from time import time_ns
 import zenoh
 
 from noctule import bus, keys
+from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
+from noctule_gateway import elapsed
+from noctule_gateway.clock_watch import ClockWatch
+from noctule_gateway.elapsed import Instant
 from noctule_gateway.log import SweepLog
 from noctule_gateway.log_file import Retention
 from noctule_gateway.outbox import Outbox
@@ -22,16 +28,20 @@ from noctule_gateway.unit import UnitServer
 
 _LOG_READERS = 2
 
+Clock = Callable[[], Instant]
+
+_log = logging.getLogger(__name__)
+
 
 class _Served:
     """One unit: its log, its server, and its presence once there is a bus."""
 
-    def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str) -> None:
+    def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock) -> None:
         self.unit = unit
         self.track = PoseTrack()
         self.presence: Presence | None = None
         self._gateway = gateway
-        self.log = SweepLog(data / f"{unit.name}.sqlite", retention)
+        self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.server = UnitServer(site, unit, self.log, self.track, self._publish, self._report)
 
     def close(self) -> None:
@@ -51,17 +61,27 @@ class _Served:
 class Gateway:
     """Serves the units of ``site`` from start() to close(), with their logs in the folder ``data``.
 
-    Raises OSError if the folder can't be made, CommandError if a plan of the site file does not fit a unit.
+    Raises FolderError if the folder can't be used or another process holds it, CommandError if a plan of the site file
+    does not fit a unit.
     """
 
-    def __init__(self, site: Site, data: Path, name: str = "gateway", retention: Retention | None = None) -> None:
-        data.mkdir(parents=True, exist_ok=True)
+    def __init__(
+        self,
+        site: Site,
+        data: Path,
+        name: str = "gateway",
+        retention: Retention | None = None,
+        now: Clock = elapsed.now,
+    ) -> None:
         self._site, self._name = site, keys.name(name, "gateway name")
+        self._folder = FolderLock(data, Owner("gateway", site.name, self._name))
+        self._now = now
         retention = retention or Retention()
-        self._served = [_Served(site, unit, data, retention, self._name) for unit in site.units]
+        self._served = [_Served(site, unit, data, retention, self._name, now) for unit in site.units]
         self._outbox = Outbox()
         self._readers = ThreadPoolExecutor(_LOG_READERS, thread_name_prefix="log reader")
         self._status: bus.StatePublisher | None = None
+        self._clock_watch = ClockWatch()
 
     def start(self) -> None:
         """Begin to serve the units."""
@@ -85,7 +105,13 @@ class Gateway:
             )
 
     def report(self) -> None:
-        """Publish the gateway's own status; to be called each second."""
+        """Look after the folder and the host's clock, publish the gateway's own status; to be called each second.
+
+        Raises FolderError if another process has got hold of the folder.
+        """
+        self._folder.keep()
+        if self._clock_watch.note(self._now()):
+            _log.warning("%s", self._clock_watch.detail)
         if self._status is not None:
             status, message = self._status, self._status_message()
             self._outbox.post(lambda: status.put(message))
@@ -98,6 +124,7 @@ class Gateway:
             served.close()
         self._readers.shutdown()
         self._outbox.close()
+        self._folder.close()
 
     def _status_message(self) -> ServiceStatus:
         connected = sum(served.server.connected for served in self._served)
@@ -112,7 +139,12 @@ class Gateway:
             detail="; ".join(
                 filter(
                     None,
-                    (_listed("not connected", away), _listed("being updated", updating), _listed("served late", late)),
+                    (
+                        _listed("not connected", away),
+                        _listed("being updated", updating),
+                        _listed("served late", late),
+                        self._clock_watch.detail,
+                    ),
                 )
             ),
             counters={
@@ -121,6 +153,7 @@ class Gateway:
                 "units_late": len(late),
                 "sweeps_committed": sum(served.log.state.head for served in self._served),
                 "puts_dropped": self._outbox.dropped,
+                "clock_sets": self._clock_watch.sets,
             },
         )
         message.time.FromNanoseconds(time_ns())

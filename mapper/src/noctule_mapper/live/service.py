@@ -14,6 +14,7 @@ import zenoh
 from noctule import bus, keys
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
+from noctule.folder_lock import FolderLock, Owner
 from noctule.follow import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
 from noctule_mapper.live.config import LiveConfig
@@ -41,9 +42,14 @@ class LiveSettings:
 
 
 def run(settings: LiveSettings, stop: threading.Event) -> None:
-    """Map until ``stop`` is set. Raises StoreError, RelayAddressError, KeyFormatError, or what has broken the map."""
+    """Map until ``stop`` is set.
+
+    Raises FolderError, StoreError, RelayAddressError, KeyFormatError, or what has broken the map.
+    """
+    owner = Owner("mapper", keys.name(settings.site, "site"), keys.name(settings.service, "service name"))
     with ExitStack() as closing:
-        store = SweepStore(settings.data / f"{keys.name(settings.site, 'site')}.sqlite3", settings.config.window)
+        closing.enter_context(FolderLock(settings.data, owner))
+        store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site) if settings.rerun_url else NoLog()
         closing.callback(log.close)

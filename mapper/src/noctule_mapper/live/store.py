@@ -99,9 +99,7 @@ class SweepStore:
             self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             self._prepare(path)
         except sqlite3.DatabaseError as error:
-            raise StoreError(
-                f"{path} can't be used as the mapper's store ({error}): move it away and start again"
-            ) from error
+            raise StoreError(f"{path} can't be used as the mapper's store ({error}): {_begin_again(path)}") from error
 
     def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
         """Take sweeps in and move the cursors in one transaction; a sweep that is already held changes nothing."""
@@ -149,7 +147,7 @@ class SweepStore:
         self._database.execute("PRAGMA synchronous = FULL")
         (version,) = self._database.execute("PRAGMA user_version").fetchone()
         if version not in (0, _VERSION):
-            raise StoreError(f"{path} has format {version}, this mapper reads {_VERSION}: move it away and start again")
+            raise StoreError(f"{path} has format {version}, this mapper reads {_VERSION}: {_begin_again(path)}")
         self._database.executescript(_SCHEMA)
         self._database.execute(f"PRAGMA user_version = {_VERSION}")
 
@@ -191,3 +189,11 @@ class SweepStore:
         left = set(database.execute(_TOO_OLD, age).fetchall())
         left.update(database.execute(_TOO_MANY, {"max_sweeps": self._window.max_sweeps}).fetchall())
         return left
+
+
+def _begin_again(path: Path) -> str:
+    """What to do about a store that can't be used: its newest commits are in the -wal file alone."""
+    return (
+        f"stop the mapper, move the whole folder {path.parent} away and start the mapper again; "
+        "it reads what the gateways' logs still hold"
+    )

@@ -1,0 +1,76 @@
+"""A data folder has one owner: second gateways and mappers are refused in words, and killed ones leave it free."""
+
+from pathlib import Path
+
+import pytest
+from system.processes import Programs, free_ports, programs, wait_until
+
+SITE = """
+site = "{name}"
+
+[[unit]]
+name = "u1"
+serial = 1
+address = "socket://127.0.0.1:9"  # the discard port, where nothing listens
+pose = {{ x_m = 0.0, y_m = 0.0, heading_deg = 0.0 }}
+"""
+
+
+def gateway(folder: Path, data: Path, site: str = "attic") -> tuple[str, ...]:
+    """A gateway with a router of its own, for a site with a unit u1 that is away."""
+    file = folder / f"{site}.toml"
+    file.write_text(SITE.format(name=site))
+    (port,) = free_ports(1)
+    return "noctule-gateway", "run", str(file), "--data", str(data), "--listen", f"tcp/127.0.0.1:{port}"
+
+
+def mapper(data: Path, site: str = "attic") -> tuple[str, ...]:
+    """A mapper that waits for its router."""
+    where = ("--data", str(data), "--connect", "tcp/127.0.0.1:9")
+    return "noctule-mapper", "run", "--site", site, *where, "--rerun", "none"
+
+
+def run_until(running: Programs, name: str, command: tuple[str, ...], said: str) -> None:
+    running.start(name, *command)
+    wait_until(lambda: said in running.log(name), f"{name} did not say {said!r}", within_s=60)
+
+
+@pytest.mark.parametrize("role", ["gateway", "mapper"])
+def test_a_second_one_is_refused_with_the_first_ones_name_and_process_until_that_is_killed(
+    tmp_path: Path, role: str
+) -> None:
+    data = tmp_path / "data"
+    command = gateway(tmp_path, data) if role == "gateway" else mapper(data)
+    up = "on the bus" if role == "gateway" else "waiting for it"
+    with programs(tmp_path) as running:
+        run_until(running, "first", command, up)
+        holder = f"{data} is in use by {role} '{role}' of site 'attic' (process {running.pid('first')}): stop that"
+        run_until(running, "second", command, holder)
+        assert running.wait("second") == 1
+        assert "Traceback" not in running.log("second")
+        running.kill("first")
+        run_until(running, "third", command, up)
+        assert running.end("third") == 0
+
+
+def test_a_folder_of_another_site_or_another_kind_of_service_is_refused_though_nothing_runs_on_it(
+    tmp_path: Path,
+) -> None:
+    data = tmp_path / "data"
+    with programs(tmp_path) as running:
+        run_until(running, "owner", gateway(tmp_path, data), "on the bus")
+        running.kill("owner")
+        whose = f"{data} holds the data of a gateway of site 'attic'"
+        run_until(running, "cellar", gateway(tmp_path, data, "cellar"), whose)
+        run_until(running, "mapper", mapper(data), whose)
+        assert (running.wait("cellar"), running.wait("mapper")) == (1, 1)
+
+
+@pytest.mark.parametrize("role", ["gateway", "mapper"])
+def test_a_file_in_place_of_the_folder_is_named(tmp_path: Path, role: str) -> None:
+    data = tmp_path / "data"
+    data.write_text("")
+    command = gateway(tmp_path, data) if role == "gateway" else mapper(data)
+    with programs(tmp_path) as running:
+        run_until(running, role, command, f"{data} is no folder: give the {role} a folder for its data")
+        assert running.wait(role) == 1
