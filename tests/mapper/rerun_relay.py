@@ -78,6 +78,14 @@ class Viewer:
                         chunks[chunk.entity_path.strip("/")].append(chunk)
         return chunks
 
+    def layouts(self) -> list[str]:
+        """The applications whose layouts it has been sent."""
+        if not self._file.exists() or self._file.stat().st_size == 0:
+            return []
+        with warnings.catch_warnings(action="ignore"), suppress(RuntimeError, ValueError):  # as in seen()
+            return [store.application_id for store in rerun.chunk.RrdReader(self._file).blueprints()]
+        return []
+
     def wait_for(self, path: str, rows: int = 1) -> list[rerun.chunk.Chunk]:
         """The chunks of an entity once it has that many rows."""
 
