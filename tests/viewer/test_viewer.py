@@ -9,7 +9,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 from urllib.request import urlopen
 
 import numpy as np
@@ -81,9 +80,8 @@ def middle_row(picture: np.ndarray, colour: tuple[int, int, int]) -> float | Non
 
 
 def viewer_processes() -> list[psutil.Process]:
-    """The command noctule-viewer that this test has started, and the relay below it."""
-    (command,) = [each for each in psutil.Process().children() if "noctule-viewer" in " ".join(each.cmdline())]
-    return [command, *command.children(recursive=True)]
+    """The command that this test has started, its only child, and the relay below it."""
+    return psutil.Process().children(recursive=True)
 
 
 def processor_s(processes: list[psutil.Process]) -> float:
@@ -120,11 +118,18 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
 
 def test_an_idle_relay_leaves_the_processor_alone(running: Programs) -> None:
     start_relay(running)
+    wait_until(lambda: "Watch the map" in running.log("viewer"), "no address", within_s=60)
     tree = viewer_processes()
-    began_s, before_s = monotonic(), processor_s(tree)
-    wait_until(lambda: monotonic() - began_s > 3.0, "time stands still", within_s=10)
-    # Half a core is far from both: with a layout file as its source Rerun takes all of one, without it none.
-    assert (processor_s(tree) - before_s) / (monotonic() - began_s) < 0.5
+    # A busy process beside it gets what a busy relay would get, however loaded the machine is: with a layout file as
+    # its source Rerun 0.41 was as busy as that.
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
+        try:
+            before_s, beside = processor_s(tree), [psutil.Process(busy.pid)]
+            wait_until(lambda: processor_s(beside) > 1.5, "nothing gets the processor", within_s=60)
+            took_s = processor_s(tree) - before_s
+        finally:
+            busy.kill()
+    assert took_s < 0.3
 
 
 def test_a_viewer_that_comes_late_gets_the_layout_once_and_no_empty_recording(
