@@ -4,7 +4,7 @@ failed here.
 
 from collections.abc import Callable, Sequence
 
-from bench import belief, fleet, large_map, live, range_grid, shapes, simulator
+from bench import belief, fleet, idle_relay, large_map, live, range_grid, shapes, simulator
 
 
 def _numbers() -> list[str]:
@@ -27,6 +27,7 @@ SECTIONS: Sequence[tuple[str, Callable[[], list[str]]]] = (
     ("Fusion of one cell", belief.table),
     ("Lines and circles in feature points, ten walks through the paper's room: time, mean error", shapes.table),
     ("The live mapper after a long history", _live),
+    ("The relay while nobody draws or watches", idle_relay.table),
 )
 
 

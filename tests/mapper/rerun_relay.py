@@ -37,6 +37,11 @@ class Relay:
         assert self._process is not None
         self._process.send_signal(signal.SIGSTOP)
 
+    def thaw(self) -> None:
+        """Go on after freeze()."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGCONT)
+
     def kill(self) -> None:
         if self._process is not None:
             self._process.kill()
@@ -72,6 +77,14 @@ class Viewer:
                     for chunk in reader.stream(store=store).to_chunks():
                         chunks[chunk.entity_path.strip("/")].append(chunk)
         return chunks
+
+    def layouts(self) -> list[str]:
+        """The applications whose layouts it has been sent."""
+        if not self._file.exists() or self._file.stat().st_size == 0:
+            return []
+        with warnings.catch_warnings(action="ignore"), suppress(RuntimeError, ValueError):  # as in seen()
+            return [store.application_id for store in rerun.chunk.RrdReader(self._file).blueprints()]
+        return []
 
     def wait_for(self, path: str, rows: int = 1) -> list[rerun.chunk.Chunk]:
         """The chunks of an entity once it has that many rows."""

@@ -1,6 +1,10 @@
 """The line to the relay: whatever becomes of the relay, put() returns at once, and viewers end up with the present."""
 
-from collections.abc import Iterator
+import json
+import logging
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event
@@ -14,6 +18,7 @@ from system.processes import wait_until
 
 from noctule_mapper.live.rerun_link import Drawing, Entries, RelayAddressError, RerunLink
 
+FLOOD = Path(__file__).with_name("rerun_flood.py")
 AT_ONCE_S = 0.25  # far under the 5 s that connecting to a dead relay takes, far over what a busy machine adds
 
 
@@ -38,8 +43,8 @@ def text(path: str, words: str, subject: str | None = None) -> Drawing:
 
 
 @contextmanager
-def link(url: str, capacity: int = 256) -> Iterator[RerunLink]:
-    made = RerunLink(url, "paper-room", draw_frame, capacity)
+def link(url: str, capacity: int = 256, statics: Callable[[], Entries] = draw_frame) -> Iterator[RerunLink]:
+    made = RerunLink(url, "paper-room", statics, capacity)
     try:
         yield made
     finally:
@@ -134,6 +139,62 @@ def test_a_slow_relay_holds_up_the_worker_alone_and_gets_the_present_once_it_is_
                 )
     finally:
         slow.close()
+
+
+@pytest.mark.parametrize(
+    ("frozen_s", "drawings_per_s"),
+    [(15, 50), pytest.param(180, 13, marks=pytest.mark.soak)],  # 13: four units at 0.3 s a sweep
+)
+@pytest.mark.timeout(300)
+def test_a_frozen_relay_costs_the_drawing_process_little_memory_and_shows_the_present_once_it_goes_on(
+    far_end: Relay, tmp_path: Path, frozen_s: int, drawings_per_s: int
+) -> None:
+    far_end.start()
+    command = [sys.executable, FLOOD, far_end.url, str(frozen_s), str(drawings_per_s)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flood:
+        assert flood.stdin is not None and flood.stdout is not None
+        assert flood.stdout.readline() == "connected\n"
+        far_end.freeze()
+        flood.stdin.write("\n")
+        flood.stdin.flush()
+        found = json.loads(flood.stdout.readline())
+        far_end.thaw()
+        with viewer(far_end.url, tmp_path) as watching:
+            wait_until(
+                lambda: [str(found["last"])] in watching.values("number", "TextDocument:text"), "no last number", 60
+            )
+    assert found["rerun_stalls"] > 0
+    # 50 MB is the whole mapper's allowance; an SDK that was given everything held 120 MB after the short version.
+    assert found["grew_bytes"] < 25e6
+
+
+def test_an_error_in_the_link_itself_is_reported_and_drawing_goes_on(
+    far_end: Relay, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    attempts = []
+
+    def draw_frame_at_second_attempt() -> Entries:
+        attempts.append(None)
+        if len(attempts) == 1:
+            raise ValueError("no frame yet")
+        yield from draw_frame()
+
+    far_end.start()
+    with link(far_end.url, statics=draw_frame_at_second_attempt) as line, viewer(far_end.url, tmp_path) as watching:
+        line.put(text("contour", "five walls", subject="contour"))
+        watching.wait_for("contour")
+        assert line.counters()["rerun_failures"] == 1
+    assert "drawing was interrupted by ValueError('no frame yet'): trying again" in caplog.text
+
+
+def test_a_drawing_that_keeps_failing_is_logged_once(far_end: Relay, caplog: pytest.LogCaptureFixture) -> None:
+    far_end.start()
+    with link(far_end.url) as line:
+        for _ in range(20):
+            line.put(Drawing(fault, (), time_s=0.0, sweep=0, subject="contour"))
+        wait_until(lambda: line.counters()["rerun_failures"] == 20, "not all were tried", within_s=20)
+    errors = [record for record in caplog.records if record.levelno == logging.ERROR]
+    assert [record.getMessage() for record in errors] == ["can't draw contour: viewers miss it, mapping goes on"]
 
 
 def test_a_drawing_that_fails_is_counted_and_the_next_is_drawn(far_end: Relay, tmp_path: Path) -> None:

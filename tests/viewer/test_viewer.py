@@ -3,6 +3,7 @@
 import io
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -11,8 +12,10 @@ from pathlib import Path
 from urllib.request import urlopen
 
 import numpy as np
+import psutil
 import pytest
 import rerun as rr
+from mapper.rerun_relay import viewer as late_joiner
 from PIL import Image
 from rerun.experimental import ViewerClient
 from system.processes import Programs, free_ports, listens, programs, wait_until
@@ -33,7 +36,7 @@ def start_relay(running: Programs) -> Relay:
     port, web_port = free_ports(2)
     relay = Relay("127.0.0.1", port, web_port, "64MB")
     running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port))
-    wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen", within_s=20)
+    wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen", within_s=60)
     return relay
 
 
@@ -76,6 +79,15 @@ def middle_row(picture: np.ndarray, colour: tuple[int, int, int]) -> float | Non
     return float(np.median(rows)) if len(rows) > 1000 else None
 
 
+def viewer_processes() -> list[psutil.Process]:
+    """The command that this test has started, its only child, and the relay below it."""
+    return psutil.Process().children(recursive=True)
+
+
+def processor_s(processes: list[psutil.Process]) -> float:
+    return sum(sum(process.cpu_times()[:2]) for process in processes)
+
+
 def test_one_address_is_printed_and_opens_the_page(running: Programs) -> None:
     relay = start_relay(running)
     (line,) = wait_until(lambda: re.findall("^Watch the map at (.*)$", running.log("viewer"), re.M), "no address", 10)
@@ -102,6 +114,48 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
     assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
     assert set(views) == {"Noctule", "Map", "Units", "Clock error, ms", "Contour, ms", "Events"}
     assert not any(views.values())
+
+
+def test_an_idle_relay_leaves_the_processor_alone(running: Programs) -> None:
+    start_relay(running)
+    wait_until(lambda: "Watch the map" in running.log("viewer"), "no address", within_s=60)
+    tree = viewer_processes()
+    # A busy process beside it gets what a busy relay would get, however loaded the machine is: with a layout file as
+    # its source Rerun 0.41 was as busy as that.
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
+        try:
+            before_s, beside = processor_s(tree), [psutil.Process(busy.pid)]
+            wait_until(lambda: processor_s(beside) > 1.5, "nothing gets the processor", within_s=60)
+            took_s = processor_s(tree) - before_s
+        finally:
+            busy.kill()
+    assert took_s < 0.3
+
+
+def test_a_viewer_that_comes_late_gets_the_layout_once_and_no_empty_recording(
+    running: Programs, tmp_path: Path
+) -> None:
+    relay = start_relay(running)
+    with late_joiner(relay.url, tmp_path) as watching:
+        layout = wait_until(watching.layouts, "no layout", within_s=30)
+        assert layout == [scene.APPLICATION_ID]
+        assert watching.seen() == {}
+
+
+def test_the_relay_ends_with_the_command_that_started_it_even_if_that_is_killed(running: Programs) -> None:
+    relay = start_relay(running)
+    command, process = viewer_processes()
+    command.kill()
+    wait_until(lambda: not process.is_running(), "the relay lives on", within_s=20)
+    assert not listens(relay.port)
+
+
+def test_a_relay_that_dies_ends_the_command_with_its_status(running: Programs) -> None:
+    start_relay(running)
+    command, process = viewer_processes()
+    process.kill()
+    assert command.wait(timeout=20) == 128 + signal.SIGKILL
+    assert "the relay ended by itself, with status -9" in running.log("viewer")
 
 
 def test_a_port_that_is_taken_is_named(running: Programs) -> None:

@@ -1,4 +1,11 @@
-"""The layout of the viewer: a large map, and beside it what units and mapper are doing, whatever units there are."""
+"""The layout of the viewer: a large map, and beside it what units and mapper are doing, whatever units there are.
+
+    python -m noctule_viewer.blueprint URL
+
+sends it to a relay.
+"""
+
+import sys
 
 import rerun.blueprint as rrb
 
@@ -61,3 +68,7 @@ def _recent() -> rrb.VisibleTimeRange:
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-_RECENT_S),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
+
+
+if __name__ == "__main__":
+    blueprint().connect_grpc(scene.APPLICATION_ID, url=sys.argv[1], make_active=True, make_default=True)

@@ -6,7 +6,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from noctule_viewer.relay import RERUN, Relay, RelayError
+from noctule_viewer.relay import RERUN, Relay, RelayError, environment
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -33,10 +33,10 @@ def run(
     relay = Relay(bind, port, web_port, memory_limit)
     try:
         relay.check_ports()
+        status = relay.run(lambda: print(f"Watch the map at {relay.page}", flush=True))
     except RelayError as error:
         _fail(str(error))
-    print(f"Watch the map at {relay.page}", flush=True)
-    relay.become()
+    _fail(f"the relay ended by itself, with status {status}", status if status > 0 else 128 - status)
 
 
 @app.command(name="open")
@@ -47,9 +47,9 @@ def open_(
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         print(f"There is no screen here. Connect a Rerun viewer to {url}, or open {_DEFAULT.page} in a browser.")
         return
-    os.execv(RERUN, [str(RERUN), url, "--bind", "127.0.0.1", "--port", "0"])
+    os.execve(RERUN, [str(RERUN), url, "--bind", "127.0.0.1", "--port", "0"], environment())
 
 
-def _fail(message: str) -> NoReturn:
+def _fail(message: str, status: int = 1) -> NoReturn:
     print(f"noctule-viewer: {message}", file=sys.stderr)
-    raise typer.Exit(1)
+    raise typer.Exit(status)

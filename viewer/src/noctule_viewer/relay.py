@@ -1,22 +1,36 @@
 """The Rerun relay: a process of its own that takes what mappers draw and passes it on to all who watch."""
 
 import os
+import shutil
+import signal
 import socket
+import subprocess
 import sys
-import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import NoReturn
 from urllib.parse import quote
 
 import rerun_cli
 
-from noctule import scene
 from noctule.errors import NoctuleError
-from noctule_viewer.blueprint import blueprint
+from noctule_viewer import page
 
 RERUN = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
 """The viewer's own binary: the ``rerun`` on the path is a wrapper that would stand between it and signals."""
+
+# Rerun knows no variable that turns its analytics off, only a file in the user's folder of settings.
+_SETTINGS = Path(__file__).with_name("rerun_settings")
+# The native viewer also asks for releases and examples, which no option prevents. Data from a relay need no proxy.
+_NOWHERE = "http://127.0.0.1:9"  # the discard port
+_START_WITHIN_S = 30.0
+_LAYOUT_WITHIN_S = 60.0
+_END_WITHIN_S = 5.0
+_LOOK_EVERY_S = 0.05
 
 
 class RelayError(NoctuleError):
@@ -54,22 +68,86 @@ class Relay:
                         f"can't listen on {self.bind}:{port} ({error.strerror}): name another port"
                     ) from error
 
-    def become(self) -> NoReturn:
-        """Turn this process into the relay, which reads the layout from its standard input and keeps it for viewers."""
-        with tempfile.TemporaryFile() as layout:
-            layout.write(_layout())
-            layout.seek(0)
-            os.dup2(layout.fileno(), sys.stdin.fileno())
-        os.environ.setdefault("RUST_LOG", "warn")
-        os.execv(RERUN, [str(RERUN), *self._arguments()])
+    def run(self, announce: Callable[[], object]) -> int:
+        """Run the relay and its page, and call ``announce`` once both answer. Returns the relay's exit status.
 
-    def _arguments(self) -> list[str]:
-        ports = ["--port", str(self.port), "--web-viewer-port", str(self.web_port)]
-        return ["--serve-web", "--bind", self.bind, *ports, "--server-memory-limit", self.memory_limit, "-"]
+        SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start.
+        """
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, _exit)
+        files_port = _free_port(self.bind)
+        with _process(self._command(files_port)) as relay:
+            _wait_until_listening(relay, self.bind, (self.port, files_port))
+            self._send_layout()
+            with page.serving((self.bind, self.web_port), (self.bind, files_port), f"http://{self.bind}:{self.port}"):
+                announce()
+                return relay.wait()
+
+    def _command(self, files_port: int) -> list[str]:
+        # Without a source such as a layout file: with one, Rerun 0.41 keeps a core busy after the source has ended.
+        ports = ["--port", str(self.port), "--web-viewer-port", str(files_port)]
+        return [str(RERUN), "--serve-web", "--bind", self.bind, *ports, "--server-memory-limit", self.memory_limit]
+
+    def _send_layout(self) -> None:
+        """Give the relay the layout, which it keeps for viewers that come later."""
+        command = [sys.executable, "-m", "noctule_viewer.blueprint", self.url]
+        try:
+            subprocess.run(
+                command, env=environment(), check=True, capture_output=True, text=True, timeout=_LAYOUT_WITHIN_S
+            )
+        except subprocess.TimeoutExpired:
+            _warn("the relay did not take the layout: viewers show Rerun's own")
+        except subprocess.CalledProcessError as error:
+            _warn(f"the layout was not sent, so viewers show Rerun's own: {error.stderr.strip()}")
 
 
-def _layout() -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "layout.rbl"
-        blueprint().save(scene.APPLICATION_ID, file)
-        return file.read_bytes()
+def environment() -> dict[str, str]:
+    """The environment for Rerun's programs: no analytics, no requests to foreign hosts, and only warnings."""
+    quiet = {"XDG_CONFIG_HOME": str(_SETTINGS), "ALL_PROXY": _NOWHERE, "NO_PROXY": ""}
+    return {"RUST_LOG": "warn"} | os.environ | quiet
+
+
+@contextmanager
+def _process(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
+    """The relay's process, which ends with this one, however this one ends."""
+    setpriv = shutil.which("setpriv")
+    bound_to_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
+    process = subprocess.Popen([*bound_to_us, *command], env=environment(), stdin=subprocess.DEVNULL)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(_END_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _wait_until_listening(relay: subprocess.Popen[bytes], host: str, ports: tuple[int, ...]) -> None:
+    deadline_s = time.monotonic() + _START_WITHIN_S
+    while not all(_listens(host, port) for port in ports):
+        if relay.poll() is not None:
+            raise RelayError(f"the relay ended at its start with status {relay.returncode}: the lines above say why")
+        if time.monotonic() > deadline_s:
+            raise RelayError(f"the relay did not listen on {host} within {_START_WITHIN_S:g} s: start it again")
+        time.sleep(_LOOK_EVERY_S)
+
+
+def _listens(host: str, port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex((host, port)) == 0
+
+
+def _free_port(host: str) -> int:
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return probe.getsockname()[1]
+
+
+def _warn(message: str) -> None:
+    print(f"noctule-viewer: {message}", file=sys.stderr, flush=True)
+
+
+def _exit(_number: int, _frame: FrameType | None) -> NoReturn:
+    raise SystemExit(0)

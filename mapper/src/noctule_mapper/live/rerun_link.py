@@ -21,9 +21,13 @@ Entries = Iterable[tuple[str, rr.AsComponents]]
 """Entity paths and what to log there."""
 
 _CHECK_INTERVAL_S = 1.0
+_LONGEST_PAUSE_S = 30.0
 _PROBE_TIMEOUT_S = 1.0
 _FLUSH_TIMEOUT_S = 5.0
 _CLOSE_TIMEOUT_S = 3.0
+# The SDK holds hundreds of megabytes before it lets log() wait, so the link limits what it gives between two flushes.
+_MOST_UNFLUSHED_BYTES = 4_000_000
+_ENTRY_OVERHEAD_BYTES = 2_000  # what the SDK adds to each entry, roughly
 
 
 class RelayAddressError(NoctuleError):
@@ -59,6 +63,9 @@ class RerunLink:
         self._missed: dict[str, Drawing] = {}  # those of the present that were dropped or went to a relay that is gone
         self._changed = threading.Condition()
         self._closing = threading.Event()
+        self._unflushed_bytes = 0
+        self._reported = ""
+        self._failing: set[Callable[..., Entries]] = set()
         self._counters = {
             "rerun_drawn": 0,
             "rerun_dropped": 0,
@@ -81,7 +88,9 @@ class RerunLink:
             self._changed.notify()
 
     def counters(self) -> dict[str, int]:
-        """Drawings drawn, dropped and failed; connections to the relay, and stalls where it did not keep up."""
+        """Drawings drawn and dropped; connections to the relay; stalls, where it took nothing for 5 s; failures, of
+        drawings or of the link itself.
+        """
         with self._changed:
             return dict(self._counters)
 
@@ -98,17 +107,32 @@ class RerunLink:
             self._missed[drawing.subject] = drawing
 
     def _work(self) -> None:
-        absent = False
+        """Connect and draw until the link is closed. An error never ends the worker, it only lengthens the pause."""
+        pause_s = _CHECK_INTERVAL_S
         while not self._closing.is_set():
-            if self._relay_listens():
-                absent = False
-                self._serve(self._connect())
-            elif not absent:
-                absent = True
-                _log.warning(
-                    "no Rerun relay at %s: mapping goes on, viewers will see it once the relay is up", self._url
-                )
-            self._closing.wait(_CHECK_INTERVAL_S)
+            try:
+                succeeded = self._visit()
+            except Exception as error:
+                succeeded = False
+                self._count("rerun_failures")
+                self._report(logging.ERROR, f"drawing was interrupted by {error!r}: trying again", with_traceback=True)
+            pause_s = _CHECK_INTERVAL_S if succeeded else min(2.0 * pause_s, _LONGEST_PAUSE_S)
+            self._closing.wait(pause_s)
+
+    def _visit(self) -> bool:
+        """Draw on the relay if it is there. False if it accepts connections but takes nothing."""
+        if not self._relay_listens():
+            self._report(
+                logging.WARNING,
+                f"no Rerun relay at {self._url}: mapping goes on, viewers will see it once the relay is up",
+            )
+            return True
+        recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id=self._recording_id)
+        try:
+            self._connect(recording)
+            return self._serve(recording)
+        finally:
+            recording.disconnect()
 
     def _relay_listens(self) -> bool:
         """A look at the port first, because connecting to a relay that is not there takes 5 s."""
@@ -118,61 +142,91 @@ class RerunLink:
             return False
         return True
 
-    def _connect(self) -> rr.RecordingStream:
-        recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id=self._recording_id)
+    def _connect(self, recording: rr.RecordingStream) -> None:
         recording.connect_grpc(self._url)
-        for path, archetype in self._statics():
-            recording.log(path, archetype, static=True)
+        self._unflushed_bytes = 0
+        self._log_entries(recording, self._statics(), static=True)
         with self._changed:
             self._counters["rerun_connections"] += 1
             queued = {id(drawing) for drawing in self._queue}
             self._missed = {subject: each for subject, each in self._present.items() if id(each) not in queued}
-        _log.info("drawing on the Rerun relay at %s", self._url)
-        return recording
 
-    def _serve(self, recording: rr.RecordingStream) -> None:
-        """Draw until the relay goes away, which the SDK tells no one but who flushes, or the link is closed."""
-        checked_s = monotonic()
+    def _serve(self, recording: rr.RecordingStream) -> bool:
+        """Draw until the relay goes away or the link is closed; only a flush reveals that the relay is gone.
+
+        While flushes time out the SDK gets nothing more, and the queue drops its oldest. Returns whether any succeeded.
+        """
+        succeeded = stalled = False
+        flushed_s = monotonic()
         while not self._closing.is_set():
-            for drawing in self._next():
+            if stalled:
+                self._closing.wait(_CHECK_INTERVAL_S)
+            elif (drawing := self._next()) is not None:
                 self._draw(recording, drawing)
-            if monotonic() - checked_s >= _CHECK_INTERVAL_S:
-                if not self._connected(recording):
-                    _log.warning("the Rerun relay at %s went away: waiting for it", self._url)
-                    break
-                checked_s = monotonic()
-        recording.disconnect()
+            full = self._unflushed_bytes >= _MOST_UNFLUSHED_BYTES
+            if not stalled and not full and monotonic() - flushed_s < _CHECK_INTERVAL_S:
+                continue
+            try:
+                stalled = not self._flush(recording)
+            except RuntimeError:
+                self._report(logging.WARNING, f"the Rerun relay at {self._url} went away: waiting for it")
+                break
+            succeeded = succeeded or not stalled
+            flushed_s = monotonic()
+        return succeeded
 
-    def _next(self) -> list[Drawing]:
-        """The oldest drawing of the queue or, once it is empty, what was missed; nothing if a while brings neither."""
+    def _flush(self, recording: rr.RecordingStream) -> bool:
+        """False if the relay does not take what it was given; raises RuntimeError if the relay is gone."""
+        try:
+            recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
+        except RuntimeError as error:
+            if "timed out" not in str(error):
+                raise
+            self._count("rerun_stalls")
+            self._report(
+                logging.WARNING,
+                f"the Rerun relay at {self._url} does not respond: viewers see an old map until it does",
+            )
+            return False
+        self._unflushed_bytes = 0
+        self._report(logging.INFO, f"drawing on the Rerun relay at {self._url}")
+        return True
+
+    def _next(self) -> Drawing | None:
+        """The oldest drawing of the queue or, once it is empty, one that was missed; None if a while brings neither."""
         with self._changed:
             if not self._queue and not self._missed:
                 self._changed.wait(_CHECK_INTERVAL_S)
             if self._queue:
-                return [self._queue.popleft()]
-            missed, self._missed = self._missed, {}
-            return list(missed.values())
+                return self._queue.popleft()
+            return self._missed.pop(next(iter(self._missed))) if self._missed else None
 
     def _draw(self, recording: rr.RecordingStream, drawing: Drawing) -> None:
         recording.set_time(scene.TIME, timestamp=drawing.time_s)
         recording.set_time(scene.SWEEP, sequence=drawing.sweep)
         try:
-            for path, archetype in drawing.draw(*drawing.arguments):
-                recording.log(path, archetype)
+            self._log_entries(recording, drawing.draw(*drawing.arguments))
         except Exception:
-            _log.exception("can't draw %s: viewers miss it, mapping goes on", drawing.subject or "an event")
             self._count("rerun_failures")
+            if drawing.draw not in self._failing:
+                self._failing.add(drawing.draw)
+                _log.exception("can't draw %s: viewers miss it, mapping goes on", drawing.subject or "an event")
         else:
+            self._failing.discard(drawing.draw)
             self._count("rerun_drawn")
 
-    def _connected(self, recording: rr.RecordingStream) -> bool:
-        try:
-            recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
-        except RuntimeError as error:
-            if "timed out" not in str(error):
-                return False
-            self._count("rerun_stalls")
-        return True
+    def _log_entries(self, recording: rr.RecordingStream, entries: Entries, static: bool = False) -> None:
+        for path, archetype in entries:
+            batches = archetype.as_component_batches()
+            content_bytes = sum(batch.as_arrow_array().nbytes for batch in batches)
+            self._unflushed_bytes += content_bytes + _ENTRY_OVERHEAD_BYTES
+            recording.log(path, batches, static=static)
+
+    def _report(self, level: int, message: str, with_traceback: bool = False) -> None:
+        """Log how drawing fares, when that has changed."""
+        if message != self._reported:
+            self._reported = message
+            _log.log(level, "%s", message, exc_info=with_traceback)
 
     def _count(self, counter: str) -> None:
         with self._changed:

@@ -1,0 +1,86 @@
+"""The page for browsers: Rerun's web viewer, which as Rerun serves it asks four foreign hosts, kept to this machine.
+
+Rerun's own server gives the files. This one, in front of it, forbids the browser to contact any other host.
+"""
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from http.client import HTTPConnection, HTTPException
+from http.server import BaseHTTPRequestHandler
+from shutil import copyfileobj
+from socketserver import ThreadingTCPServer
+from typing import cast
+
+_SOURCE_TIMEOUT_S = 10.0
+# A policy does not hold for the connections that a page opens ahead of its requests.
+_FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
+
+
+@contextmanager
+def serving(address: tuple[str, int], source: tuple[str, int], relay: str) -> Iterator[None]:
+    """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``.
+
+    Raises OSError if the address can't be had.
+    """
+    with _Server(address, source, _policy(relay)) as server:
+        threading.Thread(target=server.serve_forever, name="page", daemon=True).start()
+        try:
+            yield
+        finally:
+            server.shutdown()
+
+
+def _policy(relay: str) -> str:
+    """What the page may load. Loopback at any port, because a tunnel to a remote relay ends at a port of its own."""
+    return "; ".join(
+        (
+            "default-src 'self'",
+            "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'",
+            "style-src 'self' 'unsafe-inline'",
+            "img-src 'self' data: blob:",
+            "worker-src 'self' blob:",
+            f"connect-src 'self' data: blob: {relay} http://127.0.0.1:* http://localhost:*",
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+
+
+class _Server(ThreadingTCPServer):
+    # Not http.server's own class: that one looks up the name of the address it listens on, in the DNS.
+    allow_reuse_address = True
+    daemon_threads = True
+
+    def __init__(self, address: tuple[str, int], source: tuple[str, int], policy: str) -> None:
+        self.source, self.policy = source, policy
+        super().__init__(address, _Handler)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        server = cast(_Server, self.server)
+        with closing(HTTPConnection(*server.source, timeout=_SOURCE_TIMEOUT_S)) as source:
+            try:
+                source.request("GET", self.path.partition("?")[0])
+                response = source.getresponse()
+            except (OSError, HTTPException):
+                self.send_error(502, "The relay does not respond")
+                return
+            kind = response.getheader("Content-Type", "application/octet-stream")
+            self.send_response(response.status)
+            self.send_header("Content-Type", kind)
+            self.send_header("Content-Security-Policy", server.policy)
+            length = response.getheader("rerun-final-length")
+            if length is not None:  # the page shows its progress by it
+                self.send_header("rerun-final-length", length)
+            with suppress(ConnectionError):  # the browser went away
+                self.end_headers()
+                if kind.startswith("text/html"):
+                    self.wfile.write(_FOREIGN_LINK.sub(b"", response.read()))
+                else:
+                    copyfileobj(response, self.wfile)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Requests are not logged."""
