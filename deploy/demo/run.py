@@ -3,15 +3,12 @@
 The processes stand in the Procfile beside this file. The environment may change what settings.DEFAULTS names.
 """
 
-import http.client
 import os
 import shlex
 import signal
 import sys
 import threading
-import time
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
@@ -23,7 +20,6 @@ from terminal import Terminal
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 LAST_LINES_WITHIN_S = 1.0
-ASK_EVERY_S = 0.2
 
 
 def main() -> None:
@@ -49,8 +45,7 @@ def run(chosen: Mapping[str, str], stop: threading.Event) -> None:
     commands = processes(HERE / "Procfile", chosen)
     terminal = Terminal([SUPERVISOR, *commands], gone=stop.set)
     say = terminal.say
-    say(SUPERVISOR, f"Starting {', '.join(commands)}; the address to open follows. Ctrl-C ends the demo.")
-    threading.Thread(target=announce_page, args=(chosen, partial(say, SUPERVISOR)), daemon=True).start()
+    say(SUPERVISOR, f"Starting {', '.join(commands)}; the viewer prints the address to open. Ctrl-C ends the demo.")
     os.chdir(ROOT)
     supervise(commands, environment(), stop, say)
     say(SUPERVISOR, "The demo has ended.")
@@ -67,28 +62,6 @@ def environment() -> dict[str, str]:
     """For the processes: this Python's commands first, and each line printed at once."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     return os.environ | {"PATH": path, "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
-
-
-def announce_page(chosen: Mapping[str, str], say: Callable[[str], None]) -> None:
-    """Say which page to open, as soon as it is there."""
-    from noctule_viewer.relay import Relay  # takes seconds, while the processes start
-
-    relay = Relay(settings.HOST, int(chosen["DEMO_RERUN_PORT"]), int(chosen["DEMO_WEB_PORT"]), memory_limit="")
-    while not answers(relay.web_port):
-        time.sleep(ASK_EVERY_S)
-    say(f"Open {relay.page} and watch the room being mapped.")
-
-
-def answers(web_port: int) -> bool:
-    """The page can be loaded."""
-    connection = http.client.HTTPConnection(settings.HOST, web_port, timeout=2.0)
-    try:
-        connection.request("GET", "/")
-        return connection.getresponse().status == http.HTTPStatus.OK
-    except (OSError, http.client.HTTPException):
-        return False
-    finally:
-        connection.close()
 
 
 if __name__ == "__main__":

@@ -4,7 +4,10 @@ from dataclasses import replace
 from math import pi
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from noctule import bounds
 from noctule import messages_pb2 as messages
 from noctule.site import FixedPose, Pose2, Sensor, Site, Unit
 from noctule_gateway.clock import HostTime
@@ -15,6 +18,19 @@ UNIT = Unit("u1", 7, "socket://h:1", FixedPose(Pose2(0, 0, 0)), Sensor(), None, 
 SITE = Site("s", (UNIT,), None, "utc")
 SWEEP = Sweep(1, 2, 3, NO_WAYPOINT, NO_TEMPERATURE, 0, ())
 START = HostTime(1_800_000_000.25, 0.001)
+
+
+READINGS = st.builds(Reading, st.integers(-32768, 32767), st.integers(0, 0xFFFFFF), st.integers(0, 0xFFFFFF))
+SWEEPS = st.builds(
+    Sweep,
+    st.integers(0, 0xFFFF),
+    st.integers(0, 0xFFFFFFFF),
+    st.integers(0, 2**48 - 1),
+    st.integers(0, 0xFFFF),
+    st.integers(-32768, 32767),
+    st.integers(0, 1),
+    st.lists(READINGS, max_size=64).map(tuple),
+)
 
 
 def message(sweep: Sweep, site: Site = SITE, drift: float | None = None) -> messages.Sweep:
@@ -81,3 +97,12 @@ def test_start_keeps_its_time_to_the_microsecond_and_an_absent_pose_stays_absent
     assert made.start.ToMicroseconds() == pytest.approx(1_800_000_000_250_000, abs=1, rel=0)
     assert made.clock_error_s == 0.001
     assert not made.HasField("pose")
+
+
+@given(SWEEPS, st.floats(-0.03, 0.03))
+def test_whatever_the_line_can_carry_makes_a_message_that_no_reader_refuses(sweep: Sweep, drift: float) -> None:
+    bounds.check(message(sweep, drift=drift))
+
+
+def test_a_temperature_that_no_air_has_is_left_out() -> None:
+    assert not message(replace(SWEEP, temperature=32767)).HasField("air_temperature_c")

@@ -146,7 +146,7 @@ def test_a_part_that_is_killed_is_started_again_and_ctrl_c_ends_all_without_a_co
             assert killed is not None
             killed.kill()
             wait_until(lambda: mapped(client) > before + 1, "the map does not go on", within_s=60)
-        wait_until(lambda: "Open http" in running.printed, "the address is not printed", within_s=30)
+        wait_until(lambda: "Watch the map at http" in running.printed, "the address is not printed", within_s=30)
         assert "gateway was ended by SIGKILL; started again in 1 s" in running.printed
         again = running.part("noctule-gateway")
         assert again is not None and again.pid != killed.pid

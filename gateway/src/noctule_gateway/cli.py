@@ -15,6 +15,7 @@ from rich.console import Console
 
 from noctule import bus, site
 from noctule.errors import NoctuleError
+from noctule.threads import end_process_when_one_fails
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log_file import Retention
 from noctule_gateway.repair import repair as repair_logs
@@ -51,7 +52,7 @@ def run(
     """Serve the units of a site until SIGTERM or Ctrl-C."""
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
     zenoh.init_log_from_env_or("error")
-    threading.excepthook = _die
+    end_process_when_one_fails()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
     try:
@@ -69,7 +70,7 @@ def update(
     force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
 ) -> None:
     """Update the firmware of a site's units, over their lines: stop the gateway that holds these first."""
-    threading.excepthook = _die
+    end_process_when_one_fails()
     console = Console()
     try:
         known = site.load(site_file)
@@ -134,9 +135,3 @@ def _end_by(within_s: float) -> None:
     last_resort = threading.Timer(within_s, os._exit, (1,))
     last_resort.daemon = True
     last_resort.start()
-
-
-def _die(failure: threading.ExceptHookArgs) -> None:
-    """A thread that has failed leaves a gateway that looks alive and is not: end it, to be started again."""
-    _log.critical("%s failed", failure.thread and failure.thread.name, exc_info=failure.exc_value)
-    os._exit(70)

@@ -27,6 +27,7 @@ from noctule_gateway.presence import Presence
 from noctule_gateway.unit import UnitServer
 
 _LOG_READERS = 2
+_LISTED = 10  # units that a status names; a site may have hundreds
 
 Clock = Callable[[], Instant]
 
@@ -161,4 +162,7 @@ class Gateway:
 
 
 def _listed(what: str, names: list[str]) -> str:
-    return f"{what}: {', '.join(names)}" if names else ""
+    if not names:
+        return ""
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return f"{what}: {', '.join(names[:_LISTED])}{more}"

@@ -3,6 +3,7 @@
 from math import pi
 
 from noctule import messages_pb2 as messages
+from noctule.bounds import AIR_C
 from noctule.site import Site, Unit
 from noctule_gateway import frames
 from noctule_gateway.clock import TICK_S, HostTime
@@ -60,8 +61,11 @@ def celsius(temperature: int) -> float | None:
 
 
 def _air_temperature_c(sweep: frames.Sweep, site: Site) -> float | None:
-    """What the site file says takes the place of what the unit has measured."""
-    return celsius(sweep.temperature) if site.air_temperature_c is None else site.air_temperature_c
+    """What the site file says takes the place of what the unit has measured; a broken thermometer tells nothing."""
+    if site.air_temperature_c is not None:
+        return site.air_temperature_c
+    measured_c = celsius(sweep.temperature)
+    return None if measured_c is None or AIR_C.fault(measured_c) else measured_c
 
 
 def _reading(reading: frames.Reading, second: float) -> messages.Reading:

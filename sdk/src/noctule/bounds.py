@@ -156,7 +156,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
     "Reading": {
         "bearing_rad": _BEARING_RAD,
         "time_offset_s": _HOUR_S,
-        "time_of_flight_s": Number(0, 0.3, "s"),  # a unit calls a pulse of 250 ms stuck
+        "time_of_flight_s": Number(0, 4.5, "s"),  # all that the line can carry
         "status": _ENUM,
     },
     "Sweep": {
