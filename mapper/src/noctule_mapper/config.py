@@ -5,9 +5,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from noctule_mapper.fusion import Rule
+from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
-Method = Literal["hough", "eht-lsm", "refined"]
 Classifier = Literal["tangent-circle", "r2d"]
 
 
@@ -189,8 +188,8 @@ class RefinementConfig(_Model):
 class MapperConfig(_Model):
     """All of it."""
 
-    method: Method = "refined"
-    rule: Rule = "pcr6+"  # by which a cell's beliefs are fused (Section III.A)
+    method: Method = DEFAULT_METHOD
+    rule: Rule = DEFAULT_RULE  # by which a cell's beliefs are fused (Section III.A)
     sensor: SensorConfig = SensorConfig()
     noise: NoiseConfig = NoiseConfig()
     contacts: ContactConfig = ContactConfig()

@@ -6,12 +6,12 @@ from enum import IntEnum
 
 import numpy as np
 
+from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig
 from noctule_mapper.fusion.disc import disc
 from noctule_mapper.fusion.folded import folded_pcr5
 from noctule_mapper.fusion.levels import FREE_LEVELS, arc_beliefs, free_beliefs
 from noctule_mapper.fusion.regions import Arcs
-from noctule_mapper.fusion.rules import Rule
 from noctule_mapper.fusion.streams import stream
 from noctule_mapper.fusion.tiles import Key, Tiles
 

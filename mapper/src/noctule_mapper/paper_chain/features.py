@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from noctule_mapper.config import FeatureConfig
 from noctule_mapper.contacts.tangent_circle import TangentCircles
@@ -93,6 +92,8 @@ _SMALLEST_RADIUS_M = 0.01  # what bends more is no cylinder of ours
 
 def _points_of(tiles: Sequence[GridTile], touches: _Touches, config: FeatureConfig) -> FeaturePoints:
     """The feature points of tiles that lie together, laid out as one array."""
+    from scipy import ndimage  # takes a while to load, and the default method does without
+
     occupied, first_column, first_row = _mosaic(tiles)
     cell_m = tiles[0].cell_m
     label = np.zeros(occupied.shape, np.int32)
