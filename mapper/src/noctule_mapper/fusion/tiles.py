@@ -62,7 +62,7 @@ class Tiles:
     def add_arcs(self, arcs: np.ndarray, cell_m: float, sign: int) -> list[Key]:
         """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``; the tiles touched."""
         middle = arcs[:, :2] + arcs[:, 2:3] * np.stack([np.cos(arcs[:, 3]), np.sin(arcs[:, 3])], axis=1)
-        reach = int(4.4 * arcs[:, 4].max() / cell_m) + 3  # what stroke_arcs may take; 4.4 is the root of 19
+        reach = arc_reach_cells(arcs, cell_m)
         window = self._window(np.floor(middle / cell_m).astype(int), reach)
         self._reserve_tiles(min(window.slots.size, len(arcs) * (2 * reach // self._side + 2) ** 2))
         self._reserve_rows(len(arcs) * (2 * reach + 1) ** 2)
@@ -135,6 +135,11 @@ class Tiles:
             left = self._spare_rows[: self._left_rows].copy()
             self._spare_rows[: len(new)], self._spare_rows[len(new) : len(new) + len(left)] = new, left
             self._left_rows += len(new)
+
+
+def arc_reach_cells(arcs: np.ndarray, cell_m: float) -> int:
+    """How far from its contact any of ``arcs`` (n, 5), n of at least 1, may be stroked; the root of 19 is under 4.4."""
+    return int(4.4 * arcs[:, 4].max() / cell_m) + 3
 
 
 def _grown(array: np.ndarray, used: int, length: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from noctule_mapper.echoes import Echoes
 from noctule_mapper.fusion.grid import GridTile
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3), int)
+_MOST_TILES = 4096  # laid out as one array: 80 m square of 2 cm cells
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,22 @@ def _adjacent(tiles: Sequence[GridTile]) -> Iterator[list[GridTile]]:
                 if beside in left:
                     group.append(left.pop(beside))
                     reached.append(beside)
+        yield from _within(group, _MOST_TILES)
+
+
+def _within(group: list[GridTile], most: int) -> Iterator[list[GridTile]]:
+    """The group cut across its longer side until each part's box holds ``most`` tiles: a path of a kilometre aslant has
+    a box that no memory holds.
+    """
+    keys = np.array([(tile.tile_x, tile.tile_y) for tile in group])
+    extent = np.ptp(keys, axis=0) + 1
+    if extent.prod() <= most:
         yield group
+        return
+    axis = int(extent.argmax())
+    cut = (keys[:, axis].min() + keys[:, axis].max()) / 2
+    for side in (keys[:, axis] <= cut, keys[:, axis] > cut):
+        yield from _within([tile for tile, chosen in zip(group, side, strict=True) if chosen], most)
 
 
 def _of_the_majority(places: np.ndarray, kind: np.ndarray) -> np.ndarray:
