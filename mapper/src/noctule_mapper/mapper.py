@@ -52,6 +52,10 @@ class Mapper:
                 self._grid.add_free(*free_space(sweep, self.config.grid), sign=-1)
             self._update(self._contacts.remove(identity))
 
+    def sweeps(self) -> list[SweepReadings]:
+        """The sweeps on the map, as they came."""
+        return list(self._sweeps.values())
+
     @property
     def grid(self) -> Grid:
         """III.A, Eq. 3-4: the reliability grid. It is made when it is first looked at, for the default method does
