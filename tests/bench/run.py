@@ -4,7 +4,7 @@ failed here.
 
 from collections.abc import Callable, Sequence
 
-from bench import belief, fleet, idle_relay, large_map, live, range_grid, shapes, simulator
+from bench import belief, fleet, idle_relay, large_map, live, loading, range_grid, shapes, simulator
 
 
 def _numbers() -> list[str]:
@@ -20,6 +20,10 @@ def _live() -> list[str]:
     return [f"{number:12.2f} {what}" for what, number in live.rows()]
 
 
+def _loading() -> list[str]:
+    return [f"{number:12.1f} {what}" for what, number in loading.rows()]
+
+
 SECTIONS: Sequence[tuple[str, Callable[[], list[str]]]] = (
     ("Simulator and map", _numbers),
     ("300 simulated units at real time on one core, their far ends on another, over TCP", fleet.table),
@@ -28,6 +32,7 @@ SECTIONS: Sequence[tuple[str, Callable[[], list[str]]]] = (
     ("Lines and circles in feature points, ten walks through the paper's room: time, mean error", shapes.table),
     ("The live mapper after a long history", _live),
     ("The relay while nobody draws or watches", idle_relay.table),
+    ("From a command to its answer, processor time", _loading),
 )
 
 

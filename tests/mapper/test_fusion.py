@@ -10,7 +10,8 @@ from evidencelib import Frame, MassFunction
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from noctule_mapper.fusion import FusionError, Rule, conflict, fuse
+from noctule_mapper.choices import Rule
+from noctule_mapper.fusion import FusionError, conflict, fuse
 
 FRAME, FREE_MODEL = Frame.dst(["O", "F"]), Frame.dsmt(["O", "F"])
 HARD_MASSES = (0, 1e-6, 1e-3, 0.5, 1 - 1e-6, 1)

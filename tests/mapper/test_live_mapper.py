@@ -200,3 +200,59 @@ def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: Li
     wait_until(lambda: "can't be used as the mapper's store" in site.running.log("mapper"), "nothing is said", 20)
     assert "Traceback" not in site.running.log("mapper")
     assert site.running.end("mapper") == 1
+
+
+_THREAD_DIES = """
+import sys, threading, time
+from noctule_mapper.cli import main
+
+class PanicException(BaseException):  # as pyo3's, which Zenoh raises
+    pass
+
+def panic():
+    while threading.excepthook is threading.__excepthook__:
+        time.sleep(0.01)
+    raise PanicException("a key of 65536 characters")
+
+threading.Thread(target=panic, name="noctule-follow", daemon=True).start()
+main(sys.argv[1:])
+"""
+
+
+def test_a_thread_that_dies_takes_the_mapper_with_it(site: LiveSite, tmp_path: Path) -> None:
+    where = ("--site", SITE, "--data", str(tmp_path), "--connect", site.endpoint, "--rerun", "none")
+    site.running.start("mapper", "python", "-c", _THREAD_DIES, "run", *where)
+    wait_until(lambda: "a key of 65536" in site.running.log("mapper"), "nothing is said", within_s=20)
+    assert "CRITICAL" in site.running.log("mapper")
+    assert "noctule-follow" in site.running.log("mapper")
+    assert site.running.end("mapper") == 70
+
+
+def test_a_sweep_that_broke_the_map_is_told_in_the_status_until_after_a_restart(site: LiveSite, tmp_path: Path) -> None:
+    survey = paper_survey()[:4]
+    site.start_mapper()
+    site.play(survey)
+    site.contour_of(4)
+    held = site.running.end("mapper")
+    store = SweepStore(tmp_path / f"{SITE}.sqlite3", Window())
+    bad = store.sweeps()[2]
+    store.set_aside((bad.log_id, bad.log_sequence), "IndexError: no such bin")
+    store.close()
+    statuses: list[ServiceStatus] = []
+    site.client.on_service_status(statuses.append)
+    site.start_mapper()
+    site.contour_of(3)
+    wait_until(lambda: statuses and statuses[-1].detail, "no detail", within_s=20)
+    assert (held, statuses[-1].counters["sweeps_set_aside"]) == (0, 1)
+    assert f"sweep {bad.log_sequence} of {bad.log_id!r} (unit 'u1', IndexError: no such bin)" in statuses[-1].detail
+
+
+def test_the_first_echo_of_an_uncalibrated_sensor_makes_a_map_with_nothing_on_it(site: LiveSite) -> None:
+    first = paper_survey()[0]
+    first.ClearField("sensor")
+    del first.readings[1:]
+    site.start_mapper()
+    site.play([first])
+    contour = site.contour_of(1)
+    assert not (contour.walls or contour.corners or contour.cylinders)
+    assert "Traceback" not in site.running.log("mapper")

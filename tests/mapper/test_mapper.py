@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mapper.room import paper_path, paper_room, survey
 
+from noctule_mapper.choices import Rule
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.fusion import Rule
 from noctule_mapper.mapper import Mapper
 
 SWEEPS = survey(paper_room(), paper_path(), np.random.default_rng(11))

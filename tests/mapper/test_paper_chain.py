@@ -13,7 +13,8 @@ import pytest
 from mapper.judge import corner_errors_m, invented
 from mapper.room import paper_path, paper_room, survey
 
-from noctule_mapper.config import MapperConfig, Method
+from noctule_mapper.choices import Method
+from noctule_mapper.config import MapperConfig
 from noctule_mapper.estimate import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.paper_chain.eht_lsm import eht_lsm

@@ -15,8 +15,9 @@ from mapper.room import paper_path, paper_room, survey
 from PIL import Image
 
 from noctule import scene
+from noctule_mapper.choices import Method
 from noctule_mapper.cli.reproduce import MissingExtraError, reproduce
-from noctule_mapper.config import MapperConfig, Method
+from noctule_mapper.config import MapperConfig
 from noctule_mapper.estimate import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.reproduction import paper

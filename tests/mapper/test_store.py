@@ -72,6 +72,33 @@ def test_sweeps_and_cursors_outlive_the_process(path: Path) -> None:
     reopened.close()
 
 
+def test_a_sweep_that_is_set_aside_never_comes_back(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1), sweep(2), sweep(3)], [cursor(3)])
+    store.set_aside((LOG, 2), "IndexError: 64")
+    store.close()
+    reopened = SweepStore(path, Window())
+    assert sequences(reopened) == [1, 3]
+    assert reopened.commit([sweep(2)], [cursor(3)]).entered == ()
+    assert sequences(reopened) == [1, 3]
+    assert reopened.sweeps_set_aside() == [("u1", (LOG, 2), "IndexError: 64")]
+    reopened.close()
+
+
+def test_sweeps_that_are_set_aside_are_bounded_by_the_window(path: Path) -> None:
+    now_ns = 10**18
+    store = SweepStore(path, Window(max_age_s=60.0, max_sweeps=3), lambda: now_ns)
+    for number in range(1, 6):
+        store.commit([sweep(number)], [cursor(number)])
+        store.set_aside((LOG, number), "a bug")
+        now_ns += 10**9
+    assert [identity[1] for _, identity, _ in store.sweeps_set_aside()] == [3, 4, 5]
+    now_ns += 60 * 10**9
+    store.set_aside((LOG, 99), "not here any more")
+    assert store.sweeps_set_aside() == []
+    store.close()
+
+
 def test_the_cursor_moves_over_sweeps_that_are_not_worth_keeping(path: Path) -> None:
     store = SweepStore(path, Window())
     assert store.commit([], [cursor(7)]).entered == ()

@@ -5,9 +5,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from noctule_mapper.fusion import Rule
+from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
-Method = Literal["hough", "eht-lsm", "refined"]
+SHORTEST_RANGE_M, LONGEST_RANGE_M = 0.001, 20.0  # of any ranger in air; what a range costs grows with its square
 Classifier = Literal["tangent-circle", "r2d"]
 
 
@@ -21,8 +21,8 @@ class SensorConfig(_Model):
     beam_width_rad: float = Field(default=math.radians(22.5), gt=0, le=math.pi)  # full width
     range_bias_m: float = 0.0023
     range_sigma_m: float | None = Field(default=None, gt=0)  # None: estimated from the survey
-    shortest_range_m: float = Field(default=0.02, gt=0)
-    longest_range_m: float = Field(default=4.0, gt=0)
+    shortest_range_m: float = Field(default=0.02, ge=SHORTEST_RANGE_M, le=LONGEST_RANGE_M)
+    longest_range_m: float = Field(default=4.0, ge=SHORTEST_RANGE_M, le=LONGEST_RANGE_M)
     air_temperature_c: float = 20.0
 
 
@@ -138,9 +138,10 @@ class HoughConfig(_Model):
 class RefinementConfig(_Model):
     """Model selection and the joint fit on the raw ranges."""
 
-    wall_price_nats: float = 16.0
-    point_price_nats: float = 16.0
-    cylinder_price_nats: float = 20.0
+    # Above 0: objects that cost nothing would be added without end.
+    wall_price_nats: float = Field(default=16.0, gt=0)
+    point_price_nats: float = Field(default=16.0, gt=0)
+    cylinder_price_nats: float = Field(default=20.0, gt=0)
     contradiction_price_nats: float = 3.0  # an echo from behind the object, well inside beam and extent
     gate_sigmas: float = Field(
         default=4.0, gt=0
@@ -189,8 +190,8 @@ class RefinementConfig(_Model):
 class MapperConfig(_Model):
     """All of it."""
 
-    method: Method = "refined"
-    rule: Rule = "pcr6+"  # by which a cell's beliefs are fused (Section III.A)
+    method: Method = DEFAULT_METHOD
+    rule: Rule = DEFAULT_RULE  # by which a cell's beliefs are fused (Section III.A)
     sensor: SensorConfig = SensorConfig()
     noise: NoiseConfig = NoiseConfig()
     contacts: ContactConfig = ContactConfig()

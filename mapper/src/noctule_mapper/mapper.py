@@ -27,7 +27,7 @@ class Mapper:
 
     def __init__(self, config: MapperConfig | None = None) -> None:
         self.config = config or MapperConfig()
-        self.grid = Grid(self.config.grid, self.config.rule)  # III.A, Eq. 3-4
+        self._grid: Grid | None = None  # until it is looked at
         self._contacts = ContactBook(self.config.contacts)
         self._sweeps: dict[tuple[str, int], SweepReadings] = {}
         self._registered = 0
@@ -40,15 +40,34 @@ class Mapper:
         self._sweeps[sweep.identity] = sweep
         self._registered += 1
         echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
-        self.grid.add_free(*free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
+        if self._grid is not None:
+            self._grid.add_free(*free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
         self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))  # II.B: beside earlier positions
 
     def remove_sweep(self, identity: tuple[str, int]) -> None:
         """Take a sweep off the map; one that is not there changes nothing."""
         sweep = self._sweeps.pop(identity, None)
         if sweep is not None:
-            self.grid.add_free(*free_space(sweep, self.config.grid), sign=-1)
+            if self._grid is not None:
+                self._grid.add_free(*free_space(sweep, self.config.grid), sign=-1)
             self._update(self._contacts.remove(identity))
+
+    def sweeps(self) -> list[SweepReadings]:
+        """The sweeps on the map, as they came."""
+        return list(self._sweeps.values())
+
+    @property
+    def grid(self) -> Grid:
+        """III.A, Eq. 3-4: the reliability grid. It is made when it is first looked at, for the default method does
+        without; from then on it goes along with the sweeps.
+        """
+        if self._grid is None:
+            grid = Grid(self.config.grid, self.config.rule)
+            for sweep in self._sweeps.values():
+                grid.add_free(*free_space(sweep, self.config.grid))
+            grid.add(contact_regions(self._contacts.echoes(), self._contacts.contacts(), self.config.grid))
+            self._grid = grid
+        return self._grid
 
     def contact_report(self) -> ContactReport:
         """II.B: what each reading touched, by its tangent circle (Fig. 2) and by the R2d test (Eq. 1-2)."""
@@ -80,5 +99,6 @@ class Mapper:
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
         self._report = None
-        self.grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
-        self.grid.add(contact_regions(change.echoes, change.after, self.config.grid))
+        if self._grid is not None:
+            self._grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
+            self._grid.add(contact_regions(change.echoes, change.after, self.config.grid))

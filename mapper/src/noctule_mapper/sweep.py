@@ -5,14 +5,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule import messages_pb2
+from noctule import bounds, messages_pb2
 from noctule.errors import NoctuleError
-from noctule_mapper.config import SensorConfig
+from noctule_mapper.config import LONGEST_RANGE_M, SHORTEST_RANGE_M, SensorConfig
 
-_END_OF_TIME_S = 9e9  # in the year 2255; a count of nanoseconds ends soon after
-_EDGE_OF_SITE_M = 1e4  # the fit was seen right up to 10 km from the origin: a pose beyond is of another frame
-_WIDEST_SIGMA_M = 0.5  # a range that is no better known tells no wall from the next; millimetres are a likely slip
-_COLDEST_AIR_C = -100.0  # no air on Earth is; the linear speed of sound is far from its range
+# The bounds of a message hold for what is made of it too: the mathematics is right within them, and takes neither time
+# nor memory without bound.
+_BOUNDS = {
+    "time_s": bounds.number("Timestamp", "seconds"),
+    "x_m": bounds.number("Pose", "x_m"),
+    "y_m": bounds.number("Pose", "y_m"),
+    "heading_rad": bounds.number("Pose", "heading_rad"),
+    "sigma_position_m": bounds.number("Pose", "sigma_position_m"),
+    "sigma_heading_rad": bounds.number("Pose", "sigma_heading_rad"),
+    "bearing_rad": bounds.number("Reading", "bearing_rad"),
+    "range_m": bounds.Number(SHORTEST_RANGE_M, LONGEST_RANGE_M, "m"),
+    "beam_width_rad": bounds.number("Sensor", "beam_width_rad"),
+    "range_sigma_m": bounds.number("Sensor", "range_sigma_m"),
+    "range_bias_m": bounds.number("Sensor", "range_bias_m"),
+    "air_temperature_c": bounds.number("Sweep", "air_temperature_c"),
+}
 
 
 class SweepError(NoctuleError):
@@ -23,6 +35,9 @@ class SweepError(NoctuleError):
 class SweepReadings:
     """One sweep. Arrays are (n,); a range is free of bias and of the air's temperature, NaN where there is no usable
     echo.
+
+    Raises SweepError where a number is one that no sweep has: none that could overflow, or take time or memory without
+    bound, comes to the map.
     """
 
     identity: tuple[str, int]  # log_id, log_sequence
@@ -38,6 +53,17 @@ class SweepReadings:
     no_echo: np.ndarray  # bool: the sensor listened and heard nothing
     beam_width_rad: float
     range_sigma_m: float | None  # None: not calibrated
+
+    def __post_init__(self) -> None:
+        name, readings = _name(self.identity, self.unit), len(self.bearing_rad)
+        if not readings == len(self.range_m) == len(self.no_echo) <= bounds.MAX_READINGS:
+            raise SweepError(f"{name} has {readings} readings: a sweep has {bounds.MAX_READINGS} at most; drop it")
+        for field in ("time_s", "x_m", "y_m", "heading_rad", "sigma_position_m", "sigma_heading_rad", "bearing_rad"):
+            _check(name, field, getattr(self, field))
+        _check(name, "beam_width_rad", self.beam_width_rad)
+        _check(name, "range_m", self.range_m[~np.isnan(self.range_m)])
+        if self.range_sigma_m is not None:
+            _check(name, "range_sigma_m", self.range_sigma_m)
 
     @property
     def direction_rad(self) -> np.ndarray:
@@ -60,31 +86,20 @@ def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:
 def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) -> SweepReadings:
     """The sweep's readings as arrays; ``sensor`` stands in for what the sweep does not say of its own.
 
-    Raises SweepError where there is no pose or a number is not finite.
+    Raises SweepError where there is no pose or a number is one that no sweep has.
     """
-    default = sensor or SensorConfig()
+    default, name = sensor or SensorConfig(), _name(identity_of(sweep), sweep.unit)
     if not sweep.HasField("pose"):
-        raise SweepError(f"{_name(sweep)} has no pose: give the unit a pose, a path or a pose key in the site file")
+        raise SweepError(f"{name} has no pose: give the unit a pose, a path or a pose key in the site file")
     own = sweep.sensor if sweep.HasField("sensor") else messages_pb2.Sensor()
     bias_m = own.range_bias_m if own.HasField("range_bias_m") else default.range_bias_m
-    sigma_m = own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m
-    width_rad = own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
-    if sigma_m is not None and not 0 < sigma_m < math.inf:
-        raise SweepError(f"{_name(sweep)} has range_sigma_m {sigma_m}: leave it out where it is not known")
-    if sigma_m is not None and sigma_m > _WIDEST_SIGMA_M:
-        raise SweepError(
-            f"{_name(sweep)} has range_sigma_m {sigma_m}: give it in metres, or leave it out where it is not known"
-        )
-    if not math.isfinite(bias_m):
-        raise SweepError(f"{_name(sweep)} has range_bias_m {bias_m}: leave it out where it is not known")
-    if not _COLDEST_AIR_C < celsius < math.inf:
-        raise SweepError(f"{_name(sweep)} has air_temperature_c {celsius}: leave it out where it is not measured")
-    if not 0 < width_rad <= math.pi:
-        raise SweepError(f"{_name(sweep)} has beam_width_rad {width_rad}: give the full width, above 0 and up to pi")
-    range_m = _flights_s(sweep) * speed_of_sound_m_s(celsius) / 2 - bias_m
+    _check(name, "range_bias_m", bias_m)
+    _check(name, "air_temperature_c", celsius)
+    with np.errstate(over="ignore"):  # beyond all numbers is beyond the longest range
+        range_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m
     range_m[(range_m < default.shortest_range_m) | (range_m > default.longest_range_m)] = np.nan
-    readings = SweepReadings(
+    return SweepReadings(
         identity=identity_of(sweep),
         unit=sweep.unit,
         time_s=sweep.start.seconds + sweep.start.nanos * 1e-9,
@@ -96,23 +111,19 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
         bearing_rad=np.array([reading.bearing_rad for reading in sweep.readings], dtype=float),
         range_m=range_m,
         no_echo=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
-        beam_width_rad=width_rad,
-        range_sigma_m=sigma_m,
+        beam_width_rad=own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad,
+        range_sigma_m=own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m,
     )
-    _check_finite(sweep, readings)
-    return readings
 
 
-def _flights_s(sweep: messages_pb2.Sweep) -> np.ndarray:
+def _flights_s(sweep: messages_pb2.Sweep, name: str) -> np.ndarray:
     """Times of flight, (n,), NaN where there was no echo or none that a reflector can have made."""
     echo = (messages_pb2.READING_STATUS_UNSPECIFIED, messages_pb2.READING_STATUS_ECHO)
     flights_s = np.full(len(sweep.readings), np.nan)
     for index, reading in enumerate(sweep.readings):
         if reading.status in echo and reading.HasField("time_of_flight_s"):
             if not math.isfinite(reading.time_of_flight_s):
-                raise SweepError(
-                    f"{_name(sweep)}, reading {index}: time_of_flight_s is not finite; leave it out for no echo"
-                )
+                raise SweepError(f"{name}, reading {index}: time_of_flight_s is not finite; leave it out for no echo")
             flights_s[index] = reading.time_of_flight_s
     return flights_s
 
@@ -122,26 +133,14 @@ def _heard_nothing(reading: messages_pb2.Reading) -> bool:
     return unsaid or reading.status == messages_pb2.READING_STATUS_NO_ECHO
 
 
-def _check_finite(sweep: messages_pb2.Sweep, readings: SweepReadings) -> None:
-    if not 0 <= readings.time_s < _END_OF_TIME_S:
-        raise SweepError(f"{_name(sweep)} starts at {readings.time_s:g} s of Unix time, out of reach; mend its clock")
-    if max(abs(readings.x_m), abs(readings.y_m)) > _EDGE_OF_SITE_M:
-        raise SweepError(f"{_name(sweep)} lies {_EDGE_OF_SITE_M:g} m or more from the site's origin; mend its pose")
-    for field in (
-        "time_s",
-        "x_m",
-        "y_m",
-        "heading_rad",
-        "sigma_position_m",
-        "sigma_heading_rad",
-        "bearing_rad",
-    ):
-        if not np.all(np.isfinite(getattr(readings, field))):
-            raise SweepError(f"{_name(sweep)}: {field} is not finite; mend or drop the sweep")
-    if readings.sigma_position_m < 0 or readings.sigma_heading_rad < 0:
-        raise SweepError(f"{_name(sweep)}: a standard deviation is negative; mend its pose")
+def _check(name: str, field: str, values: np.ndarray | float) -> None:
+    """Raise SweepError where a value of ``field`` of the sweep called ``name`` lies outside its bounds, or is NaN."""
+    bound, values = _BOUNDS[field], np.asarray(values, dtype=float)
+    outside = values[~((values >= bound.least) & (values <= bound.most))]
+    if outside.size:
+        raise SweepError(f"{name}: {field} {bound.fault(float(outside.flat[0]))}")
 
 
-def _name(sweep: messages_pb2.Sweep) -> str:
-    log_id, number = identity_of(sweep)
-    return f"sweep {number} of {log_id!r} (unit {sweep.unit!r})"
+def _name(identity: tuple[str, int], unit: str) -> str:
+    log_id, number = identity
+    return f"sweep {number} of {log_id!r} (unit {unit!r})"

@@ -4,8 +4,22 @@ with noctule.Client("paper-room") as client:
     client.on_contour(lambda contour: print(len(contour.walls), "walls"))
 """
 
-from noctule.client import Client
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from noctule.errors import BusError, KeyFormatError, NoctuleError, SiteFileError, SurveyError
-from noctule.follow import LogFollower
+
+if TYPE_CHECKING:
+    from noctule.client import Client
+    from noctule.follow import LogFollower
 
 __all__ = ["BusError", "Client", "KeyFormatError", "LogFollower", "NoctuleError", "SiteFileError", "SurveyError"]
+
+_ON_THE_BUS = {"Client": "noctule.client", "LogFollower": "noctule.follow"}
+
+
+def __getattr__(name: str) -> Any:
+    """What needs the bus is loaded when it is first asked for: who reads files of sweeps does not wait for Zenoh."""
+    if name not in _ON_THE_BUS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_ON_THE_BUS[name]), name)

@@ -1,11 +1,14 @@
-"""The command noctule-mapper; a module here for each command. One that fails says why in one line."""
+"""The command noctule-mapper; a module here for each command. One that fails says why in one line.
+
+A command loads what it works with when it is called, in its own function, so that no help and no other command waits
+for that.
+"""
 
 import sys
 from collections.abc import Sequence
 
 import typer
 
-from noctule.errors import NoctuleError
 from noctule_mapper.cli.calibrate import calibrate
 from noctule_mapper.cli.export import export
 from noctule_mapper.cli.fit import fit
@@ -23,5 +26,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line, or ``arguments``; tell in one line what went wrong. Raises SystemExit with the status."""
     try:
         app(arguments)
-    except (NoctuleError, OSError) as error:
+    except Exception as error:
+        from noctule.errors import NoctuleError
+
+        if not isinstance(error, NoctuleError | OSError):
+            raise
         sys.exit(f"noctule-mapper: {error}")

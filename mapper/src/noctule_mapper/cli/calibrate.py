@@ -3,18 +3,13 @@
 import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from noctule import survey
-from noctule.messages_pb2 import Sweep
-from noctule_mapper.calibration.calibrate import calibrate as calibrate_sensor
-from noctule_mapper.calibration.sensor_files import sensor_fields, write_into_site, write_sensor
-from noctule_mapper.calibration.table import calibration_table
-from noctule_mapper.calibration.wall_readings import CalibrationError
-from noctule_mapper.config import GridConfig, SensorConfig
-from noctule_mapper.sweep import SweepReadings, from_message
+if TYPE_CHECKING:
+    from noctule.messages_pb2 import Sweep
+    from noctule_mapper.sweep import SweepReadings
 
 
 def calibrate(
@@ -31,6 +26,12 @@ def calibrate(
     out: Annotated[Path | None, typer.Option(help="TOML file for fit --sensor.")] = None,
 ) -> None:
     """Calibrate a range sensor from repeated readings of a wall, and print what it is worth."""
+    from noctule import survey
+    from noctule_mapper.calibration.calibrate import calibrate as calibrate_sensor
+    from noctule_mapper.calibration.sensor_files import sensor_fields, write_into_site, write_sensor
+    from noctule_mapper.calibration.table import calibration_table
+    from noctule_mapper.config import GridConfig, SensorConfig
+
     messages = _of_one_unit(survey.read(sweeps), unit)
     facing_rad = None if facing_deg is None else math.radians(facing_deg)
     calibration = calibrate_sensor([_unbiased(message) for message in messages], wall_distance, facing_rad)
@@ -50,8 +51,10 @@ def calibrate(
             print(f"These have their own: {', '.join(own)}; give --unit to change it.")
 
 
-def _of_one_unit(sweeps: Iterable[Sweep], unit: str | None) -> list[Sweep]:
+def _of_one_unit(sweeps: "Iterable[Sweep]", unit: str | None) -> "list[Sweep]":
     """The sweeps of the one unit, each once: read twice, they would make the figures look surer than they are."""
+    from noctule_mapper.calibration.wall_readings import CalibrationError
+
     chosen = list(
         {sweep.SerializeToString(deterministic=True): sweep for sweep in sweeps if unit in (None, sweep.unit)}.values()
     )
@@ -63,8 +66,11 @@ def _of_one_unit(sweeps: Iterable[Sweep], unit: str | None) -> list[Sweep]:
     return chosen
 
 
-def _unbiased(sweep: Sweep) -> SweepReadings:
+def _unbiased(sweep: "Sweep") -> "SweepReadings":
     """The sweep's readings with no mean error taken off, whatever has been known of it."""
+    from noctule.messages_pb2 import Sweep
+    from noctule_mapper.sweep import from_message
+
     raw = Sweep()
     raw.CopyFrom(sweep)
     raw.sensor.range_bias_m = 0.0

@@ -5,28 +5,27 @@ from typing import Annotated
 
 import typer
 
-from noctule import survey
-from noctule_mapper.config import MapperConfig, Method
-from noctule_mapper.contour_table import contour_table
-from noctule_mapper.fit import map_survey
-from noctule_mapper.fusion import Rule
-from noctule_mapper.live.config import load_sensor
-from noctule_mapper.report import contour_message
-
-_DEFAULT = MapperConfig()
+from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
 
 def fit(
     sweeps: Annotated[Path, typer.Argument(metavar="SURVEY", help="Sweeps as JSON lines, or MCAP by suffix.")],
     contour: Annotated[Path, typer.Option(help="Where the contour goes, as JSON.")],
-    method: Annotated[Method, typer.Option(help="How walls and cylinders are found.")] = _DEFAULT.method,
-    rule: Annotated[Rule, typer.Option(help="How the grid's beliefs are fused.")] = _DEFAULT.rule,
+    method: Annotated[Method, typer.Option(help="How walls and cylinders are found.")] = DEFAULT_METHOD,
+    rule: Annotated[Rule, typer.Option(help="How the grid's beliefs are fused.")] = DEFAULT_RULE,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the sensor's calibration.")] = None,
     contacts: Annotated[
         Path | None, typer.Option(help="Where what each reading touched goes, as CSV: by tangent circle and by R2d.")
     ] = None,
 ) -> None:
     """Fit the contour of a survey, and print it."""
+    from noctule import survey
+    from noctule_mapper.config import MapperConfig
+    from noctule_mapper.contour_table import contour_table
+    from noctule_mapper.fit import map_survey
+    from noctule_mapper.live.config import load_sensor
+    from noctule_mapper.report import contour_message
+
     calibration = load_sensor(sensor) if sensor else None
     mapper, site = map_survey(survey.read(sweeps), MapperConfig(method=method, rule=rule), calibration)
     result = contour_message(mapper.contour(), site=site)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.echoes import Echoes
@@ -128,6 +127,8 @@ def neighbours(echoes: Echoes, others: Echoes, config: ContactConfig) -> tuple[n
     """Pairs that may touch one circle by where they were heard and how far: numbers of the echo and of the other, and
     their baseline, (p,) each, baselines from ``shortest_baseline_m`` to ``longest_baseline_m``.
     """
+    from scipy.spatial import KDTree  # takes a while to load, and only the tangent circles need it
+
     places, other_places = (KDTree(np.stack([one.x_m, one.y_m], axis=1)) for one in (echoes, others))
     near = places.sparse_distance_matrix(other_places, config.longest_baseline_m, output_type="coo_matrix")
     i, j, baseline_m = near.row, near.col, near.data

@@ -1,23 +1,26 @@
 """The reliability grid: square tiles of cells, each cell with the evidence of all readings that speak of it."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
+from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig
 from noctule_mapper.fusion.disc import disc
 from noctule_mapper.fusion.folded import folded_pcr5
 from noctule_mapper.fusion.levels import FREE_LEVELS, arc_beliefs, free_beliefs
 from noctule_mapper.fusion.regions import Arcs
-from noctule_mapper.fusion.rules import Rule
 from noctule_mapper.fusion.streams import stream
-from noctule_mapper.fusion.tiles import Key, Tiles
+from noctule_mapper.fusion.tiles import Key, Tiles, arc_reach_cells
 
 _SECTORS_PER_BEAM = 16
 _MOST_AT_ONCE = 256  # cones or arcs in one stroke, and how far apart
 _WIDEST_CELLS = 1 << 13
+_NARROWEST_BEAM_RAD = math.radians(0.1)  # that the sectors of the table follow
+_MOST_ARC_CELLS = 1 << 20  # looked at in one stroke of arcs
 
 
 class CellState(IntEnum):
@@ -65,14 +68,17 @@ class Grid:
         """Put in (sign 1) or take out (sign -1) the space before arcs, as ``regions.free_space`` gives it; beams of one
         width.
         """
-        for some in _parts(apex):
+        for some in _parts(apex, _MOST_AT_ONCE):
             reach = 1 << int(beam[some, 3].max() + 1).bit_length()
-            sectors = int(np.ceil(2 * np.pi / beam[some.start, 4] * _SECTORS_PER_BEAM))
+            sectors = math.ceil(2 * np.pi / max(beam[some.start, 4], _NARROWEST_BEAM_RAD) * _SECTORS_PER_BEAM)
             self._touch(self._tiles.count_cones(apex[some], beam[some], disc(reach, sectors), sign))
 
     def add(self, arcs: Arcs, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) contact regions."""
-        for some in _parts(np.floor(arcs.table[:, :2] / self.cell_m)):
+        if not len(arcs.table):
+            return
+        most = min(_MOST_AT_ONCE, max(1, _MOST_ARC_CELLS // (2 * arc_reach_cells(arcs.table, self.cell_m) + 1) ** 2))
+        for some in _parts(np.floor(arcs.table[:, :2] / self.cell_m), most):
             self._touch(self._tiles.add_arcs(arcs.table[some], self.cell_m, sign))
 
     def changed(self) -> list[GridTile]:
@@ -113,11 +119,11 @@ class Grid:
             occupied[touched], free[touched] = fused[:, 0], fused[:, 1]
 
 
-def _parts(cells: np.ndarray, first: int = 0) -> Iterator[slice]:
-    """Slices of ``cells`` (n, 2) for one stroke each: few and near one another."""
-    if len(cells) > 1 and (len(cells) > _MOST_AT_ONCE or np.ptp(cells, axis=0).max() > _WIDEST_CELLS):
+def _parts(cells: np.ndarray, most: int, first: int = 0) -> Iterator[slice]:
+    """Slices of ``cells`` (n, 2) for one stroke each: ``most`` at once, and near one another."""
+    if len(cells) > 1 and (len(cells) > most or np.ptp(cells, axis=0).max() > _WIDEST_CELLS):
         half = len(cells) // 2
-        yield from _parts(cells[:half], first)
-        yield from _parts(cells[half:], first + half)
+        yield from _parts(cells[:half], most, first)
+        yield from _parts(cells[half:], most, first + half)
     elif len(cells):
         yield slice(first, first + len(cells))

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 MOST_SUM = 64.0  # as many certain sources; of more, the sum falls short alike for all sets: fusion divides it out
 LEAST_SUM = 1e-8  # of the masses in one product; what is below it weighs less than the error
@@ -47,6 +46,8 @@ def design(count: int, rounds: int = 12) -> tuple[np.ndarray, np.ndarray]:
     A product's share errs by |S sum_q w_q exp(-S t_q) - 1|, and that counts by ``worst_case``. Start: the trapezoid in
     x of t = exp(x - exp(-x)); then least squares in log t and log w, with the worst S weighed up from round to round.
     """
+    from scipy.optimize import least_squares  # takes a while to load, and the table is there already
+
     sums = np.geomspace(LEAST_SUM, MOST_SUM, 480)
     worth = worst_case(sums) * sums
     x = np.linspace(-1.5, -0.75 * np.log(LEAST_SUM), count)

@@ -11,6 +11,11 @@ from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.echoes import Echoes
 from noctule_mapper.sweep import SweepReadings
 
+# A cone and an arc are stroked cell by cell, so what a reading costs goes by the squares of these, whatever the cells'
+# size: at 2 cm they are 41 m, more than a range can be, and 1 m, twice the widest sigma.
+_FARTHEST_CELLS = 2046.0
+_WIDEST_ARC_CELLS = 50.0
+
 
 @dataclass(frozen=True)
 class Arcs:
@@ -30,9 +35,10 @@ class Cones(NamedTuple):
 
 def epsilon_m(sigma_m: np.ndarray | float, config: GridConfig) -> np.ndarray:
     """The paper's eps from the sensor's sigma; at least the way from a cell's centre to its corner, lest an arc slip
-    between cells.
+    between cells, and no more than a grid so fine can afford.
     """
-    return np.maximum(config.epsilon_sigmas * np.asarray(sigma_m), config.cell_m * np.sqrt(0.5))
+    least_m, most_m = config.cell_m * np.sqrt(0.5), config.cell_m * _WIDEST_ARC_CELLS
+    return np.clip(config.epsilon_sigmas * np.asarray(sigma_m), least_m, most_m)
 
 
 def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs:
@@ -57,6 +63,6 @@ def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
     gap = np.minimum(np.diff(axis, append=axis[:1] + 2 * np.pi), sweep.beam_width_rad)
     beam = np.empty((len(axis), 5))
     beam[:, 0], beam[:, 1], beam[:, 2] = axis, axis - np.roll(gap, 1) / 2, axis + gap / 2
-    beam[:, 3], beam[:, 4] = np.maximum(reach_m, 0) / config.cell_m, sweep.beam_width_rad
+    beam[:, 3], beam[:, 4] = np.clip(reach_m / config.cell_m, 0, _FARTHEST_CELLS), sweep.beam_width_rad
     apex = np.array([math.floor(sweep.x_m / config.cell_m), math.floor(sweep.y_m / config.cell_m)])
     return Cones(np.repeat(apex[None], len(axis), axis=0), beam)

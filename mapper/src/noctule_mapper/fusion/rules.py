@@ -4,14 +4,14 @@ A belief is (occupied, free, unknown), summing to one. ``fuse`` takes beliefs as
 rules for readings that come and go.
 """
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
 from noctule.errors import NoctuleError
+from noctule_mapper.choices import Rule
 from noctule_mapper.fusion.streams import StreamedRule, stream
 
-Rule = Literal["pcr6+", "pcr6", "pcr5", "pcr2", "dempster", "dsmc"]
 MOST_PCR5_SOURCES = 10  # PCR5 shares by products of masses, which do not factorise: its 3^s terms are summed
 _MOST_TERMS = 3_000_000  # at a time
 _LEAST_MASS = 1e-300

@@ -10,7 +10,6 @@ import numpy as np
 
 from noctule_mapper.fusion.disc import Disc
 from noctule_mapper.fusion.levels import ARC_STEPS, FREE_LEVELS
-from noctule_mapper.fusion.strokes import stroke_arcs, stroke_cones
 
 Key = tuple[int, int]
 
@@ -30,6 +29,9 @@ class Tiles:
     """Square tiles of ``side`` cells, a power of two; ``terms`` (levels, width) are those of the arcs' beliefs."""
 
     def __init__(self, side: int, terms: np.ndarray) -> None:
+        from noctule_mapper.fusion import strokes  # loads Numba, which only a grid that is made should cost
+
+        self._strokes = strokes
         self.slots: dict[Key, int] = {}
         self._side, self._bits = side, side.bit_length() - 1
         self._terms = terms
@@ -52,7 +54,7 @@ class Tiles:
         change = self._counts.dtype.type(1) if sign > 0 else ~self._counts.dtype.type(0)
         places = apex - window.corner
         table = disc.first, disc.step, disc.distance
-        left = stroke_cones(
+        left = self._strokes.stroke_cones(
             places, beam, *table, window.slots, window.pieces, self._spare, self._counts, self._bits, change
         )
         return self._settle(window, left, sign)
@@ -60,11 +62,11 @@ class Tiles:
     def add_arcs(self, arcs: np.ndarray, cell_m: float, sign: int) -> list[Key]:
         """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``; the tiles touched."""
         middle = arcs[:, :2] + arcs[:, 2:3] * np.stack([np.cos(arcs[:, 3]), np.sin(arcs[:, 3])], axis=1)
-        reach = int(4.4 * arcs[:, 4].max() / cell_m) + 3  # what stroke_arcs may take; 4.4 is the root of 19
+        reach = arc_reach_cells(arcs, cell_m)
         window = self._window(np.floor(middle / cell_m).astype(int), reach)
         self._reserve_tiles(min(window.slots.size, len(arcs) * (2 * reach // self._side + 2) ** 2))
         self._reserve_rows(len(arcs) * (2 * reach + 1) ** 2)
-        left, self._left_rows = stroke_arcs(
+        left, self._left_rows = self._strokes.stroke_arcs(
             *(arcs, window.corner, cell_m, ARC_STEPS, window.slots, window.pieces, self._spare, self._rows),
             *(self._spare_rows, self._left_rows, self._held, self._sums, self._terms, self._bits, sign),
         )
@@ -133,6 +135,11 @@ class Tiles:
             left = self._spare_rows[: self._left_rows].copy()
             self._spare_rows[: len(new)], self._spare_rows[len(new) : len(new) + len(left)] = new, left
             self._left_rows += len(new)
+
+
+def arc_reach_cells(arcs: np.ndarray, cell_m: float) -> int:
+    """How far from its contact any of ``arcs`` (n, 5), n of at least 1, may be stroked; the root of 19 is under 4.4."""
+    return int(4.4 * arcs[:, 4].max() / cell_m) + 3
 
 
 def _grown(array: np.ndarray, used: int, length: int) -> np.ndarray:

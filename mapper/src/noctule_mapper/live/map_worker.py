@@ -9,11 +9,13 @@ from time import monotonic
 from noctule.messages_pb2 import Contour, Features, GridTile
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.store import Identity
+from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.report import contour_message, features_message, tile_message
 from noctule_mapper.sweep import SweepReadings
 
 _log = logging.getLogger(__name__)
+_FIT = "fit"
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ class _Waiting:
 class MapWorker:
     """Sweeps in, map states out. A long fit holds up no delivery, and fits take no more than their share of time.
 
-    A sweep that breaks the map (a bug) ends the worker, and check() raises what happened. A fit that fails is told and
-    tried again with the next sweeps.
+    A sweep that breaks the map (a bug) is set aside, and the map is made again of the others. A fit that fails is told
+    and tried again with the next sweeps. What else happens ends the worker, and check() raises it.
     """
 
     def __init__(
@@ -55,16 +57,22 @@ class MapWorker:
         service: str,
         next_version: Callable[[], int],
         show: Callable[[MapState], None],
+        set_aside: Callable[[SweepReadings, Exception], None],
+        troubles: Troubles,
     ) -> None:
-        """``show`` is called with each new state, on the worker's thread; ``next_version`` numbers the contours."""
-        self._mapper = Mapper(config.mapper)
+        """``show`` is called with each new state and ``set_aside`` with each sweep that broke the map, on the worker's
+        thread; ``next_version`` numbers the contours; a fit that fails is among the ``troubles`` until one succeeds.
+        """
+        self._config = config.mapper
+        self._mapper = self._empty_map()
         self._pace = config.pace
         self._site, self._service = site, service
         self._next_version, self._show = next_version, show
+        self._set_aside, self._troubles = set_aside, troubles
         self._changed = threading.Condition()
         self._waiting = _Waiting()
         self._closing = False
-        self._failure: Exception | None = None
+        self._failure: BaseException | None = None
         self._oldest_unfitted_s: float | None = None
         self._next_fit_s = monotonic()
         self._figures = {"contours": 0, "contour_failures": 0, "contour_fit_ms": 0, "contour_delay_ms": 0}
@@ -107,7 +115,7 @@ class MapWorker:
                 self._apply(self._next())
                 if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
                     self._fit_and_show(self._oldest_unfitted_s)
-        except Exception as error:
+        except BaseException as error:  # what comes out of Zenoh may be no Exception
             self._failure = error
             self._refuse_more()
 
@@ -123,22 +131,63 @@ class MapWorker:
         """Change the map; a long rebuild breaks off when it is told to close, and is begun anew next time."""
         for identity in waiting.left:
             if not self._closing:
-                self._mapper.remove_sweep(identity)
+                self._take_off(identity)
         for readings in waiting.entered.values():
             if not self._closing:
-                self._mapper.register_sweep(readings)
+                self._put_on(readings)
         if self._oldest_unfitted_s is None:
             self._oldest_unfitted_s = waiting.since_s
+
+    def _take_off(self, identity: Identity) -> None:
+        try:
+            self._mapper.remove_sweep(identity)
+        except Exception:
+            _log.exception("sweep %s could not be taken off the map: it is made again without it", identity)
+            self._make_again([sweep for sweep in self._mapper.sweeps() if sweep.identity != identity])
+
+    def _put_on(self, readings: SweepReadings) -> None:
+        try:
+            self._mapper.register_sweep(readings)
+        except Exception as error:
+            self._set_aside(readings, error)
+            self._make_again([sweep for sweep in self._mapper.sweeps() if sweep.identity != readings.identity])
+
+    def _make_again(self, sweeps: Sequence[SweepReadings]) -> None:
+        """The map of ``sweeps`` from nothing, for a change that was broken off may have left anything behind."""
+        left = list(sweeps)
+        while (number := self._first_that_breaks(left)) is not None:
+            del left[number]
+
+    def _first_that_breaks(self, sweeps: Sequence[SweepReadings]) -> int | None:
+        """Make the map of ``sweeps``; the place of the first one that breaks it, None where it has come to its end."""
+        self._mapper = self._empty_map()
+        for number, readings in enumerate(sweeps):
+            if self._closing:
+                return None
+            try:
+                self._mapper.register_sweep(readings)
+            except Exception as error:
+                self._set_aside(readings, error)
+                return number
+        return None
+
+    def _empty_map(self) -> Mapper:
+        """A map whose grid is there from the start, so that a sweep which breaks it is known by its coming."""
+        mapper = Mapper(self._config)
+        mapper.grid.tiles()
+        return mapper
 
     def _fit_and_show(self, oldest_s: float) -> None:
         began_s = monotonic()
         self._oldest_unfitted_s = None
         try:
             state = self._fit()
-        except Exception:
-            _log.exception("the contour could not be fitted: the last one stands until more sweeps come")
+        except Exception as error:
+            kind = type(error).__name__
+            self._troubles.begin(_FIT, f"the contour can't be fitted ({kind}): the last one stands, see the log", error)
             self._figures["contour_failures"] += 1
         else:
+            self._troubles.end(_FIT, "the contour is fitted again")
             self._show(state)
             self._figures["contours"] += 1
             self._figures["contour_delay_ms"] = round(1e3 * (monotonic() - oldest_s))

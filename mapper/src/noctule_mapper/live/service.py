@@ -21,7 +21,8 @@ from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.rerun_log import NoLog, RerunLog, SceneLog
-from noctule_mapper.live.store import SweepStore
+from noctule_mapper.live.store import Identity, SweepStore
+from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.sweep import SweepError, SweepReadings, from_message, identity_of
 
 _log = logging.getLogger(__name__)
@@ -72,16 +73,25 @@ class LiveMapper:
         self._settings, self._store, self._log, self._client = settings, store, log, client
         self._publisher = MapPublisher(client.session, settings.site, settings.service)
         self._schemas = bus.declare_schemas(client.session)
+        self._troubles = Troubles(log.show_event)
         self._worker = MapWorker(
-            settings.config, settings.site, settings.service, store.next_contour_version, self._show
+            settings.config,
+            settings.site,
+            settings.service,
+            store.next_contour_version,
+            self._show,
+            self._set_aside,
+            self._troubles,
         )
         self._follower = LogFollower(client, self.deliver, store.cursors())
-        self._counts = Counter(sweeps_taken=0, sweeps_unusable=0)
+        self._counts = Counter(sweeps_taken=0, sweeps_unusable=0, sweeps_set_aside=len(store.sweeps_set_aside()))
         self._told_unusable: set[str] = set()
         self._contour = Contour()
 
     def start(self) -> None:
         """Rebuild the map from the store, and go on from where it ends."""
+        for unit, identity, reason in self._store.sweeps_set_aside()[-1:]:
+            self._tell_set_aside(unit, identity, reason)
         held = [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
         for readings in held:
             self._log.recall_sweep(readings)
@@ -115,6 +125,7 @@ class LiveMapper:
             version=version("noctule-mapper"),
             counters=self.counters(),
             cursors=self._store.cursors().values(),
+            detail=self._troubles.detail(),
         )
         status.time.GetCurrentTime()
         self._publisher.publish_status(status)
@@ -146,6 +157,21 @@ class LiveMapper:
             return None
         self._told_unusable.discard(sweep.unit)
         return readings
+
+    def _set_aside(self, readings: SweepReadings, error: Exception) -> None:
+        """Keep a sweep that broke the map off it, after a restart too."""
+        reason = f"{type(error).__name__}: {error}"
+        self._store.set_aside(readings.identity, reason)
+        self._counts["sweeps_set_aside"] += 1
+        self._tell_set_aside(readings.unit, readings.identity, reason, error)
+
+    def _tell_set_aside(self, unit: str, identity: Identity, reason: str, error: Exception | None = None) -> None:
+        log_id, sequence = identity
+        text = (
+            f"sweeps that broke the map and are set aside: {self._counts['sweeps_set_aside']}, the last one sweep "
+            f"{sequence} of {log_id!r} (unit {unit!r}, {reason}); mapping goes on, please report it"
+        )
+        self._troubles.begin("set aside", text, error)
 
     def _show(self, state: MapState) -> None:
         self._publisher.publish_map(state.contour, state.features, state.tiles)

@@ -28,6 +28,10 @@ CREATE TABLE IF NOT EXISTS sweep (
 CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
 CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad);
 CREATE TABLE IF NOT EXISTS cursor (unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS set_aside (
+    log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, unit TEXT NOT NULL, at_ns INTEGER NOT NULL,
+    reason TEXT NOT NULL, record BLOB NOT NULL,
+    PRIMARY KEY (log_id, log_sequence));
 CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL);
 INSERT INTO contour SELECT 0 WHERE NOT EXISTS (SELECT * FROM contour);
 """
@@ -56,7 +60,8 @@ WHERE {_NEAR}
 """
 _ENTER = """
 INSERT OR IGNORE INTO sweep
-VALUES (:unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record)
+SELECT :unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record
+WHERE NOT EXISTS (SELECT * FROM set_aside WHERE log_id = :log_id AND log_sequence = :log_sequence)
 """
 # Of a place, the newest sweeps of its newest visit stay. What came in another log is older.
 _SUPERSEDED = f"""
@@ -71,6 +76,17 @@ _TOO_MANY = """
 DELETE FROM sweep WHERE rowid IN (
     SELECT rowid FROM sweep ORDER BY rowid DESC LIMIT -1 OFFSET :max_sweeps)
 RETURNING log_id, log_sequence
+"""
+# Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
+# have been in it.
+_SET_ASIDE = """
+INSERT OR REPLACE INTO set_aside SELECT log_id, log_sequence, unit, :now_ns, :reason, record FROM sweep
+WHERE log_id = :log_id AND log_sequence = :log_sequence
+"""
+_TAKE_OUT = "DELETE FROM sweep WHERE log_id = :log_id AND log_sequence = :log_sequence"
+_FORGET = """
+DELETE FROM set_aside WHERE at_ns < :now_ns - :max_age_ns OR rowid NOT IN (
+    SELECT rowid FROM set_aside ORDER BY at_ns DESC LIMIT :max_sweeps)
 """
 
 
@@ -120,6 +136,22 @@ class SweepStore:
             entered=tuple(sweep for identity, sweep in entered.items() if identity not in left),
             left=tuple(identity for identity in left if identity not in entered),
         )
+
+    def set_aside(self, identity: Identity, reason: str) -> None:
+        """Take a sweep out of the window for good: it broke the map, and would do so again after a restart."""
+        row = dict(zip(("log_id", "log_sequence"), identity, strict=True)) | {"reason": reason}
+        limits = {"max_age_ns": int(self._window.max_age_s * 1e9), "max_sweeps": self._window.max_sweeps}
+        now = {"now_ns": self._now_ns()}
+        with self._transaction() as database:
+            database.execute(_SET_ASIDE, row | now)
+            database.execute(_TAKE_OUT, row)
+            database.execute(_FORGET, limits | now)
+
+    def sweeps_set_aside(self) -> list[tuple[str, Identity, str]]:
+        """Unit, identity and reason of each sweep that is set aside, the last one last."""
+        with self._transaction() as database:
+            rows = database.execute("SELECT unit, log_id, log_sequence, reason FROM set_aside ORDER BY at_ns, rowid")
+            return [(unit, (log_id, sequence), reason) for unit, log_id, sequence, reason in rows.fetchall()]
 
     def sweeps(self) -> list[Sweep]:
         """The sweeps of the window, oldest first."""

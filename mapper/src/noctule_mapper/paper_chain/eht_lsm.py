@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
@@ -46,6 +45,8 @@ def contour_from(
     Corners are where walls cross (Section VI), in favour of crossings that explain echoes of no wall or cylinder;
     those miss an object by ``bin_m`` more than the echoes' own errors.
     """
+    from scipy.linalg import block_diag  # takes a while to load, and the default method does without
+
     objects = [*(wall.line for wall in walls), *(cylinder.circle for cylinder in cylinders)]
     covariances = [one.covariance for one in (*walls, *cylinders)]
     offsets = np.concatenate([[0], np.cumsum([len(one) for one in covariances])]).astype(int)

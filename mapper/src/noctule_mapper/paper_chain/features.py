@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from noctule_mapper.config import FeatureConfig
 from noctule_mapper.contacts.tangent_circle import TangentCircles
@@ -15,6 +14,7 @@ from noctule_mapper.echoes import Echoes
 from noctule_mapper.fusion.grid import GridTile
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3), int)
+_MOST_TILES = 4096  # laid out as one array: 80 m square of 2 cm cells
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,8 @@ _SMALLEST_RADIUS_M = 0.01  # what bends more is no cylinder of ours
 
 def _points_of(tiles: Sequence[GridTile], touches: _Touches, config: FeatureConfig) -> FeaturePoints:
     """The feature points of tiles that lie together, laid out as one array."""
+    from scipy import ndimage  # takes a while to load, and the default method does without
+
     occupied, first_column, first_row = _mosaic(tiles)
     cell_m = tiles[0].cell_m
     label = np.zeros(occupied.shape, np.int32)
@@ -163,7 +165,22 @@ def _adjacent(tiles: Sequence[GridTile]) -> Iterator[list[GridTile]]:
                 if beside in left:
                     group.append(left.pop(beside))
                     reached.append(beside)
+        yield from _within(group, _MOST_TILES)
+
+
+def _within(group: list[GridTile], most: int) -> Iterator[list[GridTile]]:
+    """The group cut across its longer side until each part's box holds ``most`` tiles: a path of a kilometre aslant has
+    a box that no memory holds.
+    """
+    keys = np.array([(tile.tile_x, tile.tile_y) for tile in group])
+    extent = np.ptp(keys, axis=0) + 1
+    if extent.prod() <= most:
         yield group
+        return
+    axis = int(extent.argmax())
+    cut = (keys[:, axis].min() + keys[:, axis].max()) / 2
+    for side in (keys[:, axis] <= cut, keys[:, axis] > cut):
+        yield from _within([tile for tile, chosen in zip(group, side, strict=True) if chosen], most)
 
 
 def _of_the_majority(places: np.ndarray, kind: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ lines and circles (randomised, RHT).
 The accumulators' bins are all the accuracy there is: nothing is fitted.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,18 +16,36 @@ _LEAST_SINE = 1e-6
 
 @dataclass(frozen=True)
 class LineAccumulator:
-    """Votes int (thetas, rhos) for lines x cos theta + y sin theta = rho; theta_rad (thetas,) from 0 up to pi, rho_m
-    (rhos,).
+    """Votes for lines x cos theta + y sin theta = rho; theta_rad (thetas,) from 0 up to pi, rho_m (rhos,).
+
+    Only bins with votes are kept, ``row`` after row, each with its ``column`` and ``count``, (m,): so the memory goes
+    by the number of points, not by how far from one another and from the origin they lie.
     """
 
     theta_rad: np.ndarray
-    rho_m: np.ndarray
-    votes: np.ndarray
+    lowest: int  # rho of column 0, in bins
+    rho_bin_m: float
+    row: np.ndarray
+    column: np.ndarray
+    count: np.ndarray
+
+    @property
+    def rho_m(self) -> np.ndarray:
+        """Of each column, (rhos,)."""
+        return (np.arange(self.column.max() + 1) + self.lowest) * self.rho_bin_m
+
+    @property
+    def votes(self) -> np.ndarray:
+        """All bins, int (thetas, rhos)."""
+        votes = np.zeros((len(self.theta_rad), self.column.max() + 1), int)
+        votes[self.row, self.column] = self.count
+        return votes
 
     def peak(self) -> tuple[float, float, int]:
         """The bin (theta_rad, rho_m) with the most votes, and these."""
-        row, column = np.unravel_index(self.votes.argmax(), self.votes.shape)
-        return float(self.theta_rad[row]), float(self.rho_m[column]), int(self.votes[row, column])
+        at = self.count.argmax()
+        rho_m = (self.column[at] + self.lowest) * self.rho_bin_m
+        return float(self.theta_rad[self.row[at]]), float(rho_m), int(self.count[at])
 
 
 def line_accumulator(x_m: np.ndarray, y_m: np.ndarray, theta_bin_rad: float, rho_bin_m: float) -> LineAccumulator:
@@ -52,21 +71,21 @@ def randomised_line_accumulator(
 
 
 def _counted(row: np.ndarray, rho_m: np.ndarray, theta_rad: np.ndarray, rho_bin_m: float) -> LineAccumulator:
-    lowest = np.floor(rho_m.min() / rho_bin_m)
+    lowest = math.floor(rho_m.min() / rho_bin_m)
     column = np.rint(rho_m / rho_bin_m - lowest).astype(int)
-    votes = np.zeros((len(theta_rad), column.max() + 1), int)
-    np.add.at(votes, (row, column), 1)
-    return LineAccumulator(theta_rad, (np.arange(votes.shape[1]) + lowest) * rho_bin_m, votes)
+    columns = int(column.max()) + 1
+    bins, count = np.unique(row * columns + column, return_counts=True)
+    return LineAccumulator(theta_rad, lowest, rho_bin_m, bins // columns, bins % columns, count)
 
 
 def line_peaks(
     accumulator: LineAccumulator, least_votes: int, window_rad: float, window_m: float
 ) -> list[tuple[float, float, int]]:
     """Peaks (theta_rad, rho_m, votes), highest first: bins that no higher peak within the window suppresses."""
-    rows, columns = np.nonzero(accumulator.votes >= least_votes)
-    height = accumulator.votes[rows, columns]
-    order = np.argsort(-height, kind="stable")
-    theta, rho, height = accumulator.theta_rad[rows][order], accumulator.rho_m[columns][order], height[order]
+    high = np.nonzero(accumulator.count >= least_votes)[0]
+    high = high[np.argsort(-accumulator.count[high], kind="stable")]
+    theta, height = accumulator.theta_rad[accumulator.row[high]], accumulator.count[high]
+    rho = (accumulator.column[high] + accumulator.lowest) * accumulator.rho_bin_m
     peaks = []
     while len(theta):
         peaks.append((float(theta[0]), float(rho[0]), int(height[0])))

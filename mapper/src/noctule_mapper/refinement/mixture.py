@@ -112,9 +112,18 @@ def _late_share(
 
 
 def _respread(data: Evidence, echo: np.ndarray, share: np.ndarray, score: _Score, freedom: float) -> Evidence:
-    """The evidence with the spread of the uncalibrated ranges that the residuals show, ``freedom`` of them used up."""
+    """The evidence with the spread of the uncalibrated ranges that the residuals show, ``freedom`` of them used up; as
+    it was where the objects explain not one of these ranges.
+    """
     open_ = ~data.echoes.calibrated[echo]
+    explained = float(share[open_].sum())
+    if explained < 1:
+        return data
     count = float(share.sum())
     square = (share * (score.mean_m**2 + score.variance_m2) / data.range_sigma_m[echo] ** 2)[open_].sum()
-    left = max(float(share[open_].sum()) * (1 - freedom / max(count, 1.0)), 1.0)
-    return data.respread(np.where(data.echoes.calibrated, 1.0, np.sqrt(square / left)))
+    left = max(explained * (1 - freedom / max(count, 1.0)), 1.0)
+    spread_m = np.maximum(np.sqrt(square / left) * data.range_sigma_m, _LEAST_SPREAD_M)
+    return replace(data, range_sigma_m=np.where(data.echoes.calibrated, data.range_sigma_m, spread_m))
+
+
+_LEAST_SPREAD_M = 1e-4  # ranges that agree exactly are rounded ones; a spread of nought would make them certain

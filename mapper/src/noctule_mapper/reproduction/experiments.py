@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.calibration.calibrate import Calibration
-from noctule_mapper.config import Method
+from noctule_mapper.choices import Method
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.paper_chain.features import FeaturePoints

@@ -8,7 +8,8 @@ from typing import get_args
 
 import numpy as np
 
-from noctule_mapper.config import MapperConfig, Method
+from noctule_mapper.choices import Method
+from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.estimate import Contour
 from noctule_mapper.mapper import Mapper

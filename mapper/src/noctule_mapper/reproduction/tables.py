@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from noctule_mapper.config import Method
+from noctule_mapper.choices import Method
 from noctule_mapper.reproduction import paper
 from noctule_mapper.reproduction.comparison import Comparison, Spread
 

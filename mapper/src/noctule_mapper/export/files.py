@@ -1,0 +1,89 @@
+"""A survey or a contour, from a file, as files of another format: what ``noctule-mapper export`` does."""
+
+import json
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from google.protobuf import json_format
+
+from noctule import bounds, survey
+from noctule.errors import BoundsError, NoctuleError
+from noctule.messages_pb2 import Contour
+from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
+from noctule_mapper.config import MapperConfig, SensorConfig
+from noctule_mapper.export.ros_map import OccupancyMap, occupancy_map, outline_map, pgm, yaml
+from noctule_mapper.fit import map_survey
+from noctule_mapper.report import contour_message
+from noctule_mapper.whole_file import write_whole
+
+_CONTOUR_FIELDS = {"walls", "corners", "cylinders", "method"}  # no Sweep has one of them
+_ROS_SUFFIXES = (".yaml", ".yml")
+_SUFFIXES = (".geojson", ".dxf", *_ROS_SUFFIXES)
+
+
+class ExportError(NoctuleError):
+    """An export that was asked for in a way that can't be."""
+
+
+def export_file(
+    source: Path, out: Path, method: Method | None = None, rule: Rule | None = None, sensor: SensorConfig | None = None
+) -> Contour:
+    """Write ``source`` to ``out`` in the format that its suffix names; the contour that is in it.
+
+    Raises ExportError where the suffix is of no format, or where a contour comes with what only a survey is fitted by.
+    """
+    if out.suffix not in _SUFFIXES:
+        raise ExportError(f"{out} has the suffix {out.suffix!r}: name it by its format, {', '.join(_SUFFIXES)}")
+    config = MapperConfig(method=method or DEFAULT_METHOD, rule=rule or DEFAULT_RULE)
+    contour = _contour(source)
+    if contour is None:
+        sweeps = list(survey.read(source))
+        mapper, site = map_survey(sweeps, config, sensor)
+        contour = contour_message(mapper.contour(), site=site)
+        places_m = np.array([(sweep.pose.x_m, sweep.pose.y_m) for sweep in sweeps]).reshape(-1, 2)
+
+        def ros_map() -> OccupancyMap:
+            return occupancy_map(contour, mapper.grid.tiles(), places_m, config.grid)
+    elif method or rule or sensor:
+        raise ExportError(f"{source} is fitted already: leave out --method, --rule and --sensor, or give its survey")
+    else:
+        ros_map = partial(outline_map, contour, config.grid.cell_m)
+    write_whole(_files(contour, ros_map, out))
+    return contour
+
+
+def _files(contour: Contour, ros_map: Callable[[], OccupancyMap], out: Path) -> Mapping[Path, bytes]:
+    if out.suffix == ".geojson":
+        from noctule_mapper.export.geojson import geojson
+
+        return {out: geojson(contour)}
+    if out.suffix == ".dxf":
+        from noctule_mapper.export.dxf import dxf
+
+        return {out: dxf(contour)}
+    image = out.with_suffix(".pgm")
+    occupancy = ros_map()
+    return {image: pgm(occupancy), out: yaml(occupancy, image.name)}
+
+
+def _contour(source: Path) -> Contour | None:
+    """The contour in the file, None where it holds sweeps."""
+    if source.suffix == survey.MCAP_SUFFIX:
+        return None
+    try:
+        fields = json.loads(source.read_text(encoding="utf-8"))
+    except ValueError:  # several lines of JSON, or none: the survey's reader says what is wrong
+        return None
+    if not isinstance(fields, dict) or not _CONTOUR_FIELDS & fields.keys():
+        return None
+    try:
+        contour = json_format.ParseDict(fields, Contour())
+    except json_format.ParseError as error:
+        raise ExportError(f"{source} is not a contour: {error}") from error
+    try:
+        bounds.check(contour)
+    except BoundsError as error:
+        raise ExportError(f"{source}: {error}: fit the survey again") from error
+    return contour
