@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from noctule import messages_pb2
+from noctule import bounds, messages_pb2
 from noctule_mapper.sweep import SweepReadings, speed_of_sound_m_s
 
 HALF_BEAM_RAD = math.radians(11.25)  # as stated: Liu et al. 2019, Section II.A
@@ -24,6 +24,7 @@ PAPER_SIGMA_M = 0.0032  # Section V.A
 PAPER_BIAS_M = 0.0023  # Section V.A
 SHORTEST_M, LONGEST_M = 0.02, 4.0
 _NO_LONGER_HEARD_RAD = math.radians(130)  # a corner this wide answers no more
+_LEAST_STATED_M = bounds.number("Sensor", "range_sigma_m").least  # a spread that a sweep may state
 _BLIND_END_M = 1e-3  # of a line of sight, at the reflector itself
 _FIRST_SWEEP_S = 1_767_225_600  # the first second of 2026; any would do
 
@@ -205,7 +206,7 @@ def _labelled_sweep(
         range_m=range_m,
         no_echo=np.isnan(range_m),
         beam_width_rad=2 * HALF_BEAM_RAD,
-        range_sigma_m=physics.sigma_m if calibrated else None,
+        range_sigma_m=max(physics.sigma_m, _LEAST_STATED_M) if calibrated else None,
     )
     return LabelledSweep(sweep, tuple(labels), late_m, physics.sigma_m)
 
