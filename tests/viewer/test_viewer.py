@@ -79,9 +79,10 @@ def middle_row(picture: np.ndarray, colour: tuple[int, int, int]) -> float | Non
     return float(np.median(rows)) if len(rows) > 1000 else None
 
 
-def viewer_processes() -> list[psutil.Process]:
-    """The command that this test has started, its only child, and the relay below it."""
-    return psutil.Process().children(recursive=True)
+def viewer_processes(running: Programs) -> list[psutil.Process]:
+    """The command that this test has started, and the relay below it."""
+    command = psutil.Process(running.pid("viewer"))
+    return [command, *command.children(recursive=True)]
 
 
 def processor_s(processes: list[psutil.Process]) -> float:
@@ -119,7 +120,7 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
 def test_an_idle_relay_leaves_the_processor_alone(running: Programs) -> None:
     start_relay(running)
     wait_until(lambda: "Watch the map" in running.log("viewer"), "no address", within_s=60)
-    tree = viewer_processes()
+    tree = viewer_processes(running)
     # A busy process beside it gets what a busy relay would get, however loaded the machine is: with a layout file as
     # its source Rerun 0.41 was as busy as that.
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
@@ -144,7 +145,7 @@ def test_a_viewer_that_comes_late_gets_the_layout_once_and_no_empty_recording(
 
 def test_the_relay_ends_with_the_command_that_started_it_even_if_that_is_killed(running: Programs) -> None:
     relay = start_relay(running)
-    command, process = viewer_processes()
+    command, process = viewer_processes(running)
     command.kill()
     wait_until(lambda: not process.is_running(), "the relay lives on", within_s=20)
     assert not listens(relay.port)
@@ -152,7 +153,7 @@ def test_the_relay_ends_with_the_command_that_started_it_even_if_that_is_killed(
 
 def test_a_relay_that_dies_ends_the_command_with_its_status(running: Programs) -> None:
     start_relay(running)
-    command, process = viewer_processes()
+    command, process = viewer_processes(running)
     process.kill()
     assert command.wait(timeout=20) == 128 + signal.SIGKILL
     assert "the relay ended by itself, with status -9" in running.log("viewer")
