@@ -22,7 +22,7 @@ from noctule.messages_pb2 import Cursor, Sweep
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.sweep import from_message
+from noctule_mapper.readings.sweep import from_message
 
 HISTORY = 100_000  # sweeps
 TIMED = 1_000

@@ -17,10 +17,10 @@ from mapper.room import paper_path, paper_room, survey
 from noctule_mapper.config import GridConfig, MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook
 from noctule_mapper.contacts.voting import Contacts
-from noctule_mapper.echoes import Echoes, echoes_of
-from noctule_mapper.fusion.grid import Grid
-from noctule_mapper.fusion.regions import Cones, contact_regions, free_space
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.grid.grid import Grid
+from noctule_mapper.grid.regions import Cones, contact_regions, free_space
+from noctule_mapper.readings.echoes import Echoes, echoes_of
+from noctule_mapper.readings.sweep import SweepReadings
 
 CELLS_M = (0.02, 0.05)
 SOURCE = Path(__file__).with_name("mrpt_range_grid.cpp")

@@ -18,10 +18,10 @@ from skimage.transform import hough_circle, hough_circle_peaks, hough_line, houg
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.paper_chain.cylinders import ransac_hough
-from noctule_mapper.paper_chain.features import FeaturePoints
-from noctule_mapper.paper_chain.hough import hough_cylinders, hough_walls
-from noctule_mapper.paper_chain.walls import extended_hough
+from noctule_mapper.paper.cylinders import ransac_hough
+from noctule_mapper.paper.features import FeaturePoints
+from noctule_mapper.paper.hough import hough_cylinders, hough_walls
+from noctule_mapper.paper.walls import extended_hough
 
 CONFIG = MapperConfig()
 SEEDS = range(401, 411)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.sweep import SweepReadings
 
 FOLDER = Path(__file__).parents[3] / "shared" / "data" / "udacity_sonar_corridor"
 BEARINGS_RAD = np.radians([-90.0, -37.5, -22.5, -7.5, 7.5, 22.5, 37.5, 90.0])

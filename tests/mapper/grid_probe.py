@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from noctule_mapper.fusion.grid import Grid, GridTile
-from noctule_mapper.fusion.regions import Arcs, Cones
+from noctule_mapper.grid.grid import Grid, GridTile
+from noctule_mapper.grid.regions import Arcs, Cones
 
 WIDTH_RAD = np.radians(22.5)
 

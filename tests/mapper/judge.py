@@ -7,7 +7,7 @@ import numpy as np
 from mapper.label_fit import LabelFit, label_fit, on_time, variances, wall_lines
 from mapper.room import LabelledSweep, Room, distance_to_sides_m
 
-from noctule_mapper.estimate import Contour, Cylinder, Wall
+from noctule_mapper.contour.contour import Contour, Cylinder, Wall
 
 NEAR_M = 0.05  # farther from any true corner, wall or cylinder, an object is an invented one
 LEAST_PLACES = 5  # from which both walls of a corner answered, for it to be due

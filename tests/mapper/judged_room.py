@@ -24,9 +24,9 @@ from mapper.room import (
 
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.sweep import SweepReadings, from_message
+from noctule_mapper.readings.sweep import SweepReadings, from_message
 
 Made = tuple[Room, np.ndarray, Physics]
 

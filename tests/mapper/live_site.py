@@ -15,7 +15,7 @@ from noctule import bus
 from noctule.client import Client
 from noctule.messages_pb2 import Contour, Pose, Reading, Sensor, Sweep
 from noctule.replay import Replay
-from noctule_mapper.sweep import SweepReadings, speed_of_sound_m_s
+from noctule_mapper.readings.sweep import SweepReadings, speed_of_sound_m_s
 
 SITE = "paper-room"
 AIR_TEMPERATURE_C = 21.0

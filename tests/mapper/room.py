@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.reproduction.specular import (
     BEARINGS_RAD,
     HALF_BEAM_RAD,
@@ -23,7 +24,6 @@ from noctule_mapper.reproduction.specular import (
     survey_labelled,
     walk,
 )
-from noctule_mapper.sweep import SweepReadings
 
 __all__ = [
     "BEARINGS_RAD",

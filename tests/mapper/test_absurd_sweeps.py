@@ -15,10 +15,10 @@ from noctule import bounds
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.choices import Method
 from noctule_mapper.config import GridConfig, MapperConfig, SensorConfig
-from noctule_mapper.fit import fit
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.report import contour_message
-from noctule_mapper.sweep import SweepError, SweepReadings, from_message
+from noctule_mapper.messages import contour_message
+from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message
+from noctule_mapper.survey_fit import fit
 
 pytestmark = pytest.mark.timeout(
     120

@@ -17,7 +17,7 @@ from noctule_mapper.calibration.calibrate import Calibration, calibrate
 from noctule_mapper.calibration.screening import CYCLE_M
 from noctule_mapper.calibration.wall_readings import CalibrationError
 from noctule_mapper.live.config import load_sensor
-from noctule_mapper.sweep import from_message
+from noctule_mapper.readings.sweep import from_message
 
 SITE = """# Of the workshop's end wall.
 site = "bench"   # its name

@@ -11,8 +11,8 @@ from mapper.room import paper_room, sweep_at
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.contacts.contact_book import ContactBook
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.echoes import echoes_of
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.echoes import echoes_of
+from noctule_mapper.readings.sweep import SweepReadings
 
 CONFIG = ContactConfig()
 PLACES = np.array([(x, y, 0.0) for x in (-0.1, 0.2, 0.5) for y in (-0.4, -0.1, 0.2)])

@@ -7,7 +7,7 @@ from mapper.room import BEARINGS_RAD, HALF_BEAM_RAD, paper_path, paper_room, sur
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.contacts.contact_book import ContactBook
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.echoes import Echoes, echoes_of
+from noctule_mapper.readings.echoes import Echoes, echoes_of
 
 CONFIG = ContactConfig()
 EXACT_M = 1e-6  # a spread so small that ranges may be taken for exact

@@ -7,7 +7,7 @@ import pytest
 
 from mapper import corridor
 from noctule_mapper.config import MapperConfig, SensorConfig
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 
 pytestmark = pytest.mark.skipif(not corridor.FOLDER.is_dir(), reason="the corridor log is not beside the repository")

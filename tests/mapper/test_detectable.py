@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from noctule_mapper.contacts.detectable import deviation_m, greatest_radius_as_printed_m, greatest_radius_m
+from noctule_mapper.paper.detectable import deviation_m, greatest_radius_as_printed_m, greatest_radius_m
 
 SIGMA_M, STEP_M = 0.0032, 0.2  # d = sigma = 0.32 cm, l_step = 20 cm: Section V.C
 

@@ -13,8 +13,8 @@ from mapper.room import paper_path, paper_room, survey
 from noctule.errors import SurveyError
 from noctule.messages_pb2 import Contour, Sweep
 from noctule.survey import write
-from noctule_mapper.fit import fit
-from noctule_mapper.sweep import speed_of_sound_m_s
+from noctule_mapper.readings.sweep import speed_of_sound_m_s
+from noctule_mapper.survey_fit import fit
 
 PAPER_BIAS_M = 0.0023  # Section V.A
 

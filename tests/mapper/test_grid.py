@@ -10,12 +10,12 @@ from mapper.room import paper_path, paper_room, survey
 from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig, MapperConfig
 from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
-from noctule_mapper.echoes import Echoes
 from noctule_mapper.fusion import fuse
-from noctule_mapper.fusion.grid import Grid
-from noctule_mapper.fusion.regions import Cones, contact_regions, free_space
 from noctule_mapper.fusion.sensor_model import arc_masses
+from noctule_mapper.grid.grid import Grid
+from noctule_mapper.grid.regions import Cones, contact_regions, free_space
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.echoes import Echoes
 
 CONFIG = GridConfig()
 RULES = get_args(Rule)

@@ -5,8 +5,8 @@ import pytest
 from mapper.test_walls_and_cylinders import of_wall, on_line, together
 
 from noctule_mapper.config import HoughConfig
-from noctule_mapper.paper_chain.hough import hough_cylinders, hough_walls
-from noctule_mapper.paper_chain.hough_transform import (
+from noctule_mapper.paper.hough import hough_cylinders, hough_walls
+from noctule_mapper.paper.hough_transform import (
     line_accumulator,
     line_peaks,
     randomised_circle,

@@ -9,7 +9,7 @@ from mapper.label_fit import label_fit, wall_lines
 from mapper.room import HARD, PAPER, LabelledSweep, Physics, Room, paper_path, paper_room, survey_labelled
 from scipy.stats import chi2
 
-from noctule_mapper.estimate import Contour, Corner, Cylinder, Wall
+from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
 
 UNCERTAIN = replace(PAPER, sigma_position_m=HARD.sigma_position_m, sigma_heading_rad=HARD.sigma_heading_rad)
 

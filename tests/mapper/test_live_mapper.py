@@ -12,11 +12,11 @@ from system.processes import wait_until
 
 from mapper import room
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus
-from noctule_mapper.fit import fit
 from noctule_mapper.live.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.sweep import from_message
+from noctule_mapper.readings.sweep import from_message
+from noctule_mapper.survey_fit import fit
 
 SAME_M = 1e-6  # the order in which sums are made; a sweep more or less moves walls by far more
 

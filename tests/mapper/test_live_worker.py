@@ -16,12 +16,12 @@ from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
 from noctule_mapper.live.config import LiveConfig, Pace, Window
 from noctule_mapper.live.map_worker import MapState, MapWorker
-from noctule_mapper.live.rerun_log import NoLog
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.report import contour_message
-from noctule_mapper.sweep import SweepReadings, from_message
+from noctule_mapper.messages import contour_message
+from noctule_mapper.readings.sweep import SweepReadings, from_message
+from noctule_mapper.rerun_view.log import NoLog
 
 PATIENCE_S = 30.0
 NEAR_M = 0.02  # a cylinder is where it was put: ten of a fit's errors in the paper's room

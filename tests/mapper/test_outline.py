@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from noctule_mapper.refinement.outline import OutlineError, outlines
+from noctule_mapper.contour.outline import OutlineError, outlines
 
 SQUARE = [((0, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 1), (0, 1)), ((0, 1), (0, 0))]
 

@@ -15,10 +15,10 @@ from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.choices import Method
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.paper_chain.eht_lsm import eht_lsm
-from noctule_mapper.paper_chain.hough import hough
+from noctule_mapper.paper.eht_lsm import eht_lsm
+from noctule_mapper.paper.hough import hough
 
 SEEDS = range(6000, 6050)
 

@@ -6,7 +6,7 @@ from mapper.judge import corner_errors_m, invented
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 
 SEEDS = range(900, 906)

@@ -18,7 +18,7 @@ from noctule import scene
 from noctule_mapper.choices import Method
 from noctule_mapper.cli.reproduce import MissingExtraError, reproduce
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.reproduction import paper
 from noctule_mapper.reproduction.comparison import compare, corner_values, wall_values

@@ -16,7 +16,7 @@ import rerun as rr
 from mapper.rerun_relay import Relay, SlowLine, relay, viewer
 from system.processes import wait_until
 
-from noctule_mapper.live.rerun_link import Drawing, Entries, RelayAddressError, RerunLink
+from noctule_mapper.rerun_view.link import Drawing, Entries, RelayAddressError, RerunLink
 
 FLOOD = Path(__file__).with_name("rerun_flood.py")
 AT_ONCE_S = 0.25  # far under the 5 s that connecting to a dead relay takes, far over what a busy machine adds

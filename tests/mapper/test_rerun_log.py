@@ -10,8 +10,8 @@ from mapper.rerun_relay import Viewer, relay, viewer
 
 from noctule import scene
 from noctule.messages_pb2 import Contour, Cylinder, GridTile, Point, ServiceStatus, UnitStatus, Wall
-from noctule_mapper.live.rerun_log import RerunLog
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.sweep import SweepReadings
+from noctule_mapper.rerun_view.log import RerunLog
 
 QUARTER_RAD = np.pi / 2
 

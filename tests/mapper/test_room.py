@@ -27,7 +27,7 @@ from mapper.room import (
 import noctule_mapper
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import SensorConfig
-from noctule_mapper.sweep import from_message
+from noctule_mapper.readings.sweep import from_message
 
 EXACT = Physics(sigma_m=1e-12)
 SQUARE = Room(np.array([(0.0, 0), (3, 0), (3, 3), (0, 3)]))

@@ -15,8 +15,8 @@ from noctule import bounds, survey
 from noctule.messages_pb2 import READING_STATUS_NO_ECHO, Contour, Sweep
 from noctule_mapper.choices import Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig
-from noctule_mapper.fit import fit
-from noctule_mapper.sweep import speed_of_sound_m_s
+from noctule_mapper.readings.sweep import speed_of_sound_m_s
+from noctule_mapper.survey_fit import fit
 
 pytestmark = pytest.mark.filterwarnings("error")  # a division by nought on the way is a fault too
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from noctule_mapper.fusion import fuse
-from noctule_mapper.fusion.folded import folded_pcr5
 from noctule_mapper.fusion.quadrature import COUNTS, LEAST_SUM, MOST_SUM, design, nodes, worst_case
 from noctule_mapper.fusion.streams import StreamedRule, stream
+from noctule_mapper.grid.pcr5_fold import folded_pcr5
 
 
 @pytest.mark.parametrize("rule", get_args(StreamedRule))

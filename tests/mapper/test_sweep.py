@@ -8,7 +8,7 @@ from google.protobuf.json_format import Parse
 
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import SensorConfig
-from noctule_mapper.sweep import SweepError, from_message, identity_of, speed_of_sound_m_s
+from noctule_mapper.readings.sweep import SweepError, from_message, identity_of, speed_of_sound_m_s
 
 SHORTEST = {
     "site": "s",

@@ -11,8 +11,8 @@ from noctule_mapper.config import ContactConfig, MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook
 from noctule_mapper.contacts.tangent_circle import TangentCircles, tangent_circles
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.echoes import Echoes
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.echoes import Echoes
 
 CONFIG = ContactConfig()
 SIGMA_M = 0.0032  # Section V.A

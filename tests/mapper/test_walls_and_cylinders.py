@@ -7,9 +7,9 @@ import pytest
 
 from noctule_mapper.config import CylinderConfig, WallConfig
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.paper_chain.cylinders import least_squares_circle, ransac_hough
-from noctule_mapper.paper_chain.features import FeaturePoints
-from noctule_mapper.paper_chain.walls import extended_hough, orthogonal_line
+from noctule_mapper.paper.cylinders import least_squares_circle, ransac_hough
+from noctule_mapper.paper.features import FeaturePoints
+from noctule_mapper.paper.walls import extended_hough, orthogonal_line
 
 SIGMA_M = 0.0032  # Section V.A
 

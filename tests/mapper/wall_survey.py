@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from noctule.messages_pb2 import Pose, Sensor, Sweep
-from noctule_mapper.sweep import speed_of_sound_m_s
+from noctule_mapper.readings.sweep import speed_of_sound_m_s
 
 SIGMA_M, MEAN_M = 0.0032, 0.0023  # Section V.A, as said of a range
 GROUPS, REPEATS, STEP_M, FIRST_M = 12, 50, 0.2, 0.3

@@ -11,7 +11,7 @@ from noctule import survey
 from noctule.client import Client
 from noctule.messages_pb2 import Contour, Sweep
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.fit import fit
+from noctule_mapper.survey_fit import fit
 
 SAME_M = 1e-3  # a refit from the same sweeps differs by rounding alone; a missing sweep moves walls by more
 

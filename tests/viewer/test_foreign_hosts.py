@@ -27,7 +27,7 @@ NO_AUTOFILL = "--disable-features=AutofillServerCommunication"
 DRAWING = """
 import sys
 from system.processes import wait_until
-from noctule_mapper.live.rerun_log import RerunLog
+from noctule_mapper.rerun_view.log import RerunLog
 log = RerunLog(sys.argv[1], "paper-room")
 log.show_event("hello")
 wait_until(lambda: log.counters()["rerun_drawn"] == 1, "nothing was drawn", 60)

@@ -9,15 +9,15 @@ from dataclasses import replace
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook, ContactChange
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
-from noctule_mapper.echoes import echoes_of
-from noctule_mapper.estimate import Contour
-from noctule_mapper.fusion.grid import Grid
-from noctule_mapper.fusion.regions import contact_regions, free_space
-from noctule_mapper.paper_chain.eht_lsm import eht_lsm
-from noctule_mapper.paper_chain.features import FeaturePoints, feature_points
-from noctule_mapper.paper_chain.hough import hough
+from noctule_mapper.contour.contour import Contour
+from noctule_mapper.grid.grid import Grid
+from noctule_mapper.grid.regions import contact_regions, free_space
+from noctule_mapper.paper.eht_lsm import eht_lsm
+from noctule_mapper.paper.features import FeaturePoints, feature_points
+from noctule_mapper.paper.hough import hough
+from noctule_mapper.readings.echoes import echoes_of
+from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
-from noctule_mapper.sweep import SweepReadings
 
 
 class Mapper:

@@ -7,7 +7,7 @@ from noctule_mapper.calibration.screening import Screening, screen
 from noctule_mapper.calibration.spread import Spread, spread
 from noctule_mapper.calibration.wall_fit import Estimate, WallFit, fit_wall
 from noctule_mapper.calibration.wall_readings import CalibrationError, wall_readings
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.sweep import SweepReadings
 
 MOST_MEAN_ERROR_M = 0.1  # no sensor has so much; the distance given is then another
 

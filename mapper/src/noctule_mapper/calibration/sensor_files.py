@@ -13,7 +13,7 @@ from noctule import site
 from noctule.errors import SiteFileError
 from noctule_mapper.calibration.calibrate import Calibration
 from noctule_mapper.calibration.wall_readings import CalibrationError
-from noctule_mapper.whole_file import write_whole
+from noctule_mapper.export.atomic_write import write_whole
 
 
 def sensor_fields(calibration: Calibration) -> dict[str, float]:

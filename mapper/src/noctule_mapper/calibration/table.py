@@ -3,7 +3,7 @@
 from noctule_mapper.calibration.calibrate import Calibration
 from noctule_mapper.calibration.spread import Spread
 from noctule_mapper.calibration.wall_fit import Estimate, WallFit
-from noctule_mapper.contacts.detectable import greatest_radius_as_printed_m, greatest_radius_m
+from noctule_mapper.paper.detectable import greatest_radius_as_printed_m, greatest_radius_m
 
 SIGNIFICANCE = 0.01  # a probability below it is told of
 _DISTANCES_M = (0.3, 0.7, 1.0)  # the paper's, Section V.C

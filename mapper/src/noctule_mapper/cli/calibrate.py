@@ -9,7 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from noctule.messages_pb2 import Sweep
-    from noctule_mapper.sweep import SweepReadings
+    from noctule_mapper.readings.sweep import SweepReadings
 
 
 def calibrate(
@@ -69,7 +69,7 @@ def _of_one_unit(sweeps: "Iterable[Sweep]", unit: str | None) -> "list[Sweep]":
 def _unbiased(sweep: "Sweep") -> "SweepReadings":
     """The sweep's readings with no mean error taken off, whatever has been known of it."""
     from noctule.messages_pb2 import Sweep
-    from noctule_mapper.sweep import from_message
+    from noctule_mapper.readings.sweep import from_message
 
     raw = Sweep()
     raw.CopyFrom(sweep)

@@ -21,10 +21,10 @@ def fit(
     """Fit the contour of a survey, and print it."""
     from noctule import survey
     from noctule_mapper.config import MapperConfig
-    from noctule_mapper.contour_table import contour_table
-    from noctule_mapper.fit import map_survey
+    from noctule_mapper.contour.table import contour_table
     from noctule_mapper.live.config import load_sensor
-    from noctule_mapper.report import contour_message
+    from noctule_mapper.messages import contour_message
+    from noctule_mapper.survey_fit import map_survey
 
     calibration = load_sensor(sensor) if sensor else None
     mapper, site = map_survey(survey.read(sweeps), MapperConfig(method=method, rule=rule), calibration)

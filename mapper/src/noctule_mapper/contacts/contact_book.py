@@ -14,7 +14,7 @@ import numpy as np
 
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.contacts.voting import Contacts, contacts, join_contacts, votes
-from noctule_mapper.echoes import Echoes, join
+from noctule_mapper.readings.echoes import Echoes, join
 
 Identity = tuple[str, int]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.contacts.voting import Kind, neighbours, wrapped
-from noctule_mapper.echoes import Echoes
+from noctule_mapper.readings.echoes import Echoes
 
 Values = np.ndarray | float
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.refinement.likelihood import evidence, newest_of_each_beam
-from noctule_mapper.refinement.noise import estimate_sigma_m
+from noctule_mapper.contour.likelihood import evidence, newest_of_each_beam
+from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.noise import estimate_sigma_m
 
 
 def distinct_echoes(echoes: Echoes, config: MapperConfig) -> Echoes:

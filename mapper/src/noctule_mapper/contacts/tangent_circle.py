@@ -17,7 +17,7 @@ import numpy as np
 
 from noctule_mapper.config import ContactConfig
 from noctule_mapper.contacts.voting import Contacts, Kind, neighbours, wrapped
-from noctule_mapper.echoes import Echoes
+from noctule_mapper.readings.echoes import Echoes
 
 _AT_ONCE = 2000  # readings fitted together, which bounds the memory of their pairs
 _TOLERANCES_M = (0.04, 0.02, 0.01, 0.0, 0.0)  # beyond support_sigmas, step by step: the votes' bins are coarse

@@ -19,7 +19,7 @@ from enum import IntEnum
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.echoes import Echoes
+from noctule_mapper.readings.echoes import Echoes
 
 
 class Kind(IntEnum):

@@ -13,10 +13,10 @@ from noctule.errors import BoundsError, NoctuleError
 from noctule.messages_pb2 import Contour
 from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig
+from noctule_mapper.export.atomic_write import write_whole
 from noctule_mapper.export.ros_map import OccupancyMap, occupancy_map, outline_map, pgm, yaml
-from noctule_mapper.fit import map_survey
-from noctule_mapper.report import contour_message
-from noctule_mapper.whole_file import write_whole
+from noctule_mapper.messages import contour_message
+from noctule_mapper.survey_fit import map_survey
 
 _CONTOUR_FIELDS = {"walls", "corners", "cylinders", "method"}  # no Sweep has one of them
 _ROS_SUFFIXES = (".yaml", ".yml")

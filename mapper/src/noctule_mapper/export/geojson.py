@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Wall
+from noctule_mapper.contour.outline import Outline
 from noctule_mapper.export.shapes import circle_points, rings, signed_area_m2
-from noctule_mapper.refinement.outline import Outline
 
 FRAME = "metres in the site's own frame, not degrees of WGS 84"
 CYLINDER_CORNERS = 64

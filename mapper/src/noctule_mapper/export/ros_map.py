@@ -11,7 +11,7 @@ from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Contour
 from noctule_mapper.config import GridConfig
 from noctule_mapper.export.shapes import rings, signed_area_m2
-from noctule_mapper.fusion.grid import CellState, GridTile, cell_states
+from noctule_mapper.grid.grid import CellState, GridTile, cell_states
 
 # Pixels as ROS writes them. nav2_map_server/src/map_io.cpp, mode trinary, negate 0: with occ = (255 - pixel) / 255 a
 # cell is occupied where occ > occupied_thresh, else free where occ < free_thresh, else unknown. An unknown pixel's occ

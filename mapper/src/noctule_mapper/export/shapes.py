@@ -3,7 +3,7 @@
 import numpy as np
 
 from noctule.messages_pb2 import Contour
-from noctule_mapper.refinement.outline import Outline, outlines
+from noctule_mapper.contour.outline import Outline, outlines
 
 
 def contour_outlines(contour: Contour) -> list[Outline]:

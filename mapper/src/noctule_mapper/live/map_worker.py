@@ -11,8 +11,8 @@ from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.store import Identity
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.report import contour_message, features_message, tile_message
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.messages import contour_message, features_message, tile_message
+from noctule_mapper.readings.sweep import SweepReadings
 
 _log = logging.getLogger(__name__)
 _FIT = "fit"

@@ -20,10 +20,10 @@ from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStat
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
-from noctule_mapper.live.rerun_log import NoLog, RerunLog, SceneLog
 from noctule_mapper.live.store import Identity, SweepStore
 from noctule_mapper.live.troubles import Troubles
-from noctule_mapper.sweep import SweepError, SweepReadings, from_message, identity_of
+from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
+from noctule_mapper.rerun_view.log import NoLog, RerunLog, SceneLog
 
 _log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from typing import Any
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, Sweep
 from noctule_mapper.live.config import Window
-from noctule_mapper.sweep import identity_of
+from noctule_mapper.readings.sweep import identity_of
 
 Identity = tuple[str, int]
 """As from identity_of(); a log_id is drawn at random, so it names its unit too."""

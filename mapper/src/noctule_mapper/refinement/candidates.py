@@ -10,9 +10,9 @@ import numpy as np
 
 from noctule_mapper.config import ContactConfig, CylinderConfig, RefinementConfig
 from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.refinement.likelihood import Evidence
-from noctule_mapper.refinement.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.contour.likelihood import Evidence
+from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.readings.echoes import Echoes
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.refinement.reflectors import Crossing, Line, Reflector
+from noctule_mapper.contour.reflectors import Crossing, Line, Reflector
+from noctule_mapper.readings.echoes import Echoes
 
 _WEAK_PRIOR = 1e-2  # per square metre or radian: keeps what no echo determines where it is
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.choices import Method
-from noctule_mapper.estimate import Contour, Corner, Cylinder, Wall
+from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
 from noctule_mapper.reproduction import paper
 from noctule_mapper.reproduction.runs import Run
 

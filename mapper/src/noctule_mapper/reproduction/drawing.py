@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.reproduction import paper
 from noctule_mapper.reproduction.style import MUTED, TRUE
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from noctule_mapper.fusion.grid import GridTile
+from noctule_mapper.grid.grid import GridTile
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from noctule import scene
-from noctule_mapper.live import rerun_map
-from noctule_mapper.live.rerun_link import Entries
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.report import contour_message, features_message, tile_message
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.messages import contour_message, features_message, tile_message
+from noctule_mapper.readings.sweep import SweepReadings
+from noctule_mapper.rerun_view import map as rerun_map
+from noctule_mapper.rerun_view.link import Entries
 
 FIGURES = "figures"
 REPORT = "report"

@@ -11,15 +11,15 @@ from matplotlib.image import AxesImage
 from noctule_mapper.config import GridConfig, MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook
 from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
-from noctule_mapper.echoes import Echoes, echoes_of
-from noctule_mapper.fusion.grid import Grid, GridTile
-from noctule_mapper.fusion.regions import contact_regions, epsilon_m
 from noctule_mapper.fusion.sensor_model import arc_masses
+from noctule_mapper.grid.grid import Grid, GridTile
+from noctule_mapper.grid.regions import contact_regions, epsilon_m
+from noctule_mapper.readings.echoes import Echoes, echoes_of
+from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.reproduction import raster
 from noctule_mapper.reproduction.drawing import CENTRE_M, CORNERS_M, RADIUS_M
 from noctule_mapper.reproduction.raster import Raster
 from noctule_mapper.reproduction.style import FAINT, INK, MUTED, RELIABILITY, WALL, plan, sheet, styled
-from noctule_mapper.sweep import SweepReadings
 
 CELL_M = 0.002
 _WALL_WINDOW_M = (0.45, 0.98), (1.5, 1.62)

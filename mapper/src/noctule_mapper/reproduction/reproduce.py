@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from noctule_mapper.export.atomic_write import write_whole
 from noctule_mapper.reproduction.experiments import Experiments, experiments
 from noctule_mapper.reproduction.markdown_report import report
 from noctule_mapper.reproduction.pictures import pictures
 from noctule_mapper.reproduction.recording import record
-from noctule_mapper.whole_file import write_whole
 
 REPORT, RECORDING = "report.md", "survey.rrd"
 

@@ -10,8 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.estimate import Contour
-from noctule_mapper.paper_chain.features import FeaturePoints
+from noctule_mapper.contour.contour import Contour
+from noctule_mapper.paper.features import FeaturePoints
+from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.reproduction.drawing import (
     CENTRE_M,
     CORNERS_M,
@@ -35,7 +36,6 @@ from noctule_mapper.reproduction.style import (
     sheet,
     styled,
 )
-from noctule_mapper.sweep import SweepReadings
 
 _KINDS = ((Kind.WALL, "wall", WALL), (Kind.CYLINDER, "cylinder", CYLINDER), (Kind.CORNER, "corner", CORNER))
 _SHOWN_SWEEP = 5  # whose bearings are drawn

@@ -11,10 +11,10 @@ import numpy as np
 from noctule_mapper.choices import Method
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.estimate import Contour
+from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.reproduction.specular import paper_path, paper_room, survey_labelled
-from noctule_mapper.sweep import SweepReadings
 
 METHODS: tuple[Method, ...] = get_args(Method)
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from noctule import bounds, messages_pb2
-from noctule_mapper.sweep import SweepReadings, speed_of_sound_m_s
+from noctule_mapper.readings.sweep import SweepReadings, speed_of_sound_m_s
 
 HALF_BEAM_RAD = math.radians(11.25)  # as stated: Liu et al. 2019, Section II.A
 BEARINGS_RAD = np.radians(np.arange(-135, 136, 22.5))  # Section VI

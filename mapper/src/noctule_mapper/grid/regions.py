@@ -8,8 +8,8 @@ import numpy as np
 
 from noctule_mapper.config import GridConfig
 from noctule_mapper.contacts.voting import Contacts, Kind
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.sweep import SweepReadings
 
 # A cone and an arc are stroked cell by cell, so what a reading costs goes by the squares of these, whatever the cells'
 # size: at 2 cm they are 41 m, more than a range can be, and 1 m, twice the widest sigma.

@@ -10,8 +10,8 @@ import numpy as np
 from noctule_mapper.config import FeatureConfig
 from noctule_mapper.contacts.tangent_circle import TangentCircles
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.fusion.grid import GridTile
+from noctule_mapper.grid.grid import GridTile
+from noctule_mapper.readings.echoes import Echoes
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3), int)
 _MOST_TILES = 4096  # laid out as one array: 80 m square of 2 cm cells

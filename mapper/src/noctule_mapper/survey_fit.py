@@ -6,8 +6,8 @@ from noctule import messages_pb2
 from noctule.errors import SurveyError
 from noctule_mapper.config import MapperConfig, SensorConfig
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.report import contour_message
-from noctule_mapper.sweep import from_message
+from noctule_mapper.messages import contour_message
+from noctule_mapper.readings.sweep import from_message
 
 
 def fit(

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.config import WallConfig
-from noctule_mapper.paper_chain.features import FeaturePoints
-from noctule_mapper.paper_chain.hough_transform import line_accumulator
-from noctule_mapper.refinement.reflectors import Line
+from noctule_mapper.contour.reflectors import Line
+from noctule_mapper.paper.features import FeaturePoints
+from noctule_mapper.paper.hough_transform import line_accumulator
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from noctule_mapper.refinement.outline import Outline, outlines
+from noctule_mapper.contour.outline import Outline, outlines
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 
 from noctule_mapper.config import CylinderConfig
 from noctule_mapper.contacts.voting import wrapped
-from noctule_mapper.paper_chain.features import FeaturePoints
-from noctule_mapper.refinement.reflectors import Circle
+from noctule_mapper.contour.reflectors import Circle
+from noctule_mapper.paper.features import FeaturePoints
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
-from noctule_mapper.estimate import Contour, Corner, Cylinder, Wall
+from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
+from noctule_mapper.contour.likelihood import Evidence
+from noctule_mapper.contour.reflectors import Circle, Crossing, Line
 from noctule_mapper.refinement.joint_fit import Fit, Link
-from noctule_mapper.refinement.likelihood import Evidence
-from noctule_mapper.refinement.reflectors import Circle, Crossing, Line
 
 
 def link_ends(

@@ -7,9 +7,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from noctule import messages_pb2
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.estimate import Contour, Wall
-from noctule_mapper.fusion.grid import GridTile
-from noctule_mapper.paper_chain.features import FeaturePoints
+from noctule_mapper.contour.contour import Contour, Wall
+from noctule_mapper.grid.grid import GridTile
+from noctule_mapper.paper.features import FeaturePoints
 
 _KINDS = {
     Kind.WALL: messages_pb2.CONTACT_KIND_WALL,

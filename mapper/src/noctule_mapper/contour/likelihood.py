@@ -11,8 +11,8 @@ import numpy as np
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contacts.voting import wrapped
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.refinement.reflectors import Circle, Crossing, Line, Reflector, Spot
+from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector, Spot
+from noctule_mapper.readings.echoes import Echoes
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,10 @@ from typing import Any, Protocol
 
 from noctule import keys, scene
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, UnitStatus
-from noctule_mapper.live import rerun_map, rerun_status
-from noctule_mapper.live.rerun_link import Drawing, Entries, RerunLink
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.sweep import SweepReadings
+from noctule_mapper.rerun_view import map as rerun_map
+from noctule_mapper.rerun_view import status as rerun_status
+from noctule_mapper.rerun_view.link import Drawing, Entries, RerunLink
 
 _TRAIL_POSES = 500
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.sweep import SweepReadings
 
 
 @dataclass(frozen=True)

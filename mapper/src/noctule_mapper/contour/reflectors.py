@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from noctule_mapper.echoes import Echoes
+from noctule_mapper.readings.echoes import Echoes
 
 
 @dataclass(frozen=True)

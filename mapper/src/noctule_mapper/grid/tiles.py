@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.fusion.disc import Disc
 from noctule_mapper.fusion.levels import ARC_STEPS, FREE_LEVELS
+from noctule_mapper.grid.polar_cells import Disc
 
 Key = tuple[int, int]
 
@@ -29,9 +29,9 @@ class Tiles:
     """Square tiles of ``side`` cells, a power of two; ``terms`` (levels, width) are those of the arcs' beliefs."""
 
     def __init__(self, side: int, terms: np.ndarray) -> None:
-        from noctule_mapper.fusion import strokes  # loads Numba, which only a grid that is made should cost
+        from noctule_mapper.grid import kernels  # loads Numba, which only a grid that is made should cost
 
-        self._strokes = strokes
+        self._kernels = kernels
         self.slots: dict[Key, int] = {}
         self._side, self._bits = side, side.bit_length() - 1
         self._terms = terms
@@ -54,7 +54,7 @@ class Tiles:
         change = self._counts.dtype.type(1) if sign > 0 else ~self._counts.dtype.type(0)
         places = apex - window.corner
         table = disc.first, disc.step, disc.distance
-        left = self._strokes.stroke_cones(
+        left = self._kernels.stroke_cones(
             places, beam, *table, window.slots, window.pieces, self._spare, self._counts, self._bits, change
         )
         return self._settle(window, left, sign)
@@ -66,7 +66,7 @@ class Tiles:
         window = self._window(np.floor(middle / cell_m).astype(int), reach)
         self._reserve_tiles(min(window.slots.size, len(arcs) * (2 * reach // self._side + 2) ** 2))
         self._reserve_rows(len(arcs) * (2 * reach + 1) ** 2)
-        left, self._left_rows = self._strokes.stroke_arcs(
+        left, self._left_rows = self._kernels.stroke_arcs(
             *(arcs, window.corner, cell_m, ARC_STEPS, window.slots, window.pieces, self._spare, self._rows),
             *(self._spare_rows, self._left_rows, self._held, self._sums, self._terms, self._bits, sign),
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.paper_chain.cylinders import circles_through
+from noctule_mapper.paper.cylinders import circles_through
 
 _LEAST_SINE = 1e-6
 

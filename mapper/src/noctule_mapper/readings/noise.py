@@ -12,7 +12,7 @@ import numpy as np
 
 from noctule_mapper.config import NoiseConfig
 from noctule_mapper.contacts.voting import wrapped
-from noctule_mapper.echoes import Echoes
+from noctule_mapper.readings.echoes import Echoes
 
 _MOST_TRIPLES = 600
 _MOST_NEIGHBOURS = 2000  # echoes among which a triple's other two are sought

@@ -9,12 +9,12 @@ import numpy as np
 
 from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig
-from noctule_mapper.fusion.disc import disc
-from noctule_mapper.fusion.folded import folded_pcr5
 from noctule_mapper.fusion.levels import FREE_LEVELS, arc_beliefs, free_beliefs
-from noctule_mapper.fusion.regions import Arcs
 from noctule_mapper.fusion.streams import stream
-from noctule_mapper.fusion.tiles import Key, Tiles, arc_reach_cells
+from noctule_mapper.grid.pcr5_fold import folded_pcr5
+from noctule_mapper.grid.polar_cells import disc
+from noctule_mapper.grid.regions import Arcs
+from noctule_mapper.grid.tiles import Key, Tiles, arc_reach_cells
 
 _SECTORS_PER_BEAM = 16
 _MOST_AT_ONCE = 256  # cones or arcs in one stroke, and how far apart

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
+from noctule_mapper.contour.likelihood import Evidence
+from noctule_mapper.contour.reflectors import Reflector
+from noctule_mapper.refinement.association import Claims, explain
 from noctule_mapper.refinement.joint_fit import Fit, Link, linearise, moved, offsets_of, places_of, solve
-from noctule_mapper.refinement.likelihood import Evidence
-from noctule_mapper.refinement.reflectors import Reflector
-from noctule_mapper.refinement.scene import Claims, explain
 
 
 @dataclass(frozen=True)

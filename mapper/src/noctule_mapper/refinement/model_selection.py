@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from noctule_mapper.config import MapperConfig
+from noctule_mapper.contour.likelihood import Evidence, contradictions, gains, hidden, price_of
+from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot, box_of_rays
 from noctule_mapper.refinement.candidates import Candidates
-from noctule_mapper.refinement.likelihood import Evidence, contradictions, gains, hidden, price_of
-from noctule_mapper.refinement.reflectors import Circle, Line, Reflector, Spot, box_of_rays
 
 _FINALISTS = 3  # candidates of each kind that may be fitted before the best of all is chosen
 _LEAST_HOPE = 0.6  # of its price: a rough candidate that gains less won't gain it when fitted

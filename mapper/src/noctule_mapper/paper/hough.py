@@ -6,20 +6,20 @@ import numpy as np
 
 from noctule_mapper.config import HoughConfig, MapperConfig
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.echoes import Echoes
-from noctule_mapper.estimate import Contour
-from noctule_mapper.paper_chain.cylinders import FittedCylinder
-from noctule_mapper.paper_chain.eht_lsm import contour_from
-from noctule_mapper.paper_chain.features import FeaturePoints
-from noctule_mapper.paper_chain.hough_transform import (
+from noctule_mapper.contour.contour import Contour
+from noctule_mapper.contour.reflectors import Circle
+from noctule_mapper.paper.cylinders import FittedCylinder
+from noctule_mapper.paper.eht_lsm import contour_from
+from noctule_mapper.paper.features import FeaturePoints
+from noctule_mapper.paper.hough_transform import (
     LineAccumulator,
     line_accumulator,
     line_peaks,
     randomised_circle,
     randomised_line_accumulator,
 )
-from noctule_mapper.paper_chain.walls import FittedWall, outward
-from noctule_mapper.refinement.reflectors import Circle
+from noctule_mapper.paper.walls import FittedWall, outward
+from noctule_mapper.readings.echoes import Echoes
 
 
 def hough(points: FeaturePoints, echoes: Echoes, config: MapperConfig) -> Contour:

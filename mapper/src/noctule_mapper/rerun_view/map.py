@@ -17,8 +17,8 @@ from noctule.messages_pb2 import (
     Features,
     GridTile,
 )
-from noctule_mapper.live.rerun_link import Entries
-from noctule_mapper.sweep import SweepReadings
+from noctule_mapper.readings.sweep import SweepReadings
+from noctule_mapper.rerun_view.link import Entries
 
 Colour = tuple[int, int, int]
 

@@ -1,0 +1,1 @@
+"""What a contour is made of: reflectors, what they make of echoes, corners, outlines."""

@@ -1,0 +1,1 @@
+"""The paper's chain: feature points, Hough transforms, least squares."""

@@ -1,1 +1,0 @@
-"""The paper's own chain: feature points, then walls and cylinders by Hough transforms and least squares."""
