@@ -9,12 +9,13 @@ from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig, MapperConfig
-from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
+from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.fusion import fuse
 from noctule_mapper.fusion.sensor_model import arc_masses
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import Cones, contact_regions, free_space
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
 
 CONFIG = GridConfig()

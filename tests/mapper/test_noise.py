@@ -9,7 +9,7 @@ from mapper.room import paper_path, paper_room, survey
 from noctule_mapper.config import MapperConfig, NoiseConfig
 from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.readings.echoes import Echoes, echoes_of, join
-from noctule_mapper.readings.noise import estimate_sigma_m, scaled_deviations_m
+from noctule_mapper.readings.spread import estimate_sigma_m, scaled_deviations_m
 from noctule_mapper.refinement.refine import refine
 
 

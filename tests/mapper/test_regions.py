@@ -7,11 +7,11 @@ from mapper.grid_probe import WIDTH_RAD, arcs, at, centres, cones
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import GridConfig
-from noctule_mapper.contacts.voting import wrapped
 from noctule_mapper.fusion.sensor_model import arc_masses, free_mass
 from noctule_mapper.grid.grid import CellState, Grid, cell_states
 from noctule_mapper.grid.regions import epsilon_m, free_space
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.angles import wrapped
 
 CONFIG = GridConfig()
 

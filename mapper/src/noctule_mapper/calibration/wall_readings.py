@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule.errors import NoctuleError
-from noctule_mapper.contacts.voting import wrapped
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.sweep import SweepReadings
 
 LEAST_REPEATS = 5  # of the reading at a place, below which it tells little of the spread

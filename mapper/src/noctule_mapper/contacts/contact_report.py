@@ -7,10 +7,10 @@ import numpy as np
 
 from noctule_mapper.config import ContactConfig, MapperConfig
 from noctule_mapper.contacts.r2d import R2dTest, r2d_test
-from noctule_mapper.contacts.spread import distinct_echoes, with_spread
 from noctule_mapper.contacts.tangent_circle import TangentCircles, tangent_circles
 from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.spread import distinct_echoes, with_spread
 
 _COLUMNS = (
     "sweep,x_m,y_m,axis_rad,range_m,range_sigma_m,kind,direction_rad,direction_sigma_rad,radius_m,radius_sigma_m,"

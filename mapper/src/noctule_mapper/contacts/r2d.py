@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.contacts.voting import Kind, neighbours, wrapped
+from noctule_mapper.contacts.voting import Kind, neighbours
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
 
 Values = np.ndarray | float

@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.contacts.voting import Contacts, Kind, neighbours, wrapped
+from noctule_mapper.contacts.voting import Contacts, Kind, neighbours
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
 
 _AT_ONCE = 2000  # readings fitted together, which bounds the memory of their pairs

@@ -19,6 +19,7 @@ from enum import IntEnum
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
 
 
@@ -135,8 +136,3 @@ def neighbours(echoes: Echoes, others: Echoes, config: ContactConfig) -> tuple[n
     kept = baseline_m >= config.shortest_baseline_m
     kept &= np.abs(echoes.range_m[i] - others.range_m[j]) <= baseline_m
     return i[kept], j[kept], baseline_m[kept]
-
-
-def wrapped(angle_rad: np.ndarray) -> np.ndarray:
-    """The same angle within -pi to pi."""
-    return (angle_rad + np.pi) % (2 * np.pi) - np.pi

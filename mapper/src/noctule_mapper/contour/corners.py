@@ -6,14 +6,44 @@ corner, and no limit on gaps alone gets an L right.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
-from noctule_mapper.contour.likelihood import Evidence
-from noctule_mapper.contour.reflectors import Circle, Crossing, Line
-from noctule_mapper.refinement.joint_fit import Fit, Link
+from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
+from noctule_mapper.readings.evidence import Evidence
+
+
+@dataclass(frozen=True)
+class Link:
+    """Wall ``first`` ends where wall ``second`` starts: indices into the objects."""
+
+    first: int
+    second: int
+
+
+def crossing(objects: Sequence[Reflector], link: Link) -> Crossing:
+    """The corner of two linked walls."""
+    first, second = objects[link.first], objects[link.second]
+    if not isinstance(first, Line) or not isinstance(second, Line):
+        raise TypeError(f"{link} joins {first} and {second}; only walls have ends to join")
+    return Crossing(first, second)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The objects after the fit, and the covariance of all their parameters, those of object i from offsets[i] on."""
+
+    objects: list[Reflector]
+    covariance: np.ndarray
+    offsets: np.ndarray
+
+    def covariance_of(self, *indices: int) -> np.ndarray:
+        """Joint covariance of the parameters of some objects."""
+        rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in indices])
+        return self.covariance[np.ix_(rows, rows)]
 
 
 def link_ends(

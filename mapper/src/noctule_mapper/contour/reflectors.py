@@ -1,9 +1,10 @@
 """The reflectors of the refinement: what range and direction each predicts for an echo, and how the range moves with
 its parameters.
 
-wall      R = rho - n . p                (the foot of the perpendicular) cylinder  R = |c - p| - r point     R = |c - p|
-(a corner or an edge that stands alone) corner    R = |c - p| k                  at the crossing c of two walls; k =
-sin(a) for an interior angle a < 90 degrees, else 1
+    wall      R = rho - n . p      the foot of the perpendicular
+    cylinder  R = |c - p| - r
+    point     R = |c - p|          a corner or an edge that stands alone
+    corner    R = k |c - p|        at the crossing c of two walls; k = sin(a) for an interior angle a < 90 degrees, else 1
 """
 
 from dataclasses import dataclass

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.config import CylinderConfig
-from noctule_mapper.contacts.voting import wrapped
 from noctule_mapper.contour.reflectors import Circle
 from noctule_mapper.paper.features import FeaturePoints
+from noctule_mapper.readings.angles import wrapped
 
 
 @dataclass(frozen=True)

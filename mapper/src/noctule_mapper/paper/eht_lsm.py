@@ -10,14 +10,14 @@ import numpy as np
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.contour.contour import Contour
-from noctule_mapper.contour.corners import contour_of, link_ends
-from noctule_mapper.contour.likelihood import evidence, gains
+from noctule_mapper.contour.corners import Fit, contour_of, link_ends
+from noctule_mapper.contour.likelihood import gains
 from noctule_mapper.contour.reflectors import Crossing
 from noctule_mapper.paper.cylinders import FittedCylinder, ransac_hough
 from noctule_mapper.paper.features import FeaturePoints
 from noctule_mapper.paper.walls import FittedWall, extended_hough
 from noctule_mapper.readings.echoes import Echoes
-from noctule_mapper.refinement.joint_fit import Fit
+from noctule_mapper.readings.evidence import evidence
 
 
 def eht_lsm(points: FeaturePoints, echoes: Echoes, config: MapperConfig) -> Contour:

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
-from noctule_mapper.contour.corners import heard_price
-from noctule_mapper.contour.likelihood import Evidence, answering, hidden, price_of
+from noctule_mapper.contour.corners import Link, crossing, heard_price
+from noctule_mapper.contour.likelihood import answering, hidden, price_of
 from noctule_mapper.contour.reflectors import Crossing, Line, Reflector, box_of_rays
-from noctule_mapper.refinement.joint_fit import Link, crossing
+from noctule_mapper.readings.evidence import Evidence
 
 _REMEMBERED = 8000  # rows of makers, pairs of a maker and a wall before it, corners
 

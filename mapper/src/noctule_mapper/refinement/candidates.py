@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.config import ContactConfig, CylinderConfig, RefinementConfig
-from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
-from noctule_mapper.contour.likelihood import Evidence
+from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.evidence import Evidence
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
-from noctule_mapper.contour.likelihood import Evidence
+from noctule_mapper.contour.corners import Fit, Link
 from noctule_mapper.contour.reflectors import Reflector
+from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.association import Claims, explain
-from noctule_mapper.refinement.joint_fit import Fit, Link, linearise, moved, offsets_of, places_of, solve
+from noctule_mapper.refinement.joint_fit import linearise, moved, offsets_of, places_of, solve
 
 
 @dataclass(frozen=True)

@@ -10,40 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.contour.reflectors import Crossing, Line, Reflector
+from noctule_mapper.contour.corners import Link, crossing
+from noctule_mapper.contour.reflectors import Reflector
 from noctule_mapper.readings.echoes import Echoes
 
 _WEAK_PRIOR = 1e-2  # per square metre or radian: keeps what no echo determines where it is
-
-
-@dataclass(frozen=True)
-class Link:
-    """Wall ``first`` ends where wall ``second`` starts: indices into the objects."""
-
-    first: int
-    second: int
-
-
-def crossing(objects: Sequence[Reflector], link: Link) -> Crossing:
-    """The corner of two linked walls."""
-    first, second = objects[link.first], objects[link.second]
-    if not isinstance(first, Line) or not isinstance(second, Line):
-        raise TypeError(f"{link} joins {first} and {second}; only walls have ends to join")
-    return Crossing(first, second)
-
-
-@dataclass(frozen=True)
-class Fit:
-    """The objects after the fit, and the covariance of all their parameters, those of object i from offsets[i] on."""
-
-    objects: list[Reflector]
-    covariance: np.ndarray
-    offsets: np.ndarray
-
-    def covariance_of(self, *indices: int) -> np.ndarray:
-        """Joint covariance of the parameters of some objects."""
-        rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in indices])
-        return self.covariance[np.ix_(rows, rows)]
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.contour.likelihood import Evidence, contradictions, gains, hidden, price_of
+from noctule_mapper.contour.likelihood import contradictions, gains, hidden, price_of
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot, box_of_rays
+from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.candidates import Candidates
 
 _FINALISTS = 3  # candidates of each kind that may be fitted before the best of all is chosen

@@ -8,15 +8,14 @@ import numpy as np
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.contour.contour import Contour
-from noctule_mapper.contour.corners import contour_of, link_ends
-from noctule_mapper.contour.likelihood import Evidence, evidence, newest_of_each_beam
+from noctule_mapper.contour.corners import Link, contour_of, link_ends
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.echoes import Echoes
-from noctule_mapper.readings.noise import estimate_sigma_m
+from noctule_mapper.readings.evidence import Evidence, evidence, newest_of_each_beam
+from noctule_mapper.readings.spread import estimate_sigma_m
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
-from noctule_mapper.refinement.joint_fit import Link
 from noctule_mapper.refinement.model_selection import add_objects, determined, trimmed
 
 

@@ -10,10 +10,11 @@ from matplotlib.image import AxesImage
 
 from noctule_mapper.config import GridConfig, MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook
-from noctule_mapper.contacts.voting import Contacts, Kind, wrapped
+from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.fusion.sensor_model import arc_masses
 from noctule_mapper.grid.grid import Grid, GridTile
 from noctule_mapper.grid.regions import contact_regions, epsilon_m
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes, echoes_of
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.reproduction import raster

@@ -1,4 +1,4 @@
-"""The spread of a range, estimated from the survey itself where nobody has calibrated it.
+"""The spread of a range: the sensor's own, and where nobody has calibrated it what the survey itself tells.
 
 Three readings of one wall from near-collinear places obey Eq. 1; by how much they fail it tells sigma (Section V.A).
 Triples on cylinders, in corners or on different reflectors fail it by anything: the estimate is the narrow part of a
@@ -6,13 +6,15 @@ mixture of a Gaussian and a uniform. Neighbours share the slow part of a moving 
 taken near and far, and the widest of their spreads counts.
 """
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from noctule_mapper.config import NoiseConfig
-from noctule_mapper.contacts.voting import wrapped
+from noctule_mapper.config import MapperConfig, NoiseConfig
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.evidence import evidence, newest_of_each_beam
 
 _MOST_TRIPLES = 600
 _MOST_NEIGHBOURS = 2000  # echoes among which a triple's other two are sought
@@ -78,3 +80,17 @@ def _narrow_part(deviation_m: np.ndarray, config: NoiseConfig) -> tuple[float, f
         weight = narrow / (narrow + (1 - share) / (2 * widest))
         sigma, share = float(np.sqrt((weight * inside**2).sum() / weight.sum())) + 1e-6, float(weight.mean())
     return sigma, float(weight.sum())
+
+
+def distinct_echoes(echoes: Echoes, config: MapperConfig) -> Echoes:
+    """Of the echoes from one place in one direction the newest: a thousand of them prove no more than one."""
+    data = evidence(echoes, echoes.sigma_m, config.sensor.longest_range_m, config.refinement)
+    return echoes.take(newest_of_each_beam(data))
+
+
+def with_spread(echoes: Echoes, config: MapperConfig) -> Echoes:
+    """``echoes`` with the estimated spread where theirs is only assumed."""
+    if echoes.calibrated.all():
+        return echoes
+    estimate_m = estimate_sigma_m(distinct_echoes(echoes, config), config.noise)
+    return replace(echoes, sigma_m=np.where(echoes.calibrated, echoes.sigma_m, estimate_m))
