@@ -12,7 +12,7 @@ demo: packages-run setup firmware
 
 test: packages-test setup firmware
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
-	pytest
+	pytest --numprocesses 2 --dist loadfile
 
 soak: packages-test setup firmware
 	pytest -m soak --timeout 900
