@@ -77,7 +77,7 @@ def false_objects(contour: Contour, room: Room) -> tuple[str, ...]:
     walls = [
         f"wall from ({wall.start[0]:.2f}, {wall.start[1]:.2f}) to ({wall.end[0]:.2f}, {wall.end[1]:.2f})"
         for wall in contour.walls
-        if _true_wall(wall, room) is None
+        if true_wall(wall, room) is None
     ]
     corners = [
         f"corner at ({one.x_m:.2f}, {one.y_m:.2f})"
@@ -87,7 +87,7 @@ def false_objects(contour: Contour, room: Room) -> tuple[str, ...]:
     cylinders = [
         f"cylinder at ({one.x_m:.2f}, {one.y_m:.2f}) of radius {one.radius_m:.2f}"
         for one in contour.cylinders
-        if not any(_alike(one, true) for true in room.cylinders)
+        if not any(alike(one, true) for true in room.cylinders)
     ]
     return (*walls, *corners, *cylinders)
 
@@ -148,16 +148,17 @@ def _cylinders_due(told: LabelFit) -> list[int]:
 def _same_cylinder(contour: Contour, room: Room, index: int) -> Cylinder | None:
     """The nearest of the found cylinders that are the room's ``index``-th."""
     x, y, _ = true = room.cylinders[index]
-    alike = [one for one in contour.cylinders if _alike(one, true)]
-    return min(alike, key=lambda one: np.hypot(one.x_m - x, one.y_m - y), default=None)
+    found = [one for one in contour.cylinders if alike(one, true)]
+    return min(found, key=lambda one: np.hypot(one.x_m - x, one.y_m - y), default=None)
 
 
-def _alike(one: Cylinder, true: tuple[float, float, float]) -> bool:
+def alike(one: Cylinder, true: tuple[float, float, float]) -> bool:
+    """Whether it is the true one, by centre and radius."""
     x, y, radius = true
     return bool(np.hypot(one.x_m - x, one.y_m - y) <= NEAR_M and abs(one.radius_m - radius) <= NEAR_M)
 
 
-def _true_wall(wall: Wall, room: Room) -> int | None:
+def true_wall(wall: Wall, room: Room) -> int | None:
     """The true wall that both ends are near, None where there is none."""
     away_m = np.maximum(*(distance_to_sides_m(np.array(end), room.vertices) for end in (wall.start, wall.end)))
     return int(away_m.argmin()) if away_m.min() <= NEAR_M else None
@@ -174,7 +175,7 @@ def _missed(room: Room, corners: np.ndarray, cylinders: Sequence[int]) -> tuple[
 def _wall_squares(contour: Contour, room: Room) -> tuple[float, ...]:
     lines, squares = wall_lines(room), []
     for wall in contour.walls:
-        number = _true_wall(wall, room)
+        number = true_wall(wall, room)
         if number is not None:
             error = np.array([wall.theta_rad, wall.rho_m]) - lines[number]
             error[0] = (error[0] + np.pi) % (2 * np.pi) - np.pi
@@ -197,7 +198,7 @@ def _cylinder_squares(contour: Contour, room: Room) -> tuple[float, ...]:
         _square(np.array([one.x_m, one.y_m, one.radius_m]) - true, one.covariance)
         for one in contour.cylinders
         for true in room.cylinders
-        if _alike(one, true)
+        if alike(one, true)
     )
 
 

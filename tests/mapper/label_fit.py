@@ -12,7 +12,7 @@ from mapper.room import Label, LabelledSweep, Room
 
 STEP = 1e-20  # imaginary: a complex step has no difference to round off
 ITERATIONS = 4
-WEAK_PRIOR = 1e-9  # keeps what no echo determines near the truth; it is reported as NaN
+WEAK_PRIOR = 1e-3  # per square metre or radian: keeps what no echo determines near the truth; it is reported as NaN
 LEAST_WALL_ECHOES, LEAST_CYLINDER_ECHOES = 2, 3  # of its own, for one to be reported
 
 

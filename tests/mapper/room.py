@@ -10,6 +10,7 @@ from noctule_mapper.reproduction.specular import (
     BEARINGS_RAD,
     HALF_BEAM_RAD,
     HARD,
+    LONGEST_M,
     PAPER,
     PAPER_BIAS_M,
     PAPER_SIGMA_M,
@@ -29,6 +30,7 @@ __all__ = [
     "BEARINGS_RAD",
     "HALF_BEAM_RAD",
     "HARD",
+    "LONGEST_M",
     "PAPER",
     "PAPER_BIAS_M",
     "PAPER_SIGMA_M",
@@ -191,7 +193,7 @@ def _fits(
     point, clear = np.array([x, y]), radius + CLEARANCE_M
     apart = all(math.hypot(x - a, y - b) > clear + other for a, b, other in cylinders)
     off_lines = min(distance_to_sides_m(point, corners).min() for corners in (vertices, inner)) > clear
-    return apart and off_lines and _inside(point, vertices)
+    return apart and off_lines and inside(point, vertices)
 
 
 def distance_to_sides_m(point: np.ndarray, vertices: np.ndarray) -> np.ndarray:
@@ -201,7 +203,7 @@ def distance_to_sides_m(point: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return np.hypot(*(vertices + share[:, None] * side - point).T)
 
 
-def _inside(point: np.ndarray, vertices: np.ndarray) -> bool:
+def inside(point: np.ndarray, vertices: np.ndarray) -> bool:
     start, end = vertices - point, np.roll(vertices, -1, axis=0) - point
     turns = np.arctan2(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0], (start * end).sum(axis=1))
     return abs(turns.sum()) > np.pi

@@ -159,6 +159,7 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
         calibrated=one > 0,
         sigma_position_m=0 * one,
         sigma_heading_rad=0 * one,
+        step_rad=one * np.radians(22.5),
     )
     return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one)
 

@@ -46,7 +46,7 @@ def test_a_unit_that_has_stood_still_for_three_thousand_sweeps_counts_as_its_new
     still = join([echoes(0.0032, 1, sweeps=1)] * 3000)
     none = np.zeros(len(still))
     untouched = Contacts(none, none, np.full(len(still), Kind.NONE), none)
-    assert _peak_bytes(lambda: refine(still, untouched, MapperConfig())) < 9e6
+    assert _peak_bytes(lambda: refine(still, untouched, None, MapperConfig())) < 9e6
 
 
 def _peak_bytes(work) -> int:

@@ -30,6 +30,7 @@ def in_a_row(x_m: np.ndarray, range_m: np.ndarray) -> Echoes:
         calibrated=one > 0,
         sigma_position_m=one * 0,
         sigma_heading_rad=one * 0,
+        step_rad=one * np.radians(22.5),
     )
 
 

@@ -185,6 +185,14 @@ class RefinementConfig(_Model):
     late_share: float = Field(default=0.02, gt=0, lt=1)  # of echoes whose first cycle was missed
     late_m: float = 0.0043  # by which they are longer: 25 us there and back
     last_steps: int = Field(default=8, ge=1)  # of the joint fit that has the last word
+    # The rest is of fine sweeps, in which a reflector answers several bearings: a plateau.
+    plateau_gap_steps: float = Field(default=2.3, gt=1)  # between two of its bearings, at most
+    plateau_sigmas: float = Field(default=2.5, gt=0)  # by which ranges at neighbouring bearings may differ
+    middle_share: float = Field(default=0.25, gt=0)  # of a step: the error of its middle
+    least_middle_sigma_rad: float = Field(default=math.radians(0.7), gt=0)
+    hole_price_nats: float = Field(default=8.0, gt=0)  # silence that makes a gap between feet a hole
+    link_price_nats: float = Field(default=9.0, ge=0)  # of a link whose gap nobody looked at
+    unseen_price_nats_per_m: float = Field(default=2.0, ge=0)  # of its gap
 
 
 class MapperConfig(_Model):

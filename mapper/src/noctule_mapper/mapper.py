@@ -16,6 +16,7 @@ from noctule_mapper.paper.eht_lsm import eht_lsm
 from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
 from noctule_mapper.readings.echoes import echoes_of
+from noctule_mapper.readings.looks import looks_of
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
 
@@ -94,7 +95,8 @@ class Mapper:
             return hough(self.feature_points, self.contact_report().echoes, self.config)  # IV.A, Eq. 9
         if self.config.method == "eht-lsm":
             return eht_lsm(self.feature_points, self.contact_report().echoes, self.config)  # IV.B-D, Eq. 10-23
-        return refine(echoes, self._contacts.contacts(), self.config)  # beyond the paper: on the raw ranges
+        looks = looks_of(self._sweeps.values(), self.config.noise.assumed_sigma_m)
+        return refine(echoes, self._contacts.contacts(), looks, self.config)  # beyond the paper: on the raw ranges
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""

@@ -13,6 +13,7 @@ import numpy as np
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
+from noctule_mapper.contour.silence import silence_of_link
 from noctule_mapper.readings.evidence import Evidence
 
 
@@ -52,21 +53,23 @@ def link_ends(
     config: RefinementConfig,
     support: Callable[[Crossing], float] | None = None,
     heard: Callable[[Crossing], float] | None = None,
+    objects: Sequence[Reflector] = (),
 ) -> list[Link]:
     """Links between ``walls`` (by the numbers they bear), at the least total price in nats.
 
     A link costs by the gap that it closes and by what was heard through the stretches it would add (``heard_price``,
-    unless the caller knows ``heard``); what its corner explains, ``support``, it is given back.
+    unless the caller knows ``heard``); what its corner explains, ``support``, it is given back. Among ``objects`` walls
+    may hide the gap from those who looked.
     """
     if len(walls) < 2:
         return []
     numbers, lines = list(walls), list(walls.values())
     cost = np.full((len(lines), 2 * len(lines)), config.open_end_price_nats)  # the right half: an end that stays open
     cost[:, : len(lines)] = np.inf
-    gap_m = _gaps_m(lines, config)
+    gap_m = _gaps_m(lines, config.longest_gap_m if data.looks is None else np.inf, config)
     for i, j in np.argwhere(np.isfinite(gap_m)):
         corner = Crossing(lines[i], lines[j])
-        price = min(config.gap_price_nats_per_m * gap_m[i, j], config.most_gap_price_nats)
+        price = _gap_price(corner, float(gap_m[i, j]), data, config, objects)
         price += heard(corner) if heard else heard_price(corner, data, config)
         cost[i, j] = price - (support(corner) if support else 0.0)
     ends, starts = _assignment(cost)
@@ -87,7 +90,17 @@ def _assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ends, starts
 
 
-def _gaps_m(lines: Sequence[Line], config: RefinementConfig) -> np.ndarray:
+def _gap_price(
+    corner: Crossing, gap_m: float, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector]
+) -> float:
+    """Price of a link for its gap: where nobody looked with a fine sweep metres must tell, else what was looked at."""
+    if data.looks is None:
+        return min(config.gap_price_nats_per_m * gap_m, config.most_gap_price_nats)
+    unseen = config.link_price_nats + config.unseen_price_nats_per_m * gap_m
+    return unseen + silence_of_link(corner, data, config, objects)
+
+
+def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig) -> np.ndarray:
     """Length that a corner of wall i's end and wall j's start would add to both, (i, j), infinite where none can be."""
     theta, rho, low, high = np.array([(one.theta_rad, one.rho_m, one.low_m, one.high_m) for one in lines]).T
     turn = theta[None, :] - theta[:, None]
@@ -99,7 +112,7 @@ def _gaps_m(lines: Sequence[Line], config: RefinementConfig) -> np.ndarray:
         possible = (np.abs(sine) >= config.least_crossing_sine) & (
             np.minimum(end_gap, start_gap) >= -config.overshoot_m
         )
-        possible &= np.maximum(end_gap, start_gap) <= config.longest_gap_m
+        possible &= np.maximum(end_gap, start_gap) <= longest_gap_m
     return np.where(possible, gap, np.inf)
 
 

@@ -9,7 +9,9 @@ import numpy as np
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector, Spot
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.readings.lobe import lobe_rad
 
 
 def gains(
@@ -19,7 +21,8 @@ def gains(
     has been seen of it.
     """
     residual = data.echoes.range_m - reflector.ranges(data.echoes)
-    return np.where(possible(reflector, data, config, margin_m), np.maximum(data.gain(residual), 0), 0)
+    gain = data.gain(residual) + data.direction_gain(reflector.directions(data.echoes))
+    return np.where(possible(reflector, data, config, margin_m), np.maximum(gain, 0), 0)
 
 
 def possible(
@@ -51,17 +54,10 @@ def answering(reflector: Reflector | Crossing, data: Evidence, config: Refinemen
     inside = np.interp(off_axis / half, (0.6, 1.0), (1.0, 0.5))
     edge = np.where(off_axis <= half + slack, 0.3, np.where(off_axis <= lobe_rad(predicted, half, config), 0.3, 0.0))
     in_span = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
-    return _reach(reflector, predicted, config) * np.where(off_axis <= half, inside, edge) * in_span
+    return reach(reflector, predicted, config) * np.where(off_axis <= half, inside, edge) * in_span
 
 
-def lobe_rad(range_m: np.ndarray, half_beam_rad: np.ndarray, config: RefinementConfig) -> np.ndarray:
-    """Half width in which a reflector at ``range_m`` can answer: close by the lobe is wider than the stated beam."""
-    near_rad = np.maximum(half_beam_rad, config.near_lobe_rad)
-    share = np.clip((config.near_lobe_ends_m - range_m) / (config.near_lobe_ends_m - config.near_lobe_m), 0, 1)
-    return half_beam_rad + share * (near_rad - half_beam_rad)
-
-
-def _reach(reflector: Reflector | Crossing, predicted: np.ndarray, config: RefinementConfig) -> np.ndarray:
+def reach(reflector: Reflector | Crossing, predicted: np.ndarray, config: RefinementConfig) -> np.ndarray:
     """Chance that a reflector on the beam's axis answers at a range."""
     match reflector:
         case Line():
@@ -79,17 +75,19 @@ def _reach(reflector: Reflector | Crossing, predicted: np.ndarray, config: Refin
             return np.full(len(predicted), 0.5)
 
 
-def hidden(reflector: Reflector | Crossing, wall: Line, data: Evidence, config: RefinementConfig) -> np.ndarray:
+def hidden(
+    reflector: Reflector | Crossing, wall: Line, echoes: Echoes, sigma_m: np.ndarray, config: RefinementConfig
+) -> np.ndarray:
     """Whether ``wall`` stands between sensor and reflector, bool (n,): what seems to come from behind it has bounced
-    somewhere.
+    somewhere. ``sigma_m`` (n,) is of the ranges.
     """
-    predicted, direction = reflector.ranges(data.echoes), reflector.directions(data.echoes)
+    predicted, direction = reflector.ranges(echoes), reflector.directions(echoes)
     along_ray_x, along_ray_y = np.cos(direction), np.sin(direction)
-    before = wall.ranges(data.echoes)
+    before = wall.ranges(echoes)
     approach = along_ray_x * wall.normal[0] + along_ray_y * wall.normal[1]
     to_wall = before / np.where(np.abs(approach) < 1e-9, np.inf, approach)
-    crossing = wall.along(data.echoes) + to_wall * (along_ray_x * wall.tangent[0] + along_ray_y * wall.tangent[1])
-    deep = predicted * approach - before > config.gate_sigmas * data.sigma_m + config.behind_m
+    crossing = wall.along(echoes) + to_wall * (along_ray_x * wall.tangent[0] + along_ray_y * wall.tangent[1])
+    deep = predicted * approach - before > config.gate_sigmas * sigma_m + config.behind_m
     inside = (crossing > wall.low_m + config.behind_m) & (crossing < wall.high_m - config.behind_m)
     return (before > 0) & (to_wall > 0) & deep & inside
 

@@ -4,7 +4,8 @@ its parameters.
     wall      R = rho - n . p      the foot of the perpendicular
     cylinder  R = |c - p| - r
     point     R = |c - p|          a corner or an edge that stands alone
-    corner    R = k |c - p|        at the crossing c of two walls; k = sin(a) for an interior angle a < 90 degrees, else 1
+    corner    R = k |c - p|        at the crossing c of two walls; k = sin(a) for an interior angle a below 90 degrees,
+                                   else 1
 """
 
 from dataclasses import dataclass
@@ -71,6 +72,10 @@ class Line:
         """Derivatives of the ranges by the parameters, (n, 2)."""
         return np.stack([-self.along(echoes), np.ones(len(echoes))], axis=1)
 
+    def direction_slopes(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the parameters, (n, 2)."""
+        return np.tile([1.0, 0.0], (len(echoes), 1))
+
 
 @dataclass(frozen=True)
 class Circle:
@@ -102,6 +107,10 @@ class Circle:
         direction = self.directions(echoes)
         return np.stack([np.cos(direction), np.sin(direction), -np.ones(len(echoes))], axis=1)
 
+    def direction_slopes(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the parameters, (n, 3)."""
+        return np.column_stack([_swing(self.x_m, self.y_m, echoes), np.zeros(len(echoes))])
+
 
 @dataclass(frozen=True)
 class Spot:
@@ -131,6 +140,10 @@ class Spot:
         """Derivatives of the ranges by the parameters, (n, 2)."""
         direction = self.directions(echoes)
         return np.stack([np.cos(direction), np.sin(direction)], axis=1)
+
+    def direction_slopes(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the parameters, (n, 2)."""
+        return _swing(self.x_m, self.y_m, echoes)
 
 
 Reflector = Line | Circle | Spot
@@ -195,9 +208,24 @@ class Crossing:
             slopes += np.outer(turning, [-1.0, 0.0, 1.0, 0.0])
         return slopes
 
+    def direction_slopes(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by (theta, rho) of the first wall and of the second, (n, 4)."""
+        x, y = self.point
+        return _swing(x, y, echoes) @ self.point_slopes()
+
     @property
     def _acute(self) -> bool:
         return self.sine > 0 and float(self.first.normal @ self.second.normal) < 0
+
+
+def _swing(x_m: float, y_m: float, echoes: Echoes) -> np.ndarray:
+    """Derivatives of the directions of a point, seen from each place, by its coordinates, (n, 2)."""
+    dx, dy = x_m - echoes.x_m, y_m - echoes.y_m
+    square = np.maximum(dx**2 + dy**2, _AT_THE_PLACE_M2)
+    return np.stack([-dy / square, dx / square], axis=1)
+
+
+_AT_THE_PLACE_M2 = 1e-6  # a point at the very place has no direction
 
 
 def box_of_rays(reflector: Reflector | Crossing, echoes: Echoes) -> np.ndarray:

@@ -22,6 +22,7 @@ class Echoes:
     calibrated: np.ndarray  # bool: sigma_m is the sensor's own, not assumed
     sigma_position_m: np.ndarray
     sigma_heading_rad: np.ndarray
+    step_rad: np.ndarray  # from one bearing of the sweep to the next
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -33,27 +34,43 @@ class Echoes:
 
 def echoes_of(sweep: SweepReadings, number: int, assumed_sigma_m: float) -> Echoes:
     """The echoes of one sweep, numbered ``number``; ``assumed_sigma_m`` stands in for a sensor not calibrated."""
-    heard = np.isfinite(sweep.range_m)
-    alike = np.ones(int(heard.sum()))
+    return rows_of(sweep, np.isfinite(sweep.range_m), sweep.range_m, number, assumed_sigma_m)
+
+
+def rows_of(
+    sweep: SweepReadings, chosen: np.ndarray, range_m: np.ndarray, number: int, assumed_sigma_m: float
+) -> Echoes:
+    """The readings ``chosen``, bool (n,), as if they had the ranges ``range_m`` (n,)."""
+    alike = np.ones(int(chosen.sum()))
     return Echoes(
         sweep=np.full(len(alike), number),
         x_m=alike * sweep.x_m,
         y_m=alike * sweep.y_m,
-        axis_rad=sweep.direction_rad[heard],
+        axis_rad=sweep.direction_rad[chosen],
         half_beam_rad=alike * sweep.beam_width_rad / 2,
-        range_m=sweep.range_m[heard],
+        range_m=range_m[chosen],
         sigma_m=alike * (sweep.range_sigma_m or assumed_sigma_m),
         calibrated=np.full(len(alike), sweep.range_sigma_m is not None),
         sigma_position_m=alike * sweep.sigma_position_m,
         sigma_heading_rad=alike * sweep.sigma_heading_rad,
+        step_rad=alike * step_rad(sweep.bearing_rad),
     )
+
+
+def step_rad(bearing_rad: np.ndarray) -> float:
+    """From one bearing (n,) of a sweep to the next, the median; a full turn where all are one."""
+    steps_rad = np.diff(np.unique(bearing_rad))
+    return max(float(np.median(steps_rad)), _LEAST_STEP_RAD) if len(steps_rad) else 2 * np.pi
+
+
+_LEAST_STEP_RAD = 1e-3  # finer than any motor's
 
 
 def join(parts: Sequence[Echoes]) -> Echoes:
     """Several sets of echoes as one, in their order."""
     if not parts:
         none = np.zeros(0)
-        return Echoes(none.astype(int), none, none, none, none, none, none, none.astype(bool), none, none)
+        return Echoes(none.astype(int), none, none, none, none, none, none, none.astype(bool), none, none, none)
     return Echoes(
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Echoes.__dataclass_fields__}
     )

@@ -6,7 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
-from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.echoes import Echoes, join
+from noctule_mapper.readings.looks import Looks
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,8 @@ class Evidence:
     range_sigma_m: np.ndarray  # of a range from a place that is exactly known
     place: np.ndarray  # a number that the echoes from one place share
     span_m: float  # ranges that an echo of nothing may have
+    direction_sigma_rad: np.ndarray  # of the axis as a direction; infinite where only the beam tells it
+    looks: Looks | None = None  # what fine sweeps say of where nothing was heard
 
     def take(self, index: np.ndarray) -> "Evidence":
         """The evidence at ``index`` (numbers or a mask)."""
@@ -25,6 +29,7 @@ class Evidence:
             echoes=self.echoes.take(index),
             range_sigma_m=self.range_sigma_m[index],
             place=self.place[index],
+            direction_sigma_rad=self.direction_sigma_rad[index],
         )
 
     @cached_property
@@ -43,12 +48,38 @@ class Evidence:
         sigma_m = self.sigma_m[at]
         return np.log(self.span_m / (sigma_m * np.sqrt(2 * np.pi))) - 0.5 * (residual_m / sigma_m) ** 2
 
+    def direction_gain(self, direction_rad: np.ndarray, at: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Gain in nats of the directions of the echoes ``at``, if their reflectors lie in ``direction_rad``, over any
+        direction; 0 where only the beam tells it. A few are far off: a neighbour's plateau ran into theirs.
+        """
+        known = np.isfinite(self.direction_sigma_rad[at])
+        sigma_rad = np.where(known, self.direction_sigma_rad[at], 1.0)
+        square = (wrapped(direction_rad - self.echoes.axis_rad[at]) / sigma_rad) ** 2
+        shape = _SHARP_SHARE * np.exp(-0.5 * square) + (1 - _SHARP_SHARE) / _BLUNT * np.exp(-0.5 * square / _BLUNT**2)
+        return np.where(known, np.log(np.sqrt(2 * np.pi) / sigma_rad * np.maximum(shape, _LEAST_SHAPE)), 0.0)
+
+
+_SHARP_SHARE, _BLUNT = 0.85, 3.0  # the others' directions err so many times as far
+_LEAST_SHAPE = 1e-12
+
 
 def evidence(echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: RefinementConfig) -> Evidence:
     """Evidence of ``echoes`` whose ranges have the spread ``sigma_m``, (n,), in a span of ``span_m``."""
     cell = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / config.same_place_m).astype(int)
     _, place = np.unique(cell, axis=0, return_inverse=True)
-    return Evidence(echoes, sigma_m, place.ravel(), span_m)
+    return Evidence(echoes, sigma_m, place.ravel(), span_m, np.full(len(echoes), np.inf))
+
+
+def joined(first: Evidence, second: Evidence) -> Evidence:
+    """Both, one after the other; their places are numbered alike, and the looks are those of the first."""
+    return replace(
+        first,
+        echoes=join([first.echoes, second.echoes]),
+        **{
+            name: np.concatenate([getattr(first, name), getattr(second, name)])
+            for name in ("range_sigma_m", "place", "direction_sigma_rad")
+        },
+    )
 
 
 def newest_of_each_beam(data: Evidence) -> np.ndarray:

@@ -16,6 +16,7 @@ from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.corners import Link, crossing, heard_price
 from noctule_mapper.contour.likelihood import answering, hidden, price_of
 from noctule_mapper.contour.reflectors import Crossing, Line, Reflector, box_of_rays
+from noctule_mapper.contour.silence import silence_of, silence_of_link
 from noctule_mapper.readings.evidence import Evidence
 
 _REMEMBERED = 8000  # rows of makers, pairs of a maker and a wall before it, corners
@@ -25,13 +26,15 @@ _REMEMBERED = 8000  # rows of makers, pairs of a maker and a wall before it, cor
 class Claims:
     """Which maker may have made which echo; arrays (claims,), by echo and from near to far.
 
-    ``maker`` numbers objects and then links, ``chance`` is that of an answer, were nothing nearer.
+    ``maker`` numbers objects and then links, ``chance`` is that of an answer, were nothing nearer, and
+    ``direction_gain`` what the echo's direction says for the maker, in nats.
     """
 
     maker: np.ndarray
     echo: np.ndarray
     predicted_m: np.ndarray
     chance: np.ndarray
+    direction_gain: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -47,13 +50,14 @@ class Explanation:
 
 @dataclass(frozen=True)
 class _Row:
-    """One maker's claims: echoes, predicted ranges, chances; the box of all its rays (least x, y, most x, y); its
-    weight, the nats that it could explain.
+    """One maker's claims: echoes, predicted ranges, chances, gains of the directions; the box of all its rays (least x,
+    y, most x, y); its weight, the nats that it could explain.
     """
 
     echo: np.ndarray
     predicted_m: np.ndarray
     chance: np.ndarray
+    direction_gain: np.ndarray
     box: np.ndarray
     weight: float
 
@@ -70,18 +74,20 @@ class Scene:
     def claims(self, objects: Sequence[Reflector], links: Sequence[Link]) -> Claims:
         """Every claim that the geometry allows."""
         if not objects:
-            return Claims(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0))
+            return Claims(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0))
         makers = _makers(objects, links, self.config.growth_m)
         rows = [self._row(maker) for maker in makers]
         chances = [row.chance for row in rows]
         for number, other in np.argwhere(self._before(objects, links, rows)):
             chances[number] = np.where(self._hidden(makers[number], objects[other]), 0, chances[number])
         maker = np.repeat(np.arange(len(rows)), [len(row.echo) for row in rows])
-        echo, predicted = (np.concatenate([getattr(row, name) for row in rows]) for name in ("echo", "predicted_m"))
+        echo, predicted, direction_gain = (
+            np.concatenate([getattr(row, name) for row in rows]) for name in ("echo", "predicted_m", "direction_gain")
+        )
         chance = np.concatenate(chances)
         order = np.lexsort((predicted, echo))
         order = order[chance[order] > 0]
-        return Claims(maker[order], echo[order], predicted[order], chance[order])
+        return Claims(maker[order], echo[order], predicted[order], chance[order], direction_gain[order])
 
     def _before(self, objects: Sequence[Reflector], links: Sequence[Link], rows: Sequence[_Row]) -> np.ndarray:
         """Which walls may hide which makers, bool (makers, objects): weightier ones, about whose box the rays pass."""
@@ -107,12 +113,18 @@ class Scene:
     def support(self, corner: Crossing, free: np.ndarray) -> float:
         """What a corner explains of echoes that are ``free`` (n,) from 0 to 1, in nats."""
         row = self._row(_Maker(corner))
-        gain = self.data.gain(self.data.echoes.range_m[row.echo] - row.predicted_m, row.echo) + np.log(row.chance)
+        gain = self.data.gain(self.data.echoes.range_m[row.echo] - row.predicted_m, row.echo)
+        gain = gain + row.direction_gain + np.log(row.chance)
         return float(free[row.echo] @ np.maximum(gain, 0))
 
-    def worth(self, objects: Sequence[Reflector], explanation: Explanation) -> float:
-        """What the objects gain from all echoes, less their prices, in nats."""
-        return float(explanation.gain.sum()) - sum(price_of(type(one), self.config) for one in objects)
+    def worth(self, objects: Sequence[Reflector], links: Sequence[Link], explanation: Explanation) -> float:
+        """What the objects gain from all echoes, less their prices and those of the looks that did not hear them, in
+        nats.
+        """
+        price = sum(price_of(type(one), self.config) for one in objects)
+        price += sum(silence_of(one, self.data, self.config, objects) for one in objects)
+        price += sum(silence_of_link(crossing(objects, link), self.data, self.config, objects) for link in links)
+        return float(explanation.gain.sum()) - price
 
     def _worked_out_row(self, maker: "_Maker") -> _Row:
         data, config = self.data, self.config
@@ -127,10 +139,13 @@ class Scene:
         predicted = maker.model.ranges(heard)
         box = box_of_rays(maker.model, heard) if len(echo) else np.array(_NOWHERE)
         gain = data.gain(heard.range_m - predicted, echo)
-        return _Row(echo, predicted, chance[echo], box, float(np.maximum(gain, 0).sum()))
+        direction_gain = data.direction_gain(maker.model.directions(heard), echo)
+        weight = float(np.maximum(gain + direction_gain, 0).sum())
+        return _Row(echo, predicted, chance[echo], direction_gain, box, weight)
 
     def _worked_out_hidden(self, maker: "_Maker", wall: Line) -> np.ndarray:
-        return hidden(maker.model, wall, self.data.take(self._row(maker).echo), self.config)
+        heard = self.data.take(self._row(maker).echo)
+        return hidden(maker.model, wall, heard.echoes, heard.sigma_m, self.config)
 
 
 class _Maker(NamedTuple):
@@ -167,7 +182,8 @@ def explain(claims: Claims, gain: np.ndarray, data: Evidence, config: Refinement
     nearer = np.cumsum(silent) - silent
     first = np.searchsorted(claims.echo, claims.echo)
     nearer = nearer - nearer[first]
-    likelihood = (1 - config.false_share) * claims.chance * np.exp(nearer + np.minimum(gain, _MOST_NATS))
+    heard = np.exp(nearer + np.minimum(gain + claims.direction_gain, _MOST_NATS))
+    likelihood = (1 - config.false_share) * claims.chance * heard
     behind = data.echoes.range_m[claims.echo] - claims.predicted_m > (
         config.gate_sigmas * data.sigma_m[claims.echo] + config.behind_m
     )

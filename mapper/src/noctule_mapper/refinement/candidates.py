@@ -45,8 +45,10 @@ def candidates(
 ) -> list[Candidates]:
     """Candidates of every kind, weighed."""
     rng = np.random.default_rng(cylinder.seed)
-    i, j = _pairs(data.echoes, contact, config, rng)
-    lines = np.concatenate([_contact_lines(data.echoes, found), _tangent_lines(data.echoes, i, j)])
+    i, j = _pairs(data, contact, config, rng)
+    lines = np.concatenate(
+        [_contact_lines(data.echoes, found), _tangent_lines(data.echoes, i, j), _plateau_lines(data)]
+    )
     spots = np.concatenate([_contact_spots(data.echoes, found), _arc_crossings(data.echoes, i, j)])
     circles = np.concatenate(
         [
@@ -72,20 +74,23 @@ _SAME_SIGMAS = 2.0  # also for theta, as metres at a metre's arm
 
 
 def _pairs(
-    echoes: Echoes, contact: ContactConfig, config: RefinementConfig, rng: np.random.Generator
+    data: Evidence, contact: ContactConfig, config: RefinementConfig, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of echoes that may share a reflector, drawn evenly where there are more than enough; (m,) each, i of any
     order to j.
     """
+    echoes, has_direction = data.echoes, np.isfinite(data.direction_sigma_rad)
     first = np.arange(len(echoes))
     if len(first) > config.most_pair_echoes:
         first = rng.choice(first, config.most_pair_echoes, replace=False)
     dx, dy = (a[None, :] - a[first, None] for a in (echoes.x_m, echoes.y_m))
     baseline = np.hypot(dx, dy)
     turned = np.abs(wrapped(echoes.axis_rad[None, :] - echoes.axis_rad[first, None]))
-    near = (baseline >= contact.shortest_baseline_m) & (baseline <= contact.longest_baseline_m)
+    # A beam alone is too wide to tell, far off, whether two echoes are of one reflector; a plateau's direction is not.
+    directed = has_direction[first, None] & has_direction[None, :]
+    near = (baseline >= contact.shortest_baseline_m) & (directed | (baseline <= contact.longest_baseline_m))
     near &= np.abs(echoes.range_m[None, :] - echoes.range_m[first, None]) <= baseline
-    near &= turned <= 4 * echoes.half_beam_rad[first, None]
+    near &= directed | (turned <= 4 * echoes.half_beam_rad[first, None])
     i, j = np.nonzero(near)
     if len(i) > config.most_pairs:
         drawn = rng.choice(len(i), config.most_pairs, replace=False)
@@ -202,6 +207,12 @@ def _circles_beside_a_line(
     return [(a[:, None] * along + side * off[:, None] * left, radius) for side in (1, -1)]
 
 
+def _plateau_lines(data: Evidence) -> np.ndarray:
+    """Lines through single plateaus, (m, 2): two whose feet are one point have no common tangent but this."""
+    at = np.nonzero(np.isfinite(data.direction_sigma_rad))[0]
+    return _line_through(data.echoes, at, data.echoes.axis_rad[at])
+
+
 def _contact_lines(echoes: Echoes, found: Contacts) -> np.ndarray:
     chosen = np.nonzero(found.kind == Kind.WALL)[0]
     return _line_through(echoes, chosen, found.direction_rad[chosen])
@@ -237,25 +248,32 @@ def _line_gains(lines: np.ndarray, data: Evidence, config: RefinementConfig) -> 
         a.astype(np.float32) for a in (data.echoes.x_m, data.echoes.y_m, data.echoes.range_m, data.echoes.axis_rad)
     )
     predicted = rho - np.cos(theta) * x - np.sin(theta) * y
-    return _gains(predicted, theta - axis, r, data, config)
+    return _gains(predicted, np.broadcast_to(theta, predicted.shape), axis, r, data, config)
 
 
 def _round_gains(centres: np.ndarray, radius: np.ndarray, data: Evidence, config: RefinementConfig) -> np.ndarray:
     dx = centres[:, :1].astype(np.float32) - data.echoes.x_m.astype(np.float32)
     dy = centres[:, 1:].astype(np.float32) - data.echoes.y_m.astype(np.float32)
     predicted = np.hypot(dx, dy) - radius[:, None].astype(np.float32)
-    off_axis = np.arctan2(dy, dx) - data.echoes.axis_rad.astype(np.float32)
-    return _gains(predicted, off_axis, data.echoes.range_m.astype(np.float32), data, config)
+    axis = data.echoes.axis_rad.astype(np.float32)
+    return _gains(predicted, np.arctan2(dy, dx), axis, data.echoes.range_m.astype(np.float32), data, config)
 
 
 def _gains(
-    predicted: np.ndarray, off_axis: np.ndarray, ranges: np.ndarray, data: Evidence, config: RefinementConfig
+    predicted: np.ndarray,
+    direction: np.ndarray,
+    axis: np.ndarray,
+    ranges: np.ndarray,
+    data: Evidence,
+    config: RefinementConfig,
 ) -> np.ndarray:
     widest = (data.echoes.half_beam_rad + config.beam_slack_rad).astype(np.float32)
-    possible = (np.abs(wrapped(off_axis)) <= widest) & (predicted > 0)
+    possible = (np.abs(wrapped(direction - axis)) <= widest) & (predicted > 0)
     # A candidate from two or three echoes is itself uncertain, so it is weighed at twice the spread.
     sigma = 2 * data.sigma_m.astype(np.float32)
     gain = (
         np.log(data.span_m / (sigma * np.sqrt(2 * np.pi, dtype=np.float32))) - 0.5 * ((ranges - predicted) / sigma) ** 2
     )
+    if np.isfinite(data.direction_sigma_rad).any():
+        gain = gain + data.direction_gain(direction).astype(np.float32)
     return np.where(possible, np.maximum(gain, 0), 0)

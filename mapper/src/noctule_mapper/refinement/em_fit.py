@@ -13,9 +13,10 @@ import numpy as np
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.corners import Fit, Link
 from noctule_mapper.contour.reflectors import Reflector
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.association import Claims, explain
-from noctule_mapper.refinement.joint_fit import linearise, moved, offsets_of, places_of, solve
+from noctule_mapper.refinement.joint_fit import Turns, linearise, moved, offsets_of, places_of, solve
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,10 @@ def settle(
         sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]  # places shift from the first step on
         score = _score(residual, sigma_m, late_share, leverage, data.span_m, config)
         share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
-        normal = solve(linear, score.mean_m, share / sigma_m**2, echo, places, parameters)
+        turns = Turns(
+            wrapped(data.echoes.axis_rad[echo] - linear.direction_rad), share / data.direction_sigma_rad[echo] ** 2
+        )
+        normal = solve(linear, score.mean_m, share / sigma_m**2, echo, places, parameters, turns)
         objects, places = moved(objects, normal.step), replace(places, shift_m=normal.shift_m)
         leverage = min(normal.freedom / max(float(share.sum()), 1.0), _MOST_LEVERAGE)
         late_share = _late_share(residual, sigma_m, share, leverage, config)
@@ -66,7 +70,7 @@ def settle(
             data = _respread(data, echo, share, score, normal.freedom)
     unsure = (1 - share) * score.mean_m**2 + score.variance_m2
     information = share / sigma_m**2 * np.clip(1 - unsure / sigma_m**2, 0, 1)
-    covariance = solve(linear, score.mean_m, information, echo, places, parameters).covariance
+    covariance = solve(linear, score.mean_m, information, echo, places, parameters, turns).covariance
     return Settled(Fit(objects, covariance, offsets_of(objects)), share, data.range_sigma_m)
 
 

@@ -42,13 +42,14 @@ def places_of(echoes: Echoes) -> Places:
 @dataclass(frozen=True)
 class Linear:
     """Claims linearised about the objects: rows (claims,) of slopes by the parameters in ``columns``, both (claims, 4)
-    padded with zero slopes, predicted ranges and the directions of the echoes.
+    padded with zero slopes, predicted ranges, the directions of the echoes and their slopes by the same ``columns``.
     """
 
     slopes: np.ndarray
     columns: np.ndarray
     predicted_m: np.ndarray
     direction_rad: np.ndarray
+    direction_slopes: np.ndarray
 
 
 def offsets_of(objects: Sequence[Reflector]) -> np.ndarray:
@@ -63,6 +64,7 @@ def linearise(
     offsets = offsets_of(objects)
     slopes, columns = np.zeros((len(maker), 4)), np.zeros((len(maker), 4), int)
     predicted, direction = np.zeros(len(maker)), np.zeros(len(maker))
+    turning = np.zeros((len(maker), 4))
     order = np.argsort(maker, kind="stable")
     for rows in np.split(order, np.nonzero(np.diff(maker[order]))[0] + 1) if len(order) else []:
         number = int(maker[rows[0]])
@@ -75,7 +77,18 @@ def linearise(
         heard = echoes.take(echo[rows])
         slopes[rows, : len(own)], columns[rows, : len(own)] = model.slopes(heard), own
         predicted[rows], direction[rows] = model.ranges(heard), model.directions(heard)
-    return Linear(slopes, columns, predicted, direction)
+        turning[rows, : len(own)] = model.direction_slopes(heard)
+    return Linear(slopes, columns, predicted, direction, turning)
+
+
+@dataclass(frozen=True)
+class Turns:
+    """How far the echoes' directions are from their claims' (claims,), and the information that each is, per radian
+    squared; 0 where only the beam tells the direction.
+    """
+
+    residual_rad: np.ndarray
+    information: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -97,8 +110,10 @@ def solve(
     echo: np.ndarray,
     places: Places,
     parameters: int,
+    turns: Turns,
 ) -> Normal:
-    """Weighted least squares for ``residual_m`` (claims,), each of ``information`` (claims,) per square metre.
+    """Weighted least squares for ``residual_m`` (claims,), each of ``information`` (claims,) per square metre, and for
+    ``turns``.
 
     A place's shift along a direction shortens the range as much, hence its slopes are minus the direction's.
     """
@@ -109,6 +124,11 @@ def solve(
     )
     pull = np.zeros(parameters)
     np.add.at(pull, linear.columns, weighted * residual_m[:, None])
+    at = np.nonzero(turns.information)[0]
+    columns, slopes = linear.columns[at], linear.direction_slopes[at]
+    turned = slopes * turns.information[at, None]
+    np.add.at(own, (columns[:, :, None], columns[:, None, :]), turned[:, :, None] * slopes[:, None, :])
+    np.add.at(pull, columns, turned * turns.residual_rad[at, None])
     if not np.any(places.sigma_m > 0):
         covariance = np.linalg.inv(own)
         return Normal(covariance @ pull, places.shift_m, covariance, float(parameters))

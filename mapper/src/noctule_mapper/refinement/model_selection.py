@@ -6,12 +6,15 @@ become false ones.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.likelihood import contradictions, gains, hidden, price_of
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot, box_of_rays
+from noctule_mapper.contour.silence import silence_of, silence_of_stretch
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.candidates import Candidates
 
@@ -73,20 +76,24 @@ def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: Map
         wide = data.respread(relax)
         tried = trimmed(tried, free & (gains(tried, wide, config.refinement) > 0), data, config)
         used = free & (gains(tried, wide, config.refinement) > 0)
-        if len(np.unique(data.place[used])) < config.refinement.least_places:
+        if len(np.unique(data.place[used])) < least_places(type(tried), data, config):
             return None
         tried, covariance = _stepped(_unbounded(tried), wide.take(np.nonzero(used)[0]))
     tried = trimmed(tried, free & (gains(tried, data, config.refinement) > 0), data, config)
     places = len(np.unique(data.place[free & (gains(tried, data, config.refinement) > 0)]))
-    return tried if determined(tried, covariance, places, config, _ALONE) else None
+    return tried if determined(tried, covariance, places, data, config, _ALONE) else None
 
 
 def _stepped(tried: Reflector, used: Evidence) -> tuple[Reflector, np.ndarray]:
     """A step of one object to the ``used`` echoes, far ones weighing less, and the covariance after it."""
     residual, slopes = used.echoes.range_m - tried.ranges(used.echoes), tried.slopes(used.echoes)
     weight = 1 / (1 + np.exp(-used.gain(residual))) / used.sigma_m**2
-    covariance = np.linalg.inv(slopes.T @ (weight[:, None] * slopes) + _WEAK_PRIOR * np.eye(slopes.shape[1]))
-    return tried.moved(covariance @ slopes.T @ (weight * residual)), covariance
+    turn = wrapped(used.echoes.axis_rad - tried.directions(used.echoes))
+    turning = tried.direction_slopes(used.echoes)
+    sure = weight * used.sigma_m**2 / used.direction_sigma_rad**2
+    information = slopes.T @ (weight[:, None] * slopes) + turning.T @ (sure[:, None] * turning)
+    covariance = np.linalg.inv(information + _WEAK_PRIOR * np.eye(slopes.shape[1]))
+    return tried.moved(covariance @ (slopes.T @ (weight * residual) + turning.T @ (sure * turn))), covariance
 
 
 _ALONE = 2.0  # a wall's corners will tell more of its direction than its own echoes do
@@ -101,10 +108,12 @@ def worth_of(
     """
     gain = gains(tried, data, config.refinement) * free
     won = np.nonzero(gain)[0]
-    return float(gain[won] @ _in_sight(tried, objects, data.take(won), config)) - _cost(tried, data, config)
+    return float(gain[won] @ _in_sight(tried, objects, data.take(won), config)) - _cost(tried, objects, data, config)
 
 
-def determined(tried: Reflector, covariance: np.ndarray, places: int, config: MapperConfig, slack: float = 1.0) -> bool:
+def determined(
+    tried: Reflector, covariance: np.ndarray, places: int, data: Evidence, config: MapperConfig, slack: float = 1.0
+) -> bool:
     """Whether the echoes that a fit used, from so many ``places``, leave no absurd freedom; a wall's direction may be
     ``slack`` times as free as one that is reported.
     """
@@ -112,7 +121,9 @@ def determined(tried: Reflector, covariance: np.ndarray, places: int, config: Ma
     limits = config.refinement
     match tried:
         case Line():
-            long_enough = tried.high_m - tried.low_m >= limits.short_wall_m or places >= limits.short_wall_places
+            # Where directions are known, a corner's echoes don't pass for a short wall.
+            long_enough = data.looks is not None or tried.high_m - tried.low_m >= limits.short_wall_m
+            long_enough |= places >= limits.short_wall_places
             return bool(sigma[0] < slack * limits.most_theta_sigma_rad and long_enough)
         case Circle():
             size = config.cylinders
@@ -130,13 +141,31 @@ def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperCo
     if not isinstance(tried, Line) or not used.any():
         return tried
     along = np.sort(tried.along(data.echoes)[used])
-    runs = np.split(along, np.nonzero(np.diff(along) > config.refinement.longest_hole_m)[0] + 1)
+    runs = np.split(along, np.nonzero(_holes(tried, along, data, config))[0] + 1)
     longest = max(runs, key=len)
     for _ in range(2):
-        if len(longest) > 2 and longest[1] - longest[0] > config.refinement.lone_end_m:
+        if data.looks is None and len(longest) > 2 and longest[1] - longest[0] > config.refinement.lone_end_m:
             longest = longest[1:]
         longest = -longest[::-1]
     return Line(tried.theta_rad, tried.rho_m, float(longest[0]), float(longest[-1]))
+
+
+def _holes(wall: Line, along_m: np.ndarray, data: Evidence, config: MapperConfig) -> np.ndarray:
+    """Between which feet, sorted (n,), the wall has a hole, bool (n - 1,): where nobody looked with a fine sweep, in
+    any long gap.
+    """
+    limits = config.refinement
+    if data.looks is None:
+        return np.diff(along_m) > limits.longest_hole_m
+    silence = [silence_of_stretch(wall, low_m, high_m, data, limits) for low_m, high_m in pairwise(along_m)]
+    return np.array(silence) > limits.hole_price_nats
+
+
+def least_places(kind: type[Reflector], data: Evidence, config: MapperConfig) -> int:
+    """From how many places an object must be heard: two arcs whose directions are known have one common tangent, and
+    one crossing.
+    """
+    return config.refinement.least_places - (data.looks is not None and kind is not Circle)
 
 
 def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> np.ndarray:
@@ -147,13 +176,16 @@ def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, conf
     rays = box_of_rays(one, data.echoes)
     for wall in objects:
         if isinstance(wall, Line) and np.all(rays[:2] <= wall.box[2:]) and np.all(rays[2:] >= wall.box[:2]):
-            seen &= ~hidden(one, wall, data, config.refinement)
+            seen &= ~hidden(one, wall, data.echoes, data.sigma_m, config.refinement)
     return seen
 
 
-def _cost(one: Reflector, data: Evidence, config: MapperConfig) -> float:
-    """An object's price and that of the echoes which contradict it."""
-    against = config.refinement.contradiction_price_nats * contradictions(one, data, config.refinement)
+def _cost(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> float:
+    """An object's price and that of the echoes, or looks, which contradict it beside ``objects``."""
+    if data.looks is None:
+        against = config.refinement.contradiction_price_nats * contradictions(one, data, config.refinement)
+    else:
+        against = silence_of(one, data, config.refinement, objects)
     return price_of(type(one), config.refinement) + against
 
 

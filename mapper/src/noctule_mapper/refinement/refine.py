@@ -5,28 +5,32 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from noctule_mapper.config import MapperConfig
-from noctule_mapper.contacts.voting import Contacts
+from noctule_mapper.config import MapperConfig, RefinementConfig
+from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.contour.corners import Link, contour_of, link_ends
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.echoes import Echoes
-from noctule_mapper.readings.evidence import Evidence, evidence, newest_of_each_beam
+from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_of_each_beam
+from noctule_mapper.readings.looks import Looks
+from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
-from noctule_mapper.refinement.model_selection import add_objects, determined, trimmed
+from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
 
 
-def refine(echoes: Echoes, found: Contacts, config: MapperConfig) -> Contour:
-    """The contour that explains the echoes best; ``found`` are their contacts.
+def refine(echoes: Echoes, found: Contacts, looks: Looks | None, config: MapperConfig) -> Contour:
+    """The contour that explains the echoes best; ``found`` are their contacts, ``looks`` those of fine sweeps.
 
     Worked out about the middle of the echoes' places: far from the origin theta and rho would be nearly one.
     """
     x_m, y_m = float(np.median(echoes.x_m)), float(np.median(echoes.y_m))
-    middle = replace(echoes, x_m=echoes.x_m - x_m, y_m=echoes.y_m - y_m)
+    middle = _about(echoes, x_m, y_m)
     data = evidence(middle, middle.sigma_m, config.sensor.longest_range_m, config.refinement)
+    if looks is not None:
+        data = replace(data, looks=replace(looks, echoes=_about(looks.echoes, x_m, y_m)))
     if echoes.calibrated.all():
         return _refined(data, found, config)[0].shifted(x_m, y_m)
     sigma_m = estimate_sigma_m(middle.take(newest_of_each_beam(data)), config.noise)
@@ -45,19 +49,48 @@ _GOOD_GUESS = 0.25  # how far off a guess may be for the choice of objects to st
 
 def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Contour, np.ndarray]:
     """The contour, and the spread of each range that it went by, which is fitted where nobody has calibrated it."""
-    limits, kept = config.refinement, newest_of_each_beam(data)
-    best, scene = _explain(data.take(kept), found.take(kept), config), Scene(data, limits)
+    limits = config.refinement
+    weighed, contacts = _weighed(data, found, limits)
+    best, scene = _explain(weighed, contacts, config), Scene(joined(data, _directions(weighed)), limits)
     objects, links = best.objects, best.links
     while True:
         claims = scene.claims(objects, links)
-        last = settle(objects, links, claims, data, limits, limits.last_steps, not data.echoes.calibrated.all())
+        last = settle(objects, links, claims, scene.data, limits, limits.last_steps, not data.echoes.calibrated.all())
         sure = _determined(last, claims, scene, config)
         if len(sure) == len(objects):
             break
         objects, links = sure, _links(sure, scene, config)
-    readings = np.rint(np.bincount(claims.maker, last.share, minlength=len(objects))).astype(int)
+    read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
+    readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
     contour = contour_of(last.fit, links, [int(count) for count in readings], limits)
-    return replace(contour, range_sigma_m=float(np.median(last.range_sigma_m))), last.range_sigma_m
+    spread_m = last.range_sigma_m[: len(data.echoes)]
+    return replace(contour, range_sigma_m=float(np.median(spread_m))), spread_m
+
+
+def _about(echoes: Echoes, x_m: float, y_m: float) -> Echoes:
+    return replace(echoes, x_m=echoes.x_m - x_m, y_m=echoes.y_m - y_m)
+
+
+def _weighed(data: Evidence, found: Contacts, limits: RefinementConfig) -> tuple[Evidence, Contacts]:
+    """The echoes by which objects are weighed, and their contacts: of fine sweeps the plateaus, of others the newest
+    echo of each beam.
+    """
+    fine = of_fine_sweeps(data)
+    beams = np.nonzero(~fine)[0][newest_of_each_beam(data.take(~fine))]
+    flat = plateaus(data.take(fine), limits)
+    none = np.zeros(len(flat.echoes))
+    no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none)
+    return joined(data.take(beams), flat), join_contacts([found.take(beams), no_contacts])
+
+
+def _directions(weighed: Evidence) -> Evidence:
+    """The plateaus once more, for their directions: the readings themselves tell the ranges."""
+    flat = weighed.take(np.isfinite(weighed.direction_sigma_rad))
+    known = replace(flat.echoes, calibrated=np.ones(len(flat.echoes), bool))  # their spread is none of a reading's
+    return replace(flat, echoes=known, range_sigma_m=np.full(len(flat.echoes), _LOOSE_M))
+
+
+_LOOSE_M = 0.01  # so little a plateau's range weighs beside its readings
 
 
 def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfig) -> list[Reflector]:
@@ -68,7 +101,7 @@ def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfi
     return [
         one
         for number, one in enumerate(last.fit.objects)
-        if determined(one, last.fit.covariance_of(number), places[number], config)
+        if determined(one, last.fit.covariance_of(number), places[number], scene.data, config)
     ]
 
 
@@ -84,9 +117,11 @@ class _State:
 
 def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
     """The objects that explain the echoes for the least price, and which walls meet."""
+    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0)
+    if not len(data.echoes):
+        return state
     library = candidates(data, found, config.contacts, config.cylinders, config.refinement)
     scene = Scene(data, config.refinement)
-    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0)
     for _ in range(config.refinement.rounds):
         added = add_objects(state.objects, state.explained, library, data, config)
         tried = _state(added, scene, config)
@@ -102,7 +137,7 @@ _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for thei
 def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _State:
     objects, links = _settled(objects, scene, config)
     explanation = scene.explain(scene.claims(objects, links))
-    return _State(objects, links, explanation.unexplained < 0.5, scene.worth(objects, explanation))
+    return _State(objects, links, explanation.unexplained < 0.5, scene.worth(objects, links, explanation))
 
 
 def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> _State:
@@ -114,8 +149,8 @@ def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, confi
             unexplained = scene.explain(scene.claims(rest, _links(rest, scene, config))).unexplained
             added = add_objects(rest, unexplained < 0.5, instead, scene.data, config)
             if len(rest) < len(state.objects) and len(added) > len(rest):
-                rough = scene.explain(scene.claims(added, _links(added, scene, config)))
-                if scene.worth(added, rough) > state.worth - _HOPE_NATS:
+                links = _links(added, scene, config)
+                if scene.worth(added, links, scene.explain(scene.claims(added, links))) > state.worth - _HOPE_NATS:
                     tried = _state(added, scene, config)
                     state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
     return state
@@ -146,13 +181,16 @@ def _without_one(
     claims = scene.claims(objects, links)
     explanation = scene.explain(claims)
     for number in range(len(objects)):
-        if len(np.unique(scene.data.place[_made(number, claims, explanation.share)])) < config.refinement.least_places:
+        if len(np.unique(scene.data.place[_made(number, claims, explanation.share)])) < least_places(
+            type(objects[number]), scene.data, config
+        ):
             return objects[:number] + objects[number + 1 :]
-    worth = scene.worth(objects, explanation)
+    worth = scene.worth(objects, links, explanation)
     alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))
     for number in np.argsort(alone[: len(objects)])[:_SUSPECTS]:
         fewer = [one for other, one in enumerate(objects) if other != number]
-        if scene.worth(fewer, scene.explain(scene.claims(fewer, _links(fewer, scene, config)))) > worth:
+        left = _links(fewer, scene, config)
+        if scene.worth(fewer, left, scene.explain(scene.claims(fewer, left))) > worth:
             return fewer
     return None
 
@@ -192,5 +230,5 @@ def _links(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> 
     free = scene.explain(scene.claims(solid, [])).unexplained
     walls = {number: one for number, one in enumerate(objects) if isinstance(one, Line)}
     return link_ends(
-        walls, scene.data, config.refinement, lambda corner: scene.support(corner, free), scene.heard_price
+        walls, scene.data, config.refinement, lambda corner: scene.support(corner, free), scene.heard_price, solid
     )

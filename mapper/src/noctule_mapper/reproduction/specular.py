@@ -143,10 +143,16 @@ def walk(corners: np.ndarray, spacing_m: float) -> np.ndarray:
 
 
 def survey_labelled(
-    room: Room, poses: np.ndarray, rng: np.random.Generator, physics: Physics = PAPER, calibrated: bool = True
+    room: Room,
+    poses: np.ndarray,
+    rng: np.random.Generator,
+    physics: Physics = PAPER,
+    calibrated: bool = True,
+    bearings_rad: np.ndarray = BEARINGS_RAD,
 ) -> list[LabelledSweep]:
-    """One sweep of 13 readings at each stated pose (n, 3), in order, 3 s apart. The true pose is the stated one and an
-    error, the same whenever the unit is at the same place; ``calibrated`` sweeps state the range's spread.
+    """One sweep with a reading at each of ``bearings_rad`` at each stated pose (n, 3), in order, 3 s apart. The true
+    pose is the stated one and an error, the same whenever the unit is at the same place; ``calibrated`` sweeps state
+    the range's spread.
     """
     _, visit = np.unique(poses[:, :2], axis=0, return_inverse=True)
     errors = np.zeros((int(visit.max(initial=-1)) + 1, 3))
@@ -155,7 +161,7 @@ def survey_labelled(
         errors = rng.normal(0, 1, errors.shape) * spread
     true = poses + errors[visit.reshape(-1)]
     return [
-        _labelled_sweep(room, stated, pose, number, rng, physics, calibrated)
+        _labelled_sweep(room, stated, pose, number, rng, physics, calibrated, bearings_rad)
         for number, (stated, pose) in enumerate(zip(poses, true, strict=True))
     ]
 
@@ -189,8 +195,9 @@ def _labelled_sweep(
     rng: np.random.Generator,
     physics: Physics,
     calibrated: bool,
+    bearings_rad: np.ndarray,
 ) -> LabelledSweep:
-    true_m, labels = _heard(room, pose, rng, physics)
+    true_m, labels = _heard(room, pose, bearings_rad, rng, physics)
     range_m = true_m + physics.bias_m + rng.normal(0, physics.sigma_m, len(true_m))
     range_m, labels, late_m = _disturbed(range_m, labels, rng, physics)
     sweep = SweepReadings(
@@ -202,7 +209,7 @@ def _labelled_sweep(
         heading_rad=float(stated[2]),
         sigma_position_m=physics.sigma_position_m,
         sigma_heading_rad=physics.sigma_heading_rad,
-        bearing_rad=BEARINGS_RAD,
+        bearing_rad=bearings_rad,
         range_m=range_m,
         no_echo=np.isnan(range_m),
         beam_width_rad=2 * HALF_BEAM_RAD,
@@ -229,13 +236,15 @@ def _disturbed(
     return range_m, labels, np.where(late & heard & ~false & ~lost, physics.late_m, 0.0)
 
 
-def _heard(room: Room, pose: np.ndarray, rng: np.random.Generator, physics: Physics) -> tuple[np.ndarray, list[Label]]:
-    """Ranges (13,), NaN where nothing answers, and what answered."""
-    place, axis_rad = pose[:2], pose[2] + BEARINGS_RAD
+def _heard(
+    room: Room, pose: np.ndarray, bearings_rad: np.ndarray, rng: np.random.Generator, physics: Physics
+) -> tuple[np.ndarray, list[Label]]:
+    """Ranges at ``bearings_rad`` (n,), NaN where nothing answers, and what answered."""
+    place, axis_rad = pose[:2], pose[2] + bearings_rad
     parts = [_feet(room, place), _corners(room, place, physics), _cylinders(room, place, physics)]
     labels = [label for part in parts for label in part[0]]
     range_m, touch = np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
-    answers = _corner_answers(room, rng)[:, [label.index for label in parts[1][0]]]
+    answers = _corner_answers(room, len(axis_rad), rng)[:, [label.index for label in parts[1][0]]]
     may = np.ones((len(axis_rad), len(labels)), dtype=bool)
     may[:, len(parts[0][0]) : len(parts[0][0]) + answers.shape[1]] = answers
     off_axis = np.arctan2(*(touch - place).T[::-1])[None, :] - axis_rad[:, None]
@@ -271,12 +280,12 @@ def _corners(room: Room, place: np.ndarray, physics: Physics) -> _Part:
     return labels, (distance * factor)[near], room.vertices[near]
 
 
-def _corner_answers(room: Room, rng: np.random.Generator) -> np.ndarray:
-    """Which corner answers in which reading, (13, corners): ever fewer as the angle grows past 90 degrees."""
+def _corner_answers(room: Room, readings: int, rng: np.random.Generator) -> np.ndarray:
+    """Which corner answers in which reading, (readings, corners): ever fewer as the angle grows past 90 degrees."""
     chance = 1 - (room.interior_rad - np.pi / 2) / (_NO_LONGER_HEARD_RAD - np.pi / 2)
     rarely = (room.interior_rad >= np.pi / 2) & (room.interior_rad <= np.pi)
-    answers = np.ones((len(BEARINGS_RAD), len(chance)), dtype=bool)
-    answers[:, rarely] = rng.random((len(BEARINGS_RAD), int(rarely.sum()))) < chance[rarely]
+    answers = np.ones((readings, len(chance)), dtype=bool)
+    answers[:, rarely] = rng.random((readings, int(rarely.sum()))) < chance[rarely]
     return answers
 
 

@@ -1,0 +1,90 @@
+"""Silence: what it costs to claim a reflector where somebody looked and heard nothing of it.
+
+A look that should have heard a reflector, though nothing nearer answered and no wall stands before it, costs the
+logarithm of the chance that the reflector stayed silent. Where nobody looked, nothing is known and nothing costs.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from noctule_mapper.config import RefinementConfig
+from noctule_mapper.contour.likelihood import hidden, reach
+from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
+from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.evidence import Evidence
+
+# Where in the lobe an answer is sure, in half beams: the lobe grows narrower with the range.
+_SURE_RANGE_M = (0.5, 1.5, 4.0)
+_SURE_HALF_BEAMS = (0.75, 0.6, 0.3)
+_NEAREST_M = 0.03  # nearer, a sensor is deaf from its own ping
+_FARTHEST_SHARE = 0.95  # of the span; about its end an echo is too weak
+
+
+def silence_of(one: Reflector, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()) -> float:
+    """Price in nats of an object among others; a wall claims what has been seen of it, a point claims nothing."""
+    if isinstance(one, Line):
+        return silence_of_stretch(one, one.low_m, one.high_m, data, config, objects)
+    return _price(one, data, config, objects, None) if isinstance(one, Circle) else 0.0
+
+
+def silence_of_stretch(
+    wall: Line, low_m: float, high_m: float, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()
+) -> float:
+    """Price of a wall's going from ``low_m`` to ``high_m`` along itself."""
+    if data.looks is None:
+        return 0.0
+    along = wall.along(data.looks.echoes)
+    inside = (along > low_m + config.behind_m) & (along < high_m - config.behind_m)
+    return _price(wall, data, config, objects, inside) if inside.any() else 0.0
+
+
+def silence_of_link(
+    corner: Crossing, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()
+) -> float:
+    """Price of a corner: of the stretches that it adds to its walls, and of the corner itself."""
+    first, second = corner.first, corner.second
+    end_m, start_m = float(first.tangent @ corner.point), float(second.tangent @ corner.point)
+    return (
+        silence_of_stretch(first, first.high_m, end_m, data, config, objects)
+        + silence_of_stretch(second, start_m, second.low_m, data, config, objects)
+        + _price(corner, data, config, objects, None)
+    )
+
+
+def _price(
+    one: Reflector | Crossing,
+    data: Evidence,
+    config: RefinementConfig,
+    objects: Sequence[Reflector],
+    chosen: np.ndarray | None,
+) -> float:
+    """Sum over the looks, those ``chosen`` or all, in whose sight ``one`` is."""
+    if data.looks is None:
+        return 0.0
+    looks = data.looks.echoes
+    predicted_m = one.ranges(looks)
+    off_axis = np.abs(wrapped(one.directions(looks) - looks.axis_rad))
+    sure = off_axis <= looks.half_beam_rad * np.interp(predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS)
+    sure &= (predicted_m > _NEAREST_M) & (predicted_m < _FARTHEST_SHARE * data.span_m)
+    sure &= looks.range_m > predicted_m + config.gate_sigmas * looks.sigma_m + config.behind_m
+    at = np.nonzero(sure if chosen is None else sure & chosen)[0]
+    if not len(at):
+        return 0.0
+    chance = reach(one, predicted_m[at], config)
+    price = data.looks.weight[at] * -np.log1p(-chance)
+    return float(price @ _in_sight(one, objects, data, at, config))
+
+
+def _in_sight(
+    one: Reflector | Crossing, objects: Sequence[Reflector], data: Evidence, at: np.ndarray, config: RefinementConfig
+) -> np.ndarray:
+    """Whether no wall among ``objects`` stands between each look ``at`` and ``one``, bool (n,)."""
+    assert data.looks is not None
+    looks = data.looks.echoes.take(at)
+    own = (one.first, one.second) if isinstance(one, Crossing) else (one,)
+    free = np.ones(len(at), bool)
+    for other in objects:
+        if isinstance(other, Line) and not any(other is mine for mine in own):
+            free &= ~hidden(one, other, looks, looks.sigma_m, config)
+    return free

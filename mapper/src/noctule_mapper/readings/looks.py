@@ -1,0 +1,49 @@
+"""Looks: every reading of a fine sweep, those that heard nothing included.
+
+A gap is evidence only where somebody looked. Coarse sweeps look past most of what is there, so they have no looks.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from noctule_mapper.readings.echoes import Echoes, join, rows_of, step_rad
+from noctule_mapper.readings.sweep import SweepReadings
+
+_SWEEPS_OF_A_PLACE = 4  # the newest stand for all
+_NOTHING_M = 1e6  # the range of a look that heard nothing: beyond all that can be heard
+
+
+@dataclass(frozen=True)
+class Looks:
+    """Looks (n,), none for readings that failed in another way.
+
+    ``weight`` is one over the number of sweeps that looked from the same place, for they share their errors: what
+    passes by, what swallows sound.
+    """
+
+    echoes: Echoes
+    weight: np.ndarray
+
+
+def is_fine(sweep: SweepReadings) -> bool:
+    """Whether a reflector answers several of the sweep's bearings."""
+    return step_rad(sweep.bearing_rad) < sweep.beam_width_rad / 2
+
+
+def looks_of(sweeps: Iterable[SweepReadings], assumed_sigma_m: float) -> Looks | None:
+    """The looks of the fine ones among ``sweeps``, None where there are none."""
+    by_place: dict[tuple[str, float, float, float], list[SweepReadings]] = {}
+    for sweep in sweeps:
+        if is_fine(sweep):
+            by_place.setdefault((sweep.unit, sweep.x_m, sweep.y_m, sweep.heading_rad), []).append(sweep)
+    parts, weights = [], []
+    for held in by_place.values():
+        newest = held[-_SWEEPS_OF_A_PLACE:]
+        for sweep in newest:
+            heard = np.isfinite(sweep.range_m)
+            range_m = np.where(heard, sweep.range_m, _NOTHING_M)
+            parts.append(rows_of(sweep, heard | sweep.no_echo, range_m, 0, assumed_sigma_m))
+            weights.append(np.full(len(parts[-1]), 1 / len(newest)))
+    return Looks(join(parts), np.concatenate(weights)) if parts else None

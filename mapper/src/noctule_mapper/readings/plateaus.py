@@ -1,0 +1,149 @@
+"""Plateaus: what one place hears of a reflector over neighbouring bearings, as one echo with a direction of its own.
+
+A reflector answers at one range for as long as it lies inside the lobe: a region of constant depth (Leonard and
+Durrant-Whyte 1992). The middle of these bearings is its direction, known much better than one beam tells it. Where a
+nearer reflector or the end of the sweep cuts the plateau short, the lobe's width tells how far it may have gone on.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from noctule_mapper.config import RefinementConfig
+from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.readings.lobe import lobe_rad
+
+_SAME_BEARING_STEPS = 0.3  # bearings nearer than this are one
+_NEXT_BEARING_STEPS = 1.3
+_LEAST_ECHOES = 2  # one echo alone may be from anywhere
+
+
+def of_fine_sweeps(data: Evidence) -> np.ndarray:
+    """Which echoes are of sweeps so fine that a reflector answers several bearings, bool (n,)."""
+    return data.echoes.step_rad < data.echoes.half_beam_rad
+
+
+def plateaus(data: Evidence, config: RefinementConfig) -> Evidence:
+    """The plateaus in the echoes of fine sweeps, each as one echo: its axis the direction, its half beam what that may
+    be off, its range the median.
+    """
+    places = [np.nonzero(data.place == place)[0] for place in np.unique(data.place)]
+    found = [one for at in places for one in _of_place(data, at, config)]
+    newest = data.take(np.array([one.newest for one in found], dtype=int))
+    return replace(
+        newest,
+        echoes=replace(
+            newest.echoes,
+            axis_rad=np.array([one.direction_rad for one in found]),
+            half_beam_rad=np.array([one.half_width_rad for one in found]),
+            range_m=np.array([one.range_m for one in found]),
+        ),
+        range_sigma_m=np.array([one.range_sigma_m for one in found]),
+        direction_sigma_rad=np.array([one.direction_sigma_rad for one in found]),
+    )
+
+
+@dataclass(frozen=True)
+class _Plateau:
+    newest: int  # the number of its newest echo
+    direction_rad: float
+    direction_sigma_rad: float
+    half_width_rad: float
+    range_m: float
+    range_sigma_m: float
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Ranges heard at one bearing, gathered; (levels,), and the numbers of each one's echoes."""
+
+    bearing_rad: np.ndarray
+    range_m: np.ndarray
+    members: list[np.ndarray]
+
+
+def _of_place(data: Evidence, at: np.ndarray, config: RefinementConfig) -> Iterator[_Plateau]:
+    echoes, sigma_m = data.echoes.take(at), float(np.mean(data.range_sigma_m[at]))
+    step_rad = float(np.median(echoes.step_rad))
+    levels = _levels(echoes, sigma_m, step_rad)
+    for own in _runs(levels, sigma_m, step_rad, config):
+        rows = np.concatenate([levels.members[level] for level in own])
+        if len(rows) < _LEAST_ECHOES:
+            continue
+        first_rad = levels.bearing_rad[own[0]]
+        along_rad = wrapped(levels.bearing_rad[own] - first_rad)
+        range_m = float(np.median(echoes.range_m[rows]))
+        low_rad, high_rad = first_rad + along_rad.min(), first_rad + along_rad.max()
+        lowest_rad, highest_rad = _middles(data, echoes, low_rad, high_rad, range_m, step_rad, config)
+        closed_rad = np.hypot(
+            np.hypot(config.middle_share * step_rad, config.least_middle_sigma_rad), echoes.sigma_heading_rad[rows[0]]
+        )
+        yield _Plateau(
+            newest=int(at[rows.max()]),
+            direction_rad=(lowest_rad + highest_rad) / 2,
+            direction_sigma_rad=float(np.hypot((highest_rad - lowest_rad) / np.sqrt(12), closed_rad)),
+            half_width_rad=float((highest_rad - lowest_rad) / 2 + config.gate_sigmas * closed_rad),
+            range_m=range_m,
+            # Not below half: neighbours share their errors.
+            range_sigma_m=sigma_m * max(1 / np.sqrt(len(rows)), 0.5),
+        )
+
+
+def _levels(echoes: Echoes, sigma_m: float, step_rad: float) -> _Levels:
+    bearing = np.rint(2 * echoes.axis_rad / step_rad).astype(int)
+    order = np.lexsort((echoes.range_m, bearing))
+    parted = (np.diff(bearing[order]) != 0) | (np.diff(echoes.range_m[order]) > 3 * np.sqrt(2) * sigma_m)
+    members = np.split(order, np.nonzero(parted)[0] + 1)
+    return _Levels(
+        np.array([float(np.mean(echoes.axis_rad[one])) for one in members]),
+        np.array([float(np.median(echoes.range_m[one])) for one in members]),
+        members,
+    )
+
+
+def _runs(levels: _Levels, sigma_m: float, step_rad: float, config: RefinementConfig) -> Iterator[np.ndarray]:
+    """Levels at neighbouring bearings that are the same to within their noise."""
+    count = np.array([len(one) for one in levels.members])
+    apart = np.abs(wrapped(levels.bearing_rad[:, None] - levels.bearing_rad[None, :]))
+    same = (apart > _SAME_BEARING_STEPS * step_rad) & (apart <= config.plateau_gap_steps * step_rad)
+    off_m = np.abs(levels.range_m[:, None] - levels.range_m[None, :])
+    same &= off_m <= config.plateau_sigmas * sigma_m * np.sqrt(1 / count[:, None] + 1 / count[None, :])
+    runs, of = connected_components(coo_matrix(same), directed=False)
+    return (np.nonzero(of == run)[0] for run in range(runs))
+
+
+def _middles(
+    data: Evidence,
+    echoes: Echoes,
+    low_rad: float,
+    high_rad: float,
+    range_m: float,
+    step_rad: float,
+    config: RefinementConfig,
+) -> tuple[float, float]:
+    """Between which directions the middle of a plateau may lie that was heard from ``low_rad`` to ``high_rad``."""
+    middle_rad = (low_rad + high_rad) / 2
+    lobe = float(lobe_rad(np.array([range_m]), echoes.half_beam_rad[:1], config)[0])
+    cut_low, cut_high = (
+        _is_cut(data, echoes, end_rad, sign, range_m, step_rad) for end_rad, sign in ((low_rad, -1), (high_rad, 1))
+    )
+    return (
+        min(middle_rad, high_rad - lobe) if cut_low else middle_rad,
+        max(middle_rad, low_rad + lobe) if cut_high else middle_rad,
+    )
+
+
+def _is_cut(data: Evidence, echoes: Echoes, end_rad: float, sign: int, range_m: float, step_rad: float) -> bool:
+    """Whether just beyond an end something nearer was heard, or nobody listened."""
+    if data.looks is None:
+        return False
+    looks = data.looks.echoes
+    beyond_rad = sign * wrapped(looks.axis_rad - end_rad)
+    beyond = (looks.x_m == echoes.x_m[0]) & (looks.y_m == echoes.y_m[0])
+    beyond &= (beyond_rad > _SAME_BEARING_STEPS * step_rad) & (beyond_rad <= _NEXT_BEARING_STEPS * step_rad)
+    return not beyond.any() or bool(np.median(looks.range_m[beyond]) < range_m)

@@ -1,0 +1,55 @@
+"""Every derivative of every reflector against a central difference of what it is the derivative of."""
+
+import numpy as np
+import pytest
+
+from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector, Spot
+from noctule_mapper.readings.echoes import Echoes
+
+STEP = 1e-6
+# A central difference of step h errs by about h^2 times the third derivative, and rounding by 1e-16 / h.
+NEAR = 1e-7
+PLACES = np.array([(0.3, -0.2), (-1.1, 0.4), (0.8, 1.3), (-0.5, -1.7)])
+
+
+def echoes() -> Echoes:
+    some = np.ones(len(PLACES))
+    x_m, y_m = PLACES.T
+    return Echoes(np.arange(4), x_m, y_m, 0 * some, some, some, some, some > 0, 0 * some, 0 * some, some)
+
+
+REFLECTORS = [Line(0.4, 2.5), Line(-2.9, 3.0), Circle(2.5, 1.0, 0.3), Spot(-2.0, 2.2)]
+
+
+@pytest.mark.parametrize("one", REFLECTORS)
+@pytest.mark.parametrize(("of", "slopes"), [("ranges", "slopes"), ("directions", "direction_slopes")])
+def test_slopes_are_the_derivatives(one: Reflector, of: str, slopes: str) -> None:
+    numeric = [
+        (getattr(one.moved(step), of)(echoes()) - getattr(one.moved(-step), of)(echoes())) / (2 * STEP)
+        for step in STEP * np.eye(len(one.parameters))
+    ]
+    assert getattr(one, slopes)(echoes()) == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
+
+
+# Walls that turn by 70 (an obtuse corner), 110 (an acute one, heard by double bounce) and -60 degrees (a reflex edge).
+CROSSINGS = [Crossing(Line(0.3, 2.0), Line(0.3 + np.radians(turn), 2.4)) for turn in (70, 110, -60)]
+
+
+def moved(corner: Crossing, step: np.ndarray) -> Crossing:
+    return Crossing(corner.first.moved(step[:2]), corner.second.moved(step[2:]))
+
+
+@pytest.mark.parametrize("corner", CROSSINGS)
+@pytest.mark.parametrize(("of", "slopes"), [("ranges", "slopes"), ("directions", "direction_slopes")])
+def test_slopes_of_a_corner_are_the_derivatives_by_both_walls(corner: Crossing, of: str, slopes: str) -> None:
+    numeric = [
+        (getattr(moved(corner, step), of)(echoes()) - getattr(moved(corner, -step), of)(echoes())) / (2 * STEP)
+        for step in STEP * np.eye(4)
+    ]
+    assert getattr(corner, slopes)(echoes()) == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
+
+
+@pytest.mark.parametrize("corner", CROSSINGS)
+def test_a_corner_moves_with_its_walls_as_its_slopes_say(corner: Crossing) -> None:
+    numeric = [(moved(corner, step).point - moved(corner, -step).point) / (2 * STEP) for step in STEP * np.eye(4)]
+    assert corner.point_slopes() == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
