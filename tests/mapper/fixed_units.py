@@ -1,7 +1,7 @@
 """Rooms with units that stand still, metres apart, each sweeping the fine plan from its place; and what they must find.
 
-A wall is due from two units once a fit that is told every label knows its direction to 1.5 degrees, a corner of two due
-walls to 4 cm, a cylinder's radius to a quarter.
+A wall is due when two units hear it and a fit that knows every label determines its direction to 1.5 degrees; a corner
+of two due walls when it is known to 4 cm; a cylinder when its radius is known to a quarter.
 """
 
 import math
@@ -36,7 +36,7 @@ FIXED = replace(HARD, lobe=LOBE, sigma_position_m=0.0, sigma_heading_rad=0.0)
 @dataclass(frozen=True)
 class Verdict:
     """What was due, what of it was missed, and what is false, each by a phrase; the errors of the corners that were due
-    and found, and those of the fit that is told every label, (n,), in metres.
+    and found, and those of the fit that knows every label, (n,), in metres.
     """
 
     due: tuple[str, ...]

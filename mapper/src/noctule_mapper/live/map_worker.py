@@ -128,7 +128,7 @@ class MapWorker:
         return waiting
 
     def _apply(self, waiting: _Waiting) -> None:
-        """Change the map; a long rebuild breaks off when it is told to close, and is begun anew next time."""
+        """Change the map; a long rebuild stops when the worker closes, and starts again next time."""
         for identity in waiting.left:
             if not self._closing:
                 self._take_off(identity)
