@@ -83,11 +83,11 @@ def test_readings_that_did_not_come_from_a_message_are_looked_at_as_well() -> No
             replace(good, **changes)
 
 
-@pytest.mark.parametrize("field", ["wall_price_nats", "point_price_nats", "cylinder_price_nats"])
+@pytest.mark.parametrize("field", ["wall_nats", "point_nats", "cylinder_nats"])
 def test_objects_that_cost_nothing_can_not_be_asked_for(field: str) -> None:
     # Selection adds objects while one is worth more than its price: at a price of 0 it would never end.
     with pytest.raises(ValueError, match=field):
-        MapperConfig.model_validate({"refinement": {field: 0.0}})
+        MapperConfig.model_validate({"refinement": {"prices": {field: 0.0}}})
 
 
 def edge(low: float, high: float) -> st.SearchStrategy[float]:

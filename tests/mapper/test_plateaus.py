@@ -13,7 +13,7 @@ from noctule_mapper.readings.evidence import Evidence, evidence
 from noctule_mapper.readings.looks import looks_of
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 
-LIMITS = RefinementConfig()
+CONFIG = RefinementConfig()
 # Wide enough for feet and corners to lie far apart: each is a plateau of its own.
 ROOM = Room(np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]))
 CLEAN = Physics(sigma_m=0.0032, lobe=FIXED.lobe)
@@ -21,7 +21,7 @@ CLEAN = Physics(sigma_m=0.0032, lobe=FIXED.lobe)
 
 def heard(surveyed: list[LabelledSweep]) -> Evidence:
     echoes = join([echoes_of(one.sweep, number, 0.0032) for number, one in enumerate(surveyed)])
-    data = evidence(echoes, echoes.sigma_m, 4.0, LIMITS)
+    data = evidence(echoes, echoes.sigma_m, 4.0, CONFIG)
     return Evidence(
         data.echoes,
         data.range_sigma_m,
@@ -34,7 +34,7 @@ def heard(surveyed: list[LabelledSweep]) -> Evidence:
 
 def from_the_middle(heading_rad: float, physics: Physics, seed: int = 1) -> Evidence:
     pose = np.array([(1.6, 1.1, heading_rad)])
-    return plateaus(heard(survey_fixed(ROOM, pose, np.random.default_rng(seed), physics)), LIMITS)
+    return plateaus(heard(survey_fixed(ROOM, pose, np.random.default_rng(seed), physics)), CONFIG)
 
 
 # The feet of the perpendiculars from (1.6, 1.1): direction and range of each wall.

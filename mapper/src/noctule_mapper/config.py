@@ -29,18 +29,12 @@ class SensorConfig(_Model):
 class NoiseConfig(_Model):
     """How the spread of the ranges is estimated where nobody has calibrated it."""
 
-    assumed_sigma_m: float = Field(
-        default=0.0032, gt=0
-    )  # the paper's, for contacts and grid, and until there are echoes to tell
+    # The paper's, for contacts and grid, and until there are echoes to tell.
+    assumed_sigma_m: float = Field(default=0.0032, gt=0)
     least_sigma_m: float = Field(default=0.001, gt=0)
     most_sigma_m: float = Field(default=0.06, gt=0)
-    baseline_edges_m: tuple[float, ...] = (
-        0.08,
-        0.45,
-        0.9,
-        1.6,
-        2.5,
-    )  # triples are taken with neighbours in each of these bands
+    # Triples are taken with neighbours in each of these bands.
+    baseline_edges_m: tuple[float, ...] = (0.08, 0.45, 0.9, 1.6, 2.5)
     widest_deviation_m: float = Field(default=0.2, gt=0)  # a triple that fails Eq. 1 by more tells nothing
     least_triples: int = Field(default=20, ge=3)
 
@@ -58,9 +52,8 @@ class ContactConfig(_Model):
     simpler_kind_share: float = Field(default=0.85, gt=0, le=1)  # of the best tangent circle's votes
     support_sigmas: float = Field(default=4.0, gt=0)  # a reading that touches the tangent circle misses it by less
     kind_sigmas: float = Field(default=3.0, gt=0)  # of the tangent circle's own error: the simplest kind within them
-    classifier: Classifier = (
-        "tangent-circle"  # or the paper's R2d test, which leaves what it can't judge without a kind
-    )
+    # Or the paper's R2d test, which leaves what it can't judge without a kind.
+    classifier: Classifier = "tangent-circle"
     r2d_sigmas: float = Field(default=1.0, gt=0)  # Th in sigmas of d = R2d - R2 (Section V.B)
     r2d_threshold_m: float | None = Field(default=None, gt=0)  # Th itself, as the paper sets it: 0.32 cm
     collinear_m: float = Field(default=0.002, gt=0)  # off the line of its two neighbours, at most: Eq. 1 holds on it
@@ -83,9 +76,8 @@ class FeatureConfig(_Model):
     """When a cluster of cells is a feature point."""
 
     least_occupied: float = Field(default=0.05, gt=0, lt=1)
-    block_m: float = Field(
-        default=0.2, gt=0
-    )  # a longer cluster is cut into blocks of this size, each with its own point
+    # A longer cluster is cut into blocks of this size, each with its own point.
+    block_m: float = Field(default=0.2, gt=0)
     curved_block_m: float = Field(default=0.06, gt=0)  # the same round a cylinder
 
 
@@ -135,64 +127,121 @@ class HoughConfig(_Model):
     seed: int = 1
 
 
-class RefinementConfig(_Model):
-    """Model selection and the joint fit on the raw ranges."""
+class PriceConfig(_Model):
+    """What an object must gain before it is believed, in nats: those that cost nothing would be added without end."""
 
-    # Above 0: objects that cost nothing would be added without end.
-    wall_price_nats: float = Field(default=16.0, gt=0)
-    point_price_nats: float = Field(default=16.0, gt=0)
-    cylinder_price_nats: float = Field(default=20.0, gt=0)
-    contradiction_price_nats: float = 3.0  # an echo from behind the object, well inside beam and extent
-    gate_sigmas: float = Field(
-        default=4.0, gt=0
-    )  # an echo comes from behind when its range is longer by this and behind_m
+    wall_nats: float = Field(default=16.0, gt=0)
+    point_nats: float = Field(default=16.0, gt=0)
+    cylinder_nats: float = Field(default=20.0, gt=0)
+    # An echo from behind an object that is well inside the beam contradicts it.
+    contradiction_nats: float = 3.0
+    # Silence that makes a gap between two feet of a wall a hole.
+    hole_nats: float = Field(default=8.0, gt=0)
+
+
+class BeamConfig(_Model):
+    """What a sensor hears: how wide, with which chance, and how its echoes err."""
+
+    slack_rad: float = Field(default=math.radians(2.0), ge=0)
+    # An echo comes from behind an object when its range is longer by these sigmas and this distance.
+    gate_sigmas: float = Field(default=4.0, gt=0)
     behind_m: float = Field(default=0.05, gt=0)
-    beam_slack_rad: float = Field(default=math.radians(2.0), ge=0)
-    same_place_m: float = Field(
-        default=0.08, gt=0
-    )  # echoes in one direction from one place count as one when objects are weighed
-    cylinder_reach_m: float = Field(default=1.5, gt=0)  # beyond it a cylinder's silence proves nothing
-    false_share: float = Field(default=0.04, gt=0, lt=1)  # of echoes that come from anywhere, whatever stands before it
-    wall_chance: float = Field(default=0.95, gt=0, lt=1)  # that a wall or near cylinder in the beam answers
-    corner_chance: float = Field(default=0.9, gt=0, lt=1)  # that a corner up to a right angle answers
-    obtuse_rad: float = Field(default=math.radians(40), gt=0)  # beyond a right angle a corner no longer answers
-    edge_reach_m: float = Field(default=0.6, gt=0)  # a reflex edge answers so close by
-    faint_chance: float = Field(default=0.1, gt=0, lt=1)  # of a cylinder or edge out of reach, of an obtuse corner
-    growth_chance: float = Field(default=0.5, gt=0, lt=1)  # that a wall goes on beyond what has been seen of it
-    near_lobe_rad: float = Field(default=math.radians(20), gt=0)  # half width of the lobe
-    near_lobe_m: float = Field(default=0.3, gt=0)  # up to this range
-    near_lobe_ends_m: float = Field(default=0.5, gt=0)  # beyond this one it is the stated beam's
-    longest_hole_m: float = Field(default=1.2, gt=0)  # in a wall, between two of its feet
-    lone_end_m: float = Field(default=0.5, gt=0)  # a wall's last foot, farther than this from the next, is not its
-    short_wall_m: float = Field(default=0.35, gt=0)  # a wall seen along less than this
-    short_wall_places: int = Field(default=5, ge=3)  # must be heard from so many places, lest it be a corner's echoes
-    least_places: int = Field(default=3, ge=3)  # from which an object must be heard
-    growth_m: float = Field(default=0.4, ge=0)  # a wall may win echoes this far beyond what has been seen of it
-    overshoot_m: float = Field(default=0.4, ge=0)  # feet of a corner's echoes look like the wall's beyond its end
-    longest_gap_m: float = Field(default=4.0, gt=0)  # between a wall's last foot and its corner
-    gap_price_nats_per_m: float = Field(default=20.0, ge=0)  # of a link
-    most_gap_price_nats: float = Field(default=35.0, ge=0)  # a corner that is heard may be far from its walls' feet
-    open_end_price_nats: float = Field(default=15.0, ge=0)  # what a link may cost before both ends stay open
+    # Up to near_lobe_m the lobe has this half width, beyond near_lobe_ends_m that of the stated beam.
+    near_lobe_rad: float = Field(default=math.radians(20), gt=0)
+    near_lobe_m: float = Field(default=0.3, gt=0)
+    near_lobe_ends_m: float = Field(default=0.5, gt=0)
+    # The share of echoes that come from anywhere, whatever stands before it.
+    false_share: float = Field(default=0.04, gt=0, lt=1)
+    # The chance that a wall, or a near cylinder, in the beam answers.
+    wall_chance: float = Field(default=0.95, gt=0, lt=1)
+    # Beyond this range a cylinder's silence proves nothing.
+    cylinder_reach_m: float = Field(default=1.5, gt=0)
+    # The chance that a corner up to a right angle answers; at obtuse_rad beyond a right angle none does.
+    corner_chance: float = Field(default=0.9, gt=0, lt=1)
+    obtuse_rad: float = Field(default=math.radians(40), gt=0)
+    # A reflex edge answers so close by.
+    edge_reach_m: float = Field(default=0.6, gt=0)
+    # The chance that a cylinder or edge out of reach, or an obtuse corner, answers all the same.
+    faint_chance: float = Field(default=0.1, gt=0, lt=1)
+    # The chance that a wall goes on beyond what has been seen of it.
+    growth_chance: float = Field(default=0.5, gt=0, lt=1)
+    # The share of echoes whose first cycle was missed, and by how much they are longer: 25 us there and back.
+    late_share: float = Field(default=0.02, gt=0, lt=1)
+    late_m: float = 0.0043
+
+
+class LinkingConfig(_Model):
+    """Which walls meet in a corner, and how far a wall goes on to it."""
+
+    # A wall may win echoes this far beyond what has been seen of it.
+    growth_m: float = Field(default=0.4, ge=0)
+    # Feet of a corner's echoes look like the wall's beyond its end.
+    overshoot_m: float = Field(default=0.4, ge=0)
     least_crossing_sine: float = Field(default=0.04, gt=0)
+    # What a link may cost before both ends stay open.
+    open_end_nats: float = Field(default=15.0, ge=0)
+    # Of coarse sweeps, which look past most gaps: metres must tell.
+    longest_gap_m: float = Field(default=4.0, gt=0)
+    gap_nats_per_m: float = Field(default=20.0, ge=0)
+    # A corner that is heard may be far from its walls' feet.
+    most_gap_nats: float = Field(default=35.0, ge=0)
+    # Of fine sweeps: a link whose gap nobody looked at, and each metre of that gap.
+    link_nats: float = Field(default=9.0, ge=0)
+    unseen_nats_per_m: float = Field(default=2.0, ge=0)
+
+
+class LimitConfig(_Model):
+    """What an object must be, and how well it must be known, to be part of the contour."""
+
+    # Echoes in one direction from one place count as one when objects are weighed.
+    same_place_m: float = Field(default=0.08, gt=0)
+    least_places: int = Field(default=3, ge=3)
+    # Between two feet of a wall.
+    longest_hole_m: float = Field(default=1.2, gt=0)
+    # A wall's last foot, farther than this from the next, is not its.
+    lone_end_m: float = Field(default=0.5, gt=0)
+    # A wall seen along less than this must be heard from so many places, or it may be a corner's echoes.
+    short_wall_m: float = Field(default=0.35, gt=0)
+    short_wall_places: int = Field(default=5, ge=3)
     most_theta_sigma_rad: float = Field(default=math.radians(1.5), gt=0)
-    least_radius_sigmas: float = Field(default=2.5, gt=0)  # a cylinder's radius against its error, lest it be a corner
+    # A cylinder's radius against its error: a smaller one may be a corner.
+    least_radius_sigmas: float = Field(default=2.5, gt=0)
     most_cylinder_sigma_m: float = Field(default=0.05, gt=0)
     most_corner_sigma_m: float = Field(default=0.04, gt=0)
+
+
+class SearchConfig(_Model):
+    """How long objects are sought and fitted."""
+
     most_pair_echoes: int = Field(default=400, ge=1)
     most_pairs: int = Field(default=1500, ge=1)
     most_triples: int = Field(default=4000, ge=1)
     rounds: int = Field(default=6, ge=1)
-    late_share: float = Field(default=0.02, gt=0, lt=1)  # of echoes whose first cycle was missed
-    late_m: float = 0.0043  # by which they are longer: 25 us there and back
-    last_steps: int = Field(default=8, ge=1)  # of the joint fit that has the last word
-    # The rest is of fine sweeps, in which a reflector answers several bearings: a plateau.
-    plateau_gap_steps: float = Field(default=2.3, gt=1)  # between two of its bearings, at most
-    plateau_sigmas: float = Field(default=2.5, gt=0)  # by which ranges at neighbouring bearings may differ
-    middle_share: float = Field(default=0.25, gt=0)  # of a step: the error of its middle
+    # Steps of the joint fit that has the last word.
+    last_steps: int = Field(default=8, ge=1)
+
+
+class PlateauConfig(_Model):
+    """Fine sweeps, in which a reflector answers several bearings: a plateau."""
+
+    # Between two of its bearings, at most.
+    gap_steps: float = Field(default=2.3, gt=1)
+    # By which ranges at neighbouring bearings may differ.
+    sigmas: float = Field(default=2.5, gt=0)
+    # The error of its middle as a share of a step, and the least.
+    middle_share: float = Field(default=0.25, gt=0)
     least_middle_sigma_rad: float = Field(default=math.radians(0.7), gt=0)
-    hole_price_nats: float = Field(default=8.0, gt=0)  # silence that makes a gap between feet a hole
-    link_price_nats: float = Field(default=9.0, ge=0)  # of a link whose gap nobody looked at
-    unseen_price_nats_per_m: float = Field(default=2.0, ge=0)  # of its gap
+
+
+class RefinementConfig(_Model):
+    """Model selection and the joint fit on the raw ranges."""
+
+    prices: PriceConfig = PriceConfig()
+    beam: BeamConfig = BeamConfig()
+    linking: LinkingConfig = LinkingConfig()
+    limits: LimitConfig = LimitConfig()
+    search: SearchConfig = SearchConfig()
+    plateaus: PlateauConfig = PlateauConfig()
 
 
 class MapperConfig(_Model):

@@ -64,9 +64,9 @@ def link_ends(
     if len(walls) < 2:
         return []
     numbers, lines = list(walls), list(walls.values())
-    cost = np.full((len(lines), 2 * len(lines)), config.open_end_price_nats)  # the right half: an end that stays open
+    cost = np.full((len(lines), 2 * len(lines)), config.linking.open_end_nats)  # the right half: an end that stays open
     cost[:, : len(lines)] = np.inf
-    gap_m = _gaps_m(lines, config.longest_gap_m if data.looks is None else np.inf, config)
+    gap_m = _gaps_m(lines, config.linking.longest_gap_m if data.looks is None else np.inf, config)
     for i, j in np.argwhere(np.isfinite(gap_m)):
         corner = Crossing(lines[i], lines[j])
         price = _gap_price(corner, float(gap_m[i, j]), data, config, objects)
@@ -95,8 +95,8 @@ def _gap_price(
 ) -> float:
     """Price of a link for its gap: where nobody looked with a fine sweep metres must tell, else what was looked at."""
     if data.looks is None:
-        return min(config.gap_price_nats_per_m * gap_m, config.most_gap_price_nats)
-    unseen = config.link_price_nats + config.unseen_price_nats_per_m * gap_m
+        return min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
+    unseen = config.linking.link_nats + config.linking.unseen_nats_per_m * gap_m
     return unseen + silence_of_link(corner, data, config, objects)
 
 
@@ -109,8 +109,8 @@ def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfi
         end_gap = (rho[None, :] - rho[:, None] * cosine) / sine - high[:, None]
         start_gap = low[None, :] - (rho[None, :] * cosine - rho[:, None]) / sine
         gap = np.abs(end_gap) + np.abs(start_gap)
-        possible = (np.abs(sine) >= config.least_crossing_sine) & (
-            np.minimum(end_gap, start_gap) >= -config.overshoot_m
+        possible = (np.abs(sine) >= config.linking.least_crossing_sine) & (
+            np.minimum(end_gap, start_gap) >= -config.linking.overshoot_m
         )
         possible &= np.maximum(end_gap, start_gap) <= longest_gap_m
     return np.where(possible, gap, np.inf)
@@ -120,7 +120,7 @@ def heard_price(corner: Crossing, data: Evidence, config: RefinementConfig) -> f
     """Price of the echoes that were heard through the stretches which a corner adds to its walls."""
     first, second = corner.first, corner.second
     stretches = ((first.at(first.high_m), corner.point), (corner.point, second.at(second.low_m)))
-    return config.contradiction_price_nats * sum(heard_through(a, b, data, config) for a, b in stretches)
+    return config.prices.contradiction_nats * sum(heard_through(a, b, data, config) for a, b in stretches)
 
 
 def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: RefinementConfig) -> float:
@@ -129,7 +129,7 @@ def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: Re
     One that is no farther than the stretch's far end may be an echo of that end.
     """
     length = float(np.hypot(*(end - start)))
-    if length < 2 * config.behind_m:
+    if length < 2 * config.beam.behind_m:
         return 0.0
     along = (end - start) / length
     offset_x, offset_y = data.echoes.x_m - start[0], data.echoes.y_m - start[1]
@@ -139,8 +139,8 @@ def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: Re
     distance = (offset_y * along[0] - offset_x * along[1]) / safe
     at = (offset_y * axis_x - offset_x * axis_y) / safe
     farthest = np.maximum(np.hypot(offset_x, offset_y), np.hypot(data.echoes.x_m - end[0], data.echoes.y_m - end[1]))
-    through = (distance > 0) & (at > config.behind_m) & (at < length - config.behind_m)
-    through &= data.echoes.range_m > farthest + config.gate_sigmas * data.sigma_m + config.behind_m
+    through = (distance > 0) & (at > config.beam.behind_m) & (at < length - config.beam.behind_m)
+    through &= data.echoes.range_m > farthest + config.beam.gate_sigmas * data.sigma_m + config.beam.behind_m
     return float(through.sum())
 
 
@@ -158,7 +158,7 @@ def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config:
         crossing = Crossing(lines[link.first], lines[link.second])
         slopes = crossing.point_slopes()
         covariance = slopes @ fit.covariance_of(link.first, link.second) @ slopes.T
-        if np.sqrt(np.trace(covariance)) < config.most_corner_sigma_m:
+        if np.sqrt(np.trace(covariance)) < config.limits.most_corner_sigma_m:
             x, y = (float(coordinate) for coordinate in crossing.point)
             corners.append(Corner(x, y, covariance, (order.index(link.first), order.index(link.second))))
             ends[link.first] = (ends[link.first][0], crossing.point)

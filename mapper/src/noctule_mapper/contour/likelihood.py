@@ -29,11 +29,11 @@ def possible(
     reflector: Reflector | Crossing, data: Evidence, config: RefinementConfig, margin_m: float = 0.0
 ) -> np.ndarray:
     """Whether the geometry lets the reflector make each echo, bool (n,), whatever its range."""
-    slack = config.beam_slack_rad + 2 * data.echoes.sigma_heading_rad
+    slack = config.beam.slack_rad + 2 * data.echoes.sigma_heading_rad
     slack = slack + (reflector.spread_rad if isinstance(reflector, Crossing) else 0.0)
     off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
     predicted = reflector.ranges(data.echoes)
-    can = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
+    can = (predicted > 0) & (predicted <= data.span_m + config.beam.behind_m)
     can &= off_axis <= data.echoes.half_beam_rad + slack
     if isinstance(reflector, Line):
         along = reflector.along(data.echoes)
@@ -50,10 +50,10 @@ def answering(reflector: Reflector | Crossing, data: Evidence, config: Refinemen
     off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
     if isinstance(reflector, Crossing):
         off_axis = np.maximum(off_axis - reflector.spread_rad, 0)
-    half, slack = data.echoes.half_beam_rad, config.beam_slack_rad + 2 * data.echoes.sigma_heading_rad
+    half, slack = data.echoes.half_beam_rad, config.beam.slack_rad + 2 * data.echoes.sigma_heading_rad
     inside = np.interp(off_axis / half, (0.6, 1.0), (1.0, 0.5))
     edge = np.where(off_axis <= half + slack, 0.3, np.where(off_axis <= lobe_rad(predicted, half, config), 0.3, 0.0))
-    in_span = (predicted > 0) & (predicted <= data.span_m + config.behind_m)
+    in_span = (predicted > 0) & (predicted <= data.span_m + config.beam.behind_m)
     return reach(reflector, predicted, config) * np.where(off_axis <= half, inside, edge) * in_span
 
 
@@ -61,15 +61,16 @@ def reach(reflector: Reflector | Crossing, predicted: np.ndarray, config: Refine
     """Chance that a reflector on the beam's axis answers at a range."""
     match reflector:
         case Line():
-            return np.full(len(predicted), config.wall_chance)
+            return np.full(len(predicted), config.beam.wall_chance)
         case Circle():
-            return np.where(predicted < config.cylinder_reach_m, config.wall_chance, config.faint_chance)
+            return np.where(predicted < config.beam.cylinder_reach_m, config.beam.wall_chance, config.beam.faint_chance)
         case Crossing() if reflector.sine < 0:
-            return np.where(predicted < config.edge_reach_m, 0.5, config.faint_chance)
+            return np.where(predicted < config.beam.edge_reach_m, 0.5, config.beam.faint_chance)
         case Crossing():
             obtuse_rad = max(0.0, float(np.pi / 2 - reflector.turn_rad))
             return np.full(
-                len(predicted), np.clip(1 - obtuse_rad / config.obtuse_rad, config.faint_chance, config.corner_chance)
+                len(predicted),
+                np.clip(1 - obtuse_rad / config.beam.obtuse_rad, config.beam.faint_chance, config.beam.corner_chance),
             )
         case _:
             return np.full(len(predicted), 0.5)
@@ -87,8 +88,8 @@ def hidden(
     approach = along_ray_x * wall.normal[0] + along_ray_y * wall.normal[1]
     to_wall = before / np.where(np.abs(approach) < 1e-9, np.inf, approach)
     crossing = wall.along(echoes) + to_wall * (along_ray_x * wall.tangent[0] + along_ray_y * wall.tangent[1])
-    deep = predicted * approach - before > config.gate_sigmas * sigma_m + config.behind_m
-    inside = (crossing > wall.low_m + config.behind_m) & (crossing < wall.high_m - config.behind_m)
+    deep = predicted * approach - before > config.beam.gate_sigmas * sigma_m + config.beam.behind_m
+    inside = (crossing > wall.low_m + config.beam.behind_m) & (crossing < wall.high_m - config.beam.behind_m)
     return (before > 0) & (to_wall > 0) & deep & inside
 
 
@@ -99,15 +100,15 @@ def contradictions(reflector: Reflector, data: Evidence, config: RefinementConfi
     predicted = reflector.ranges(data.echoes)
     off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
     against = (off_axis <= 0.6 * data.echoes.half_beam_rad) & (predicted > 0.02)
-    against &= data.echoes.range_m > predicted + config.gate_sigmas * data.sigma_m + config.behind_m
+    against &= data.echoes.range_m > predicted + config.beam.gate_sigmas * data.sigma_m + config.beam.behind_m
     if isinstance(reflector, Line):
         along = reflector.along(data.echoes)
-        against &= (along > reflector.low_m + config.behind_m) & (along < reflector.high_m - config.behind_m)
+        against &= (along > reflector.low_m + config.beam.behind_m) & (along < reflector.high_m - config.beam.behind_m)
     else:
-        against &= predicted < config.cylinder_reach_m
+        against &= predicted < config.beam.cylinder_reach_m
     return float(against.sum())
 
 
 def price_of(kind: type[Line] | type[Circle] | type[Spot], config: RefinementConfig) -> float:
     """What an object of a kind must gain to be believed, in nats."""
-    return {Line: config.wall_price_nats, Circle: config.cylinder_price_nats, Spot: config.point_price_nats}[kind]
+    return {Line: config.prices.wall_nats, Circle: config.prices.cylinder_nats, Spot: config.prices.point_nats}[kind]

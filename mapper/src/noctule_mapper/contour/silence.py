@@ -35,7 +35,7 @@ def silence_of_stretch(
     if data.looks is None:
         return 0.0
     along = wall.along(data.looks.echoes)
-    inside = (along > low_m + config.behind_m) & (along < high_m - config.behind_m)
+    inside = (along > low_m + config.beam.behind_m) & (along < high_m - config.beam.behind_m)
     return _price(wall, data, config, objects, inside) if inside.any() else 0.0
 
 
@@ -67,7 +67,7 @@ def _price(
     off_axis = np.abs(wrapped(one.directions(looks) - looks.axis_rad))
     sure = off_axis <= looks.half_beam_rad * np.interp(predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS)
     sure &= (predicted_m > _NEAREST_M) & (predicted_m < _FARTHEST_SHARE * data.span_m)
-    sure &= looks.range_m > predicted_m + config.gate_sigmas * looks.sigma_m + config.behind_m
+    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * looks.sigma_m + config.beam.behind_m
     at = np.nonzero(sure if chosen is None else sure & chosen)[0]
     if not len(at):
         return 0.0

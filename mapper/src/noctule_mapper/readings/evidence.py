@@ -65,7 +65,7 @@ _LEAST_SHAPE = 1e-12
 
 def evidence(echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: RefinementConfig) -> Evidence:
     """Evidence of ``echoes`` whose ranges have the spread ``sigma_m``, (n,), in a span of ``span_m``."""
-    cell = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / config.same_place_m).astype(int)
+    cell = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / config.limits.same_place_m).astype(int)
     _, place = np.unique(cell, axis=0, return_inverse=True)
     return Evidence(echoes, sigma_m, place.ravel(), span_m, np.full(len(echoes), np.inf))
 

@@ -81,13 +81,14 @@ def _of_place(data: Evidence, at: np.ndarray, config: RefinementConfig) -> Itera
         low_rad, high_rad = first_rad + along_rad.min(), first_rad + along_rad.max()
         lowest_rad, highest_rad = _middles(data, echoes, low_rad, high_rad, range_m, step_rad, config)
         closed_rad = np.hypot(
-            np.hypot(config.middle_share * step_rad, config.least_middle_sigma_rad), echoes.sigma_heading_rad[rows[0]]
+            np.hypot(config.plateaus.middle_share * step_rad, config.plateaus.least_middle_sigma_rad),
+            echoes.sigma_heading_rad[rows[0]],
         )
         yield _Plateau(
             newest=int(at[rows.max()]),
             direction_rad=(lowest_rad + highest_rad) / 2,
             direction_sigma_rad=float(np.hypot((highest_rad - lowest_rad) / np.sqrt(12), closed_rad)),
-            half_width_rad=float((highest_rad - lowest_rad) / 2 + config.gate_sigmas * closed_rad),
+            half_width_rad=float((highest_rad - lowest_rad) / 2 + config.beam.gate_sigmas * closed_rad),
             range_m=range_m,
             # Not below half: neighbours share their errors.
             range_sigma_m=sigma_m * max(1 / np.sqrt(len(rows)), 0.5),
@@ -110,9 +111,9 @@ def _runs(levels: _Levels, sigma_m: float, step_rad: float, config: RefinementCo
     """Levels at neighbouring bearings that are the same to within their noise."""
     count = np.array([len(one) for one in levels.members])
     apart = np.abs(wrapped(levels.bearing_rad[:, None] - levels.bearing_rad[None, :]))
-    same = (apart > _SAME_BEARING_STEPS * step_rad) & (apart <= config.plateau_gap_steps * step_rad)
+    same = (apart > _SAME_BEARING_STEPS * step_rad) & (apart <= config.plateaus.gap_steps * step_rad)
     off_m = np.abs(levels.range_m[:, None] - levels.range_m[None, :])
-    same &= off_m <= config.plateau_sigmas * sigma_m * np.sqrt(1 / count[:, None] + 1 / count[None, :])
+    same &= off_m <= config.plateaus.sigmas * sigma_m * np.sqrt(1 / count[:, None] + 1 / count[None, :])
     runs, of = connected_components(coo_matrix(same), directed=False)
     return (np.nonzero(of == run)[0] for run in range(runs))
 

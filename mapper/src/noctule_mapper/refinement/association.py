@@ -75,7 +75,7 @@ class Scene:
         """Every claim that the geometry allows."""
         if not objects:
             return Claims(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros(0))
-        makers = _makers(objects, links, self.config.growth_m)
+        makers = _makers(objects, links, self.config.linking.growth_m)
         rows = [self._row(maker) for maker in makers]
         chances = [row.chance for row in rows]
         for number, other in np.argwhere(self._before(objects, links, rows)):
@@ -133,7 +133,9 @@ class Scene:
             along = maker.model.along(data.echoes)
             beyond_m = np.maximum(maker.low_m - along, along - maker.high_m)
             open_m = np.where(along < maker.low_m, maker.low_open_m, maker.high_open_m)
-            chance = np.where(beyond_m <= 0, chance, np.where(beyond_m <= open_m, config.growth_chance * chance, 0))
+            chance = np.where(
+                beyond_m <= 0, chance, np.where(beyond_m <= open_m, config.beam.growth_chance * chance, 0)
+            )
         echo = np.nonzero(chance > 0)[0]
         heard = data.echoes.take(echo)
         predicted = maker.model.ranges(heard)
@@ -183,12 +185,12 @@ def explain(claims: Claims, gain: np.ndarray, data: Evidence, config: Refinement
     first = np.searchsorted(claims.echo, claims.echo)
     nearer = nearer - nearer[first]
     heard = np.exp(nearer + np.minimum(gain + claims.direction_gain, _MOST_NATS))
-    likelihood = (1 - config.false_share) * claims.chance * heard
+    likelihood = (1 - config.beam.false_share) * claims.chance * heard
     behind = data.echoes.range_m[claims.echo] - claims.predicted_m > (
-        config.gate_sigmas * data.sigma_m[claims.echo] + config.behind_m
+        config.beam.gate_sigmas * data.sigma_m[claims.echo] + config.beam.behind_m
     )
     unheard = np.bincount(claims.echo, np.where(behind, silent, 0), minlength=n)
-    anywhere = np.maximum(np.exp(unheard), config.false_share)
+    anywhere = np.maximum(np.exp(unheard), config.beam.false_share)
     total = anywhere + np.bincount(claims.echo, likelihood, minlength=n)
     return Explanation(np.log(total), likelihood / total[claims.echo], anywhere / total)
 

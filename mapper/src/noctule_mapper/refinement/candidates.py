@@ -81,8 +81,8 @@ def _pairs(
     """
     echoes, has_direction = data.echoes, np.isfinite(data.direction_sigma_rad)
     first = np.arange(len(echoes))
-    if len(first) > config.most_pair_echoes:
-        first = rng.choice(first, config.most_pair_echoes, replace=False)
+    if len(first) > config.search.most_pair_echoes:
+        first = rng.choice(first, config.search.most_pair_echoes, replace=False)
     dx, dy = (a[None, :] - a[first, None] for a in (echoes.x_m, echoes.y_m))
     baseline = np.hypot(dx, dy)
     turned = np.abs(wrapped(echoes.axis_rad[None, :] - echoes.axis_rad[first, None]))
@@ -92,8 +92,8 @@ def _pairs(
     near &= np.abs(echoes.range_m[None, :] - echoes.range_m[first, None]) <= baseline
     near &= directed | (turned <= 4 * echoes.half_beam_rad[first, None])
     i, j = np.nonzero(near)
-    if len(i) > config.most_pairs:
-        drawn = rng.choice(len(i), config.most_pairs, replace=False)
+    if len(i) > config.search.most_pairs:
+        drawn = rng.choice(len(i), config.search.most_pairs, replace=False)
         i, j = i[drawn], j[drawn]
     return first[i], j
 
@@ -108,7 +108,7 @@ def _triples(
         return i, j, j
     start = np.searchsorted(i, i, side="left")
     count = np.searchsorted(i, i, side="right") - start
-    drawn = rng.integers(0, len(i), config.most_triples)
+    drawn = rng.integers(0, len(i), config.search.most_triples)
     other = start[drawn] + rng.integers(0, count[drawn])
     distinct = j[drawn] != j[other]
     return i[drawn][distinct], j[drawn][distinct], j[other][distinct]
@@ -267,7 +267,7 @@ def _gains(
     data: Evidence,
     config: RefinementConfig,
 ) -> np.ndarray:
-    widest = (data.echoes.half_beam_rad + config.beam_slack_rad).astype(np.float32)
+    widest = (data.echoes.half_beam_rad + config.beam.slack_rad).astype(np.float32)
     possible = (np.abs(wrapped(direction - axis)) <= widest) & (predicted > 0)
     # A candidate from two or three echoes is itself uncertain, so it is weighed at twice the spread.
     sigma = 2 * data.sigma_m.astype(np.float32)

@@ -52,7 +52,7 @@ def settle(
     """
     places, parameters = places_of(data.echoes), int(offsets_of(objects)[-1])
     objects, echo = list(objects), claims.echo
-    late_share, leverage = config.late_share, 0.0
+    late_share, leverage = config.beam.late_share, 0.0
     for iteration in range(iterations):
         linear = linearise(objects, links, claims.maker, echo, data.echoes)
         residual = data.echoes.range_m[echo] - linear.predicted_m + places.along(linear.direction_rad, echo)
@@ -87,7 +87,7 @@ def _score(
     both = np.logaddexp(early + np.log1p(-late_share), late + np.log(late_share))
     is_late = np.exp(late + np.log(late_share) - both)
     gain = both + np.log(span_m / (sigma_m * np.sqrt(2 * np.pi)))
-    return _Score(gain, residual_m - is_late * config.late_m, is_late * (1 - is_late) * config.late_m**2)
+    return _Score(gain, residual_m - is_late * config.beam.late_m, is_late * (1 - is_late) * config.beam.late_m**2)
 
 
 def _early_and_late(
@@ -99,7 +99,7 @@ def _early_and_late(
     the residual's variance. Were that left out, most late echoes would pass for early ones, and walls lie too far out.
     """
     early = -0.5 * (residual_m / sigma_m) ** 2
-    return early, early + config.late_m * (residual_m - 0.5 * (1 - leverage) * config.late_m) / sigma_m**2
+    return early, early + config.beam.late_m * (residual_m - 0.5 * (1 - leverage) * config.beam.late_m) / sigma_m**2
 
 
 _MOST_LEVERAGE = 0.9  # few echoes determine everything: none can be told from a late one
@@ -110,7 +110,7 @@ def _late_share(
 ) -> float:
     """What share of the echoes is a cycle late: the mean over a few shares, by how likely each makes the residuals."""
     early, late = _early_and_late(residual_m, sigma_m, leverage, config)
-    shares = config.late_share * 2.0 ** np.arange(-2, 3)
+    shares = config.beam.late_share * 2.0 ** np.arange(-2, 3)
     likelihood = np.array([share @ np.logaddexp(early + np.log1p(-s), late + np.log(s)) for s in shares])
     weight = np.exp(likelihood - likelihood.max())
     return float(shares @ weight / weight.sum())

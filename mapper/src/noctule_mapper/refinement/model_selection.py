@@ -118,7 +118,7 @@ def determined(
     ``slack`` times as free as one that is reported.
     """
     sigma = np.sqrt(np.diag(covariance))
-    limits = config.refinement
+    limits = config.refinement.limits
     match tried:
         case Line():
             # Where directions are known, a corner's echoes don't pass for a short wall.
@@ -144,7 +144,7 @@ def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperCo
     runs = np.split(along, np.nonzero(_holes(tried, along, data, config))[0] + 1)
     longest = max(runs, key=len)
     for _ in range(2):
-        if data.looks is None and len(longest) > 2 and longest[1] - longest[0] > config.refinement.lone_end_m:
+        if data.looks is None and len(longest) > 2 and longest[1] - longest[0] > config.refinement.limits.lone_end_m:
             longest = longest[1:]
         longest = -longest[::-1]
     return Line(tried.theta_rad, tried.rho_m, float(longest[0]), float(longest[-1]))
@@ -154,18 +154,17 @@ def _holes(wall: Line, along_m: np.ndarray, data: Evidence, config: MapperConfig
     """Between which feet, sorted (n,), the wall has a hole, bool (n - 1,): where nobody looked with a fine sweep, in
     any long gap.
     """
-    limits = config.refinement
     if data.looks is None:
-        return np.diff(along_m) > limits.longest_hole_m
-    silence = [silence_of_stretch(wall, low_m, high_m, data, limits) for low_m, high_m in pairwise(along_m)]
-    return np.array(silence) > limits.hole_price_nats
+        return np.diff(along_m) > config.refinement.limits.longest_hole_m
+    silence = [silence_of_stretch(wall, low_m, high_m, data, config.refinement) for low_m, high_m in pairwise(along_m)]
+    return np.array(silence) > config.refinement.prices.hole_nats
 
 
 def least_places(kind: type[Reflector], data: Evidence, config: MapperConfig) -> int:
     """From how many places an object must be heard: two arcs whose directions are known have one common tangent, and
     one crossing.
     """
-    return config.refinement.least_places - (data.looks is not None and kind is not Circle)
+    return config.refinement.limits.least_places - (data.looks is not None and kind is not Circle)
 
 
 def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> np.ndarray:
@@ -183,7 +182,7 @@ def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, conf
 def _cost(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> float:
     """An object's price and that of the echoes, or looks, which contradict it beside ``objects``."""
     if data.looks is None:
-        against = config.refinement.contradiction_price_nats * contradictions(one, data, config.refinement)
+        against = config.refinement.prices.contradiction_nats * contradictions(one, data, config.refinement)
     else:
         against = silence_of(one, data, config.refinement, objects)
     return price_of(type(one), config.refinement) + against

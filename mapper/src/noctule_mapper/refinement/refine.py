@@ -49,20 +49,22 @@ _GOOD_GUESS = 0.25  # how far off a guess may be for the choice of objects to st
 
 def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Contour, np.ndarray]:
     """The contour, and the spread of each range that it went by, which is fitted where nobody has calibrated it."""
-    limits = config.refinement
-    weighed, contacts = _weighed(data, found, limits)
-    best, scene = _explain(weighed, contacts, config), Scene(joined(data, _directions(weighed)), limits)
+    settings = config.refinement
+    weighed, contacts = _weighed(data, found, settings)
+    best, scene = _explain(weighed, contacts, config), Scene(joined(data, _directions(weighed)), settings)
     objects, links = best.objects, best.links
     while True:
         claims = scene.claims(objects, links)
-        last = settle(objects, links, claims, scene.data, limits, limits.last_steps, not data.echoes.calibrated.all())
+        last = settle(
+            objects, links, claims, scene.data, settings, settings.search.last_steps, not data.echoes.calibrated.all()
+        )
         sure = _determined(last, claims, scene, config)
         if len(sure) == len(objects):
             break
         objects, links = sure, _links(sure, scene, config)
     read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
     readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
-    contour = contour_of(last.fit, links, [int(count) for count in readings], limits)
+    contour = contour_of(last.fit, links, [int(count) for count in readings], settings)
     spread_m = last.range_sigma_m[: len(data.echoes)]
     return replace(contour, range_sigma_m=float(np.median(spread_m))), spread_m
 
@@ -71,13 +73,13 @@ def _about(echoes: Echoes, x_m: float, y_m: float) -> Echoes:
     return replace(echoes, x_m=echoes.x_m - x_m, y_m=echoes.y_m - y_m)
 
 
-def _weighed(data: Evidence, found: Contacts, limits: RefinementConfig) -> tuple[Evidence, Contacts]:
+def _weighed(data: Evidence, found: Contacts, settings: RefinementConfig) -> tuple[Evidence, Contacts]:
     """The echoes by which objects are weighed, and their contacts: of fine sweeps the plateaus, of others the newest
     echo of each beam.
     """
     fine = of_fine_sweeps(data)
     beams = np.nonzero(~fine)[0][newest_of_each_beam(data.take(~fine))]
-    flat = plateaus(data.take(fine), limits)
+    flat = plateaus(data.take(fine), settings)
     none = np.zeros(len(flat.echoes))
     no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none)
     return joined(data.take(beams), flat), join_contacts([found.take(beams), no_contacts])
@@ -122,7 +124,7 @@ def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
         return state
     library = candidates(data, found, config.contacts, config.cylinders, config.refinement)
     scene = Scene(data, config.refinement)
-    for _ in range(config.refinement.rounds):
+    for _ in range(config.refinement.search.rounds):
         added = add_objects(state.objects, state.explained, library, data, config)
         tried = _state(added, scene, config)
         if tried.worth < state.worth + _LEAST_RISE_NATS:
