@@ -127,6 +127,18 @@ class HoughConfig(_Model):
     seed: int = 1
 
 
+class PartConfig(_Model):
+    """Which sweeps of a site are fitted together (see ``readings.parts``)."""
+
+    same_place_m: float = Field(default=0.08, gt=0)
+    # Along a dense path: no contact needs a place farther away.
+    reach_m: float = Field(default=1.3, gt=0)
+    # Where places are few: so many times as far as the second nearest of them.
+    steps: float = Field(default=2.0, ge=1)
+    # From farther apart no reflector answers two sensors whose longest range is 4 m.
+    most_reach_m: float = Field(default=8.0, gt=0)
+
+
 class PriceConfig(_Model):
     """What an object must gain before it is believed, in nats: those that cost nothing would be added without end."""
 
@@ -186,8 +198,10 @@ class LinkingConfig(_Model):
     # A corner that is heard may be far from its walls' feet.
     most_gap_nats: float = Field(default=35.0, ge=0)
     # Of fine sweeps: a link whose gap nobody looked at, and each metre of that gap.
-    link_nats: float = Field(default=9.0, ge=0)
+    link_nats: float = Field(default=7.5, ge=0)
     unseen_nats_per_m: float = Field(default=2.0, ge=0)
+    # A plateau that no object explains and that, as a wall, would part the corner from its two walls.
+    cut_off_nats: float = Field(default=4.0, ge=0)
 
 
 class LimitConfig(_Model):
@@ -251,6 +265,7 @@ class MapperConfig(_Model):
     rule: Rule = DEFAULT_RULE  # by which a cell's beliefs are fused (Section III.A)
     sensor: SensorConfig = SensorConfig()
     noise: NoiseConfig = NoiseConfig()
+    parts: PartConfig = PartConfig()
     contacts: ContactConfig = ContactConfig()
     grid: GridConfig = GridConfig()
     features: FeatureConfig = FeatureConfig()

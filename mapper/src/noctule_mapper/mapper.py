@@ -4,12 +4,13 @@
 sensor model -> contacts -> belief fusion on a sparse grid -> features -> walls, cylinders -> contour -> refinement
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.contacts.contact_book import ContactBook, ContactChange
+from noctule_mapper.contacts.contact_book import ContactBook, ContactChange, Identity
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
-from noctule_mapper.contour.contour import Contour
+from noctule_mapper.contour.contour import Contour, joined
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import contact_regions, free_space
 from noctule_mapper.paper.eht_lsm import eht_lsm
@@ -17,6 +18,7 @@ from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
 from noctule_mapper.readings.echoes import echoes_of
 from noctule_mapper.readings.looks import looks_of
+from noctule_mapper.readings.parts import parts_of
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
 
@@ -33,6 +35,7 @@ class Mapper:
         self._sweeps: dict[tuple[str, int], SweepReadings] = {}
         self._registered = 0
         self._report: ContactReport | None = None  # while no contact has changed
+        self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour
 
     def register_sweep(self, sweep: SweepReadings) -> None:
         """Put a sweep on the map; one that is there already changes nothing."""
@@ -88,15 +91,30 @@ class Mapper:
         return replace(self._contour(), sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
 
     def _contour(self) -> Contour:
-        echoes = self._contacts.echoes()
-        if not len(echoes):
+        if not len(self._contacts.echoes()):
             return Contour()
         if self.config.method == "hough":
             return hough(self.feature_points, self.contact_report().echoes, self.config)  # IV.A, Eq. 9
         if self.config.method == "eht-lsm":
             return eht_lsm(self.feature_points, self.contact_report().echoes, self.config)  # IV.B-D, Eq. 10-23
-        looks = looks_of(self._sweeps.values(), self.config.noise.assumed_sigma_m)
-        return refine(echoes, self._contacts.contacts(), looks, self.config)  # beyond the paper: on the raw ranges
+        return self._refined()  # beyond the paper: on the raw ranges
+
+    def _refined(self) -> Contour:
+        """Each part of the site by itself; one whose sweeps are those of last time stays as it was."""
+        parts = {}
+        for sweeps in parts_of(list(self._sweeps.values()), self.config.parts):
+            of = [sweep.identity for sweep in sweeps]
+            key = frozenset(of)
+            parts[key] = self._parts.get(key) or self._refined_part(sweeps, of)
+        self._parts = parts
+        return joined(list(parts.values()))
+
+    def _refined_part(self, sweeps: Sequence[SweepReadings], of: Sequence[Identity]) -> Contour:
+        echoes = self._contacts.echoes(of)
+        if not len(echoes):
+            return Contour()
+        looks = looks_of(sweeps, self.config.noise.assumed_sigma_m)
+        return refine(echoes, self._contacts.contacts(of), looks, self.config)
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""

@@ -92,13 +92,13 @@ class ContactBook:
         del self._pages[identity]
         return self._reread(touched)
 
-    def echoes(self) -> Echoes:
-        """All echoes, sweep after sweep as they came."""
-        return join([page.echoes for page in self._pages.values()])
+    def echoes(self, of: Sequence[Identity] | None = None) -> Echoes:
+        """The echoes ``of`` some sweeps, or of all as they came."""
+        return join([self._pages[identity].echoes for identity in of or self._pages])
 
-    def contacts(self) -> Contacts:
-        """The contacts of all echoes, in the order of ``echoes``."""
-        return join_contacts([page.contacts for page in self._pages.values()])
+    def contacts(self, of: Sequence[Identity] | None = None) -> Contacts:
+        """The contacts of these echoes, in their order."""
+        return join_contacts([self._pages[identity].contacts for identity in of or self._pages])
 
     def _hear(self, identity: Identity, voters: Sequence[Identity]) -> None:
         """Give a sweep the votes of ``voters``, each from a place of its own, and no others."""

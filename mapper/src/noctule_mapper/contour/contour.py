@@ -1,5 +1,6 @@
 """The contour as the mapper knows it: walls, corners and cylinders, each with its covariance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,6 +77,19 @@ class Contour:
             corners=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.corners),
             cylinders=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.cylinders),
         )
+
+
+def joined(contours: Sequence[Contour]) -> Contour:
+    """The contours of a site's parts as one, the spread of a range the median of theirs."""
+    walls, corners, cylinders = [], [], []
+    for one in contours:
+        first = len(walls)
+        corners += [replace(corner, walls=(corner.walls[0] + first, corner.walls[1] + first)) for corner in one.corners]
+        walls += one.walls
+        cylinders += one.cylinders
+    spreads_m = [one.range_sigma_m for one in contours if np.isfinite(one.range_sigma_m)]
+    spread_m = float(np.median(spreads_m)) if spreads_m else float("nan")
+    return Contour(tuple(walls), tuple(corners), tuple(cylinders), range_sigma_m=spread_m)
 
 
 def _shifted(wall: Wall, x_m: float, y_m: float) -> Wall:

@@ -144,6 +144,19 @@ def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: Re
     return float(through.sum())
 
 
+def parting(corner: Crossing, data: Evidence, config: RefinementConfig) -> np.ndarray:
+    """Which plateaus would, as walls, part the corner from what has been seen of both its walls, bool (n,).
+
+    There may be a wall between these two that only one place has heard.
+    """
+    known = np.isfinite(data.direction_sigma_rad)
+    normal = np.stack([np.cos(data.echoes.axis_rad), np.sin(data.echoes.axis_rad)], axis=1)
+    rho_m = normal[:, 0] * data.echoes.x_m + normal[:, 1] * data.echoes.y_m + data.echoes.range_m
+    seen = (corner.first.at(corner.first.high_m), corner.second.at(corner.second.low_m))
+    before = [normal @ foot < rho_m for foot in seen]
+    return known & before[0] & before[1] & (normal @ corner.point > rho_m + config.beam.behind_m)
+
+
 def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config: RefinementConfig) -> Contour:
     """Fitted objects, each resting on ``readings`` of its own, as walls, corners and cylinders.
 

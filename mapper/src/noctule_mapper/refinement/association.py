@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
-from noctule_mapper.contour.corners import Link, crossing, heard_price
+from noctule_mapper.contour.corners import Link, crossing, heard_price, parting
 from noctule_mapper.contour.likelihood import answering, hidden, price_of
 from noctule_mapper.contour.reflectors import Crossing, Line, Reflector, box_of_rays
 from noctule_mapper.contour.silence import silence_of, silence_of_link
@@ -111,11 +111,16 @@ class Scene:
         return explain(claims, gain, data, self.config)
 
     def support(self, corner: Crossing, free: np.ndarray) -> float:
-        """What a corner explains of echoes that are ``free`` (n,) from 0 to 1, in nats."""
+        """What a corner explains of echoes that are ``free`` (n,) from 0 to 1, less a price for those that it would cut
+        off, in nats.
+        """
         row = self._row(_Maker(corner))
         gain = self.data.gain(self.data.echoes.range_m[row.echo] - row.predicted_m, row.echo)
-        gain = gain + row.direction_gain + np.log(row.chance)
-        return float(free[row.echo] @ np.maximum(gain, 0))
+        gain = np.maximum(gain + row.direction_gain + np.log(row.chance), 0)
+        others = free.copy()
+        others[row.echo[gain > 0]] = 0.0
+        cut_off = others @ parting(corner, self.data, self.config)
+        return float(free[row.echo] @ gain - self.config.linking.cut_off_nats * cut_off)
 
     def worth(self, objects: Sequence[Reflector], links: Sequence[Link], explanation: Explanation) -> float:
         """What the objects gain from all echoes, less their prices and those of the looks that did not hear them, in
