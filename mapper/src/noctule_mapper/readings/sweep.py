@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule import bounds, messages_pb2
+from noctule.air import speed_of_sound_m_s
 from noctule.errors import NoctuleError
 from noctule_mapper.config import LONGEST_RANGE_M, SHORTEST_RANGE_M, SensorConfig
 
@@ -69,11 +70,6 @@ class SweepReadings:
     def direction_rad(self) -> np.ndarray:
         """Beam axes in the site's frame, (n,)."""
         return self.heading_rad + self.bearing_rad
-
-
-def speed_of_sound_m_s(air_temperature_c: float) -> float:
-    """Speed of sound in air, 331.3 + 0.606 T m/s."""
-    return 331.3 + 0.606 * air_temperature_c
 
 
 def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:
