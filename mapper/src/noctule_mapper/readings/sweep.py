@@ -71,6 +71,12 @@ class SweepReadings:
         """Beam axes in the site's frame, (n,)."""
         return self.heading_rad + self.bearing_rad
 
+    def echoes_m(self) -> np.ndarray:
+        """Where the echoes would be, were they on the beams' axes, in the site's frame, (echoes, 2)."""
+        heard = np.isfinite(self.range_m)
+        direction = np.stack([np.cos(self.direction_rad), np.sin(self.direction_rad)], axis=1)
+        return np.array([self.x_m, self.y_m]) + self.range_m[heard, None] * direction[heard]
+
 
 def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:
     """What a sweep is known by: its place in the gateway's log, or unit, boot and sequence if it was never in one."""
