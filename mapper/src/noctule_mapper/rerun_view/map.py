@@ -73,11 +73,11 @@ def draw_contour(contour: Contour) -> Entries:
 def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
     """All echoes of a survey as faint dots on their beams' axes, in the colours of their units."""
     echoes_m = [sweep.echoes_m() for sweep in sweeps]
-    colours = [(*unit_colour(sweep.unit), 110) for sweep, ends_m in zip(sweeps, echoes_m, strict=True) for _ in ends_m]
+    colours = [(*unit_colour(sweep.unit), 150) for sweep, ends_m in zip(sweeps, echoes_m, strict=True) for _ in ends_m]
     dots = rr.Points2D(
         np.concatenate([np.zeros((0, 2)), *echoes_m]),
         colors=colours,
-        radii=rr.Radius.ui_points(1.5),
+        radii=rr.Radius.ui_points(2.0),
         draw_order=_SWEEP_ORDER,
     )
     yield scene.ECHOES, dots

@@ -59,7 +59,7 @@ def _map(mapper: Mapper, contour: Contour) -> list[Entries]:
 def _layout() -> rrb.Blueprint:
     summary = rrb.TextDocumentView(origin=f"/{SUMMARY}", name="Contour")
     return rrb.Blueprint(
-        rrb.Horizontal(map_view(), summary, column_shares=[5, 2]),
+        rrb.Vertical(map_view(), summary, row_shares=[3, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=scene.SWEEP),

@@ -2,7 +2,7 @@
 
 import codecs
 import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,12 +11,10 @@ from noctule.errors import ScanError
 _BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _COMMENT_SIGNS = ("#", "%", "//")
 _MONITOR_TIME = re.compile(r"^\s*\d\d:\d\d:\d\d(?:\.\d+)?\s*->\s*")  # of the Arduino IDE's serial monitor
-_NUMBER = r"-?\d+(?:\.\d+)?"
-# Two records at least: angle, a sign, range, another sign that ends the record.
-_RECORDS = re.compile(
-    rf"\s*{_NUMBER}\s*(?P<between>[,*:;/])\s*{_NUMBER}\s*(?P<end>(?!(?P=between))[.#;|/!])"
-    rf"\s*{_NUMBER}\s*(?P=between)\s*{_NUMBER}\s*(?P=end)"
-)
+# Two figures and a sign between them: a record, where another sign ends it and the next one follows on the same line.
+_RECORD = re.compile(r"\s*(-?[\d.]+)\s*([,*:;])\s*(-?[\d.]+)\s*")
+_RECORD_ENDS = ".#"
+_MOST = 0.8  # of a line's records are whole
 
 
 @dataclass(frozen=True)
@@ -40,23 +38,31 @@ def lines(file: Path) -> list[Line]:
     ]
     if not kept:
         raise ScanError(file, "holds no readings: it is empty, or all comments")
-    return [record for line in kept for record in _records(line)]
+    end = next((end for end in _RECORD_ENDS if _ends_records(end, kept)), None)
+    return [record for line in kept for record in _records(line, end)] if end else kept
 
 
-def _records(line: Line) -> Iterator[Line]:
-    """The records of a line that ends them by a sign of its own, as in ``15,40.16,41.``; else the line itself."""
-    signs = _RECORDS.match(line.text)
-    if not signs:
-        yield line
-        return
-    between, end = re.escape(signs["between"]), re.escape(signs["end"])
-    record = re.compile(rf"\s*({_NUMBER})\s*{between}\s*({_NUMBER})\s*{end}(?=\s*(?:{_NUMBER}\s*{between}|[-\d]*\s*$))")
-    at = number = 0
-    while found := record.match(line.text, at):
-        at, number = found.end(), number + 1
-        yield Line(f"{line.place}, reading {number}", f"{found[1]}\t{found[2]}")
-    if rest := line.text[at:].strip():
-        yield Line(f"{line.place}, reading {number + 1}", rest, is_cut=line.is_cut)
+def _ends_records(end: str, lines: Sequence[Line]) -> bool:
+    """Whether each line with figures in it holds several records, as in ``15,40.16,41.``, which ``end`` ends."""
+    with_figures = [line for line in lines if any(sign.isdigit() for sign in line.text)]
+    return bool(with_figures) and all(_has_records(line, end) for line in with_figures)
+
+
+def _has_records(line: Line, end: str) -> bool:
+    *records, rest = line.text.split(end)
+    whole = sum(_RECORD.fullmatch(record) is not None for record in records)
+    return whole >= max(2, _MOST * len(records)) and (line.is_cut or not rest.strip())
+
+
+def _records(line: Line, end: str) -> list[Line]:
+    """The records of a line, each as one of its own."""
+    *records, rest = line.text.split(end)
+    found = [
+        Line(f"{line.place}, reading {number}", _RECORD.sub(r"\1\t\3", record))
+        for number, record in enumerate(records, start=1)
+        if record.strip()
+    ]
+    return [*found, Line(f"{line.place}, reading {len(records) + 1}", rest, is_cut=True)] if rest.strip() else found
 
 
 def _text(file: Path) -> str:

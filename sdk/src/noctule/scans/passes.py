@@ -70,7 +70,10 @@ def _between_turns(part: Sequence[ScanReading]) -> list[list[ScanReading]]:
 
 
 def _zigzag(angles: Sequence[float], back: float) -> list[tuple[int, int]]:
-    """First and last index of each monotonic stretch, but for returns of ``back`` at most."""
+    """First and last index of each monotonic stretch, but for returns of ``back`` at most. After a step across more
+    than half of all angles, to where it began, a scanner may go either way.
+    """
+    most_step = (max(angles) - min(angles)) / 2
     stretches: list[tuple[int, int]] = []
     first, farthest, sign, index = 0, 0, 0, 0
     while index < len(angles):
@@ -80,8 +83,9 @@ def _zigzag(angles: Sequence[float], back: float) -> list[tuple[int, int]]:
             farthest = index
         elif sign * (angles[farthest] - angles[index]) > back:
             stretches.append((first, farthest))
+            flew_back = abs(angles[farthest + 1] - angles[farthest]) > most_step
             first = index = farthest = farthest + 1
-            sign = 0
+            sign = 0 if flew_back else -sign
             continue
         index += 1
     stretches.append((first, len(angles) - 1))

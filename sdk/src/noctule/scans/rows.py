@@ -117,9 +117,11 @@ def _no_readings(file: Path, lines: list[Line], dialects: list[_Dialect], named:
     text = next((dialect.header.text for dialect in dialects if dialect.header), None)
     if named and text is None:
         head = max((dialect.split(lines[0].text) for dialect in dialects), key=len)
-        labels = _LABEL.findall(lines[0].text) or head
-        asked = " and ".join(map(repr, named))
-        meant = [like for name in named for like in difflib.get_close_matches(name, labels, 1)]
+        labels = {_key(label): label for label in _LABEL.findall(lines[0].text) or head}
+        missing = [name for name in named if _key(name) not in labels]
+        others = [label for key, label in labels.items() if key not in map(_key, named)]
+        asked = " and ".join(map(repr, missing or named))
+        meant = [like for name in missing for like in difflib.get_close_matches(name, others, 1)]
         hint = f"did you mean {' and '.join(map(repr, meant))}?" if meant else "name columns as it does, or by number"
         begins = _shown(lines[0].text)
         return ScanError(file, f"no line names the columns {asked}; the file begins with {begins}: {hint}")
