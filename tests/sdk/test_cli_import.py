@@ -1,4 +1,4 @@
-"""noctule import as people run it: a scanner's file in, a survey that the mapper takes out, and one line where it can't be."""
+"""noctule import as people run it: a scanner's file in, a survey out, and one line where that can't be."""
 
 import subprocess
 import sys
@@ -81,7 +81,7 @@ def test_what_can_not_be_imported_is_told_in_one_line_and_leaves_nothing(radar: 
         (("--pose", "1,2,nan"), "HEADING is nan"),
         (("--x", "3"), "a place takes --x and --y"),
         (("--site", "My Room"), "can't be part of a key"),
-        (("--air-temperature-c", "293"), "293"),
+        (("--air-temperature-c", "293"), "--air-temperature-c"),
     ],
 )
 def test_an_option_that_makes_no_sense_is_refused(radar: Path, arguments, complaint) -> None:

@@ -125,7 +125,7 @@ def test_the_same_three_readings_in_every_way_that_scanners_write_them(tmp_path,
             "y_m",
             "'20000': give -10000 to 10000 m",
         ),
-        ("10,20.11,21.12,22.13,x.14,24.15,25.", BY_NUMBER, "line 1, reading 4", "1", "'x,14', which is no figure"),
+        ("10,20.11,21.12,22.13,x.14,24.15,25.", BY_NUMBER, "line 1, reading 4", "1", "'13,x', which is no figure"),
     ],
 )
 def test_what_can_not_be_read_is_refused_by_its_place_and_value(tmp_path, text, options, place, column, said) -> None:

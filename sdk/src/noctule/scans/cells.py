@@ -3,7 +3,10 @@
 import re
 from dataclasses import dataclass
 
+from noctule.scans.options import DEGREES, METRES, SECONDS
+
 _FIGURE = re.compile(r"([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]*|[°º\"])\.?", re.ASCII)
+_UNITS = {"", *METRES, *DEGREES, *SECONDS}
 _WORDS = re.compile(r"[^\W\d_]+|[°º\"]")
 EMPTY = "empty"  # how a person names a cell that holds nothing
 
@@ -21,7 +24,9 @@ def figure(cell: object) -> Figure | None:
     if isinstance(cell, bool) or not isinstance(cell, int | float | str):
         return None
     found = _FIGURE.fullmatch(str(cell).strip())
-    return Figure(float(found[1].replace(",", ".")), found[2].casefold()) if found else None
+    if not found or found[2].casefold() not in _UNITS:
+        return None
+    return Figure(float(found[1].replace(",", ".")), found[2].casefold())
 
 
 def word(cell: object) -> str:
