@@ -141,9 +141,15 @@ def test_a_recording_that_can_not_be_written_is_told_in_one_line(file: Path) -> 
 def test_the_viewer_is_opened_on_the_recording(file: Path, monkeypatch: pytest.MonkeyPatch, capfd) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    result = fit(file, "--rrd", file.with_name("map.rrd"), "--view")
-    assert result.exit_code == 0, result.complaint
-    assert f"There is no screen here. Copy {file.with_name('map.rrd')} to where there is one" in capfd.readouterr().out
+    for options, recording in (
+        (("--view",), "survey.rrd"),
+        (("--view", "--rrd", file.with_name("map.rrd")), "map.rrd"),
+    ):
+        result = fit(file, *options)
+        assert result.exit_code == 0, result.complaint
+        told = capfd.readouterr().out
+        assert f"There is no screen here. Copy {file.with_name(recording)} to where there is one" in told
+        assert file.with_name(recording).stat().st_size > 0
 
 
 def test_where_the_viewer_is_not_installed_what_to_install_is_told(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

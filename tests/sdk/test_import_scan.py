@@ -180,6 +180,11 @@ def test_a_scan_that_looks_wrong_says_which_option_sets_it_right(tmp_path, range
     assert any(hint in note for note in imported(tmp_path, text).notes)
 
 
+def test_time_outs_do_not_make_the_unit_look_wrong(tmp_path) -> None:
+    (note,) = imported(tmp_path, "angle,range\n1,0\n2,0\n3,0\n4,150\n").notes
+    assert note.startswith("0 (75% of the readings) stands out")
+
+
 def test_a_wall_heard_over_a_tenth_of_the_angles_at_one_whole_centimetre_is_no_time_out(tmp_path) -> None:
     ranges = [150 + index for index in range(70)] + [150] * 20 + [220 + index for index in range(91)]
     text = "angle,range\n" + "".join(f"{index},{value}\n" for index, value in enumerate(ranges))

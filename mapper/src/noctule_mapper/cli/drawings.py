@@ -3,7 +3,6 @@
 import shutil
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 from noctule.errors import NoctuleError
@@ -18,7 +17,7 @@ class ViewerMissingError(NoctuleError):
 
 
 def draw(mapper: Mapper, contour: Contour, svg: Path | None, rrd: Path | None, view: bool) -> None:
-    """Draw ``contour``, fitted by ``mapper``, into the files that are named, and open the viewer if asked to.
+    """Draw ``contour``, fitted by ``mapper``, into the files that are named, and open the viewer on the recording.
 
     Raises OSError where a file can't be written, ViewerMissingError where there is no viewer.
     """
@@ -28,21 +27,12 @@ def draw(mapper: Mapper, contour: Contour, svg: Path | None, rrd: Path | None, v
 
         write_whole({svg: drawn(contour, mapper.sweeps())})
     if rrd:
-        _record(rrd, mapper, contour)
-    if view and rrd:
-        _open(rrd)
-    elif view:
-        with tempfile.TemporaryDirectory(prefix="noctule-") as folder:
-            recording = Path(folder) / f"{contour.site or 'survey'}.rrd"
-            _record(recording, mapper, contour)
-            _open(recording)
+        from noctule_mapper.contour.table import contour_table
+        from noctule_mapper.rerun_view.recording import record
 
-
-def _record(rrd: Path, mapper: Mapper, contour: Contour) -> None:
-    from noctule_mapper.contour.table import contour_table
-    from noctule_mapper.rerun_view.recording import record
-
-    record(rrd, mapper, contour, f"```\n{contour_table(contour)}\n```\n")
+        record(rrd, mapper, contour, f"```\n{contour_table(contour)}\n```\n")
+        if view:
+            _open(rrd)
 
 
 def _open(rrd: Path) -> None:

@@ -19,7 +19,9 @@ def fit(
     ] = None,
     svg: Annotated[Path | None, typer.Option(help="Where a drawing goes: echoes, places and what was found.")] = None,
     rrd: Annotated[Path | None, typer.Option(help="Where a Rerun recording goes: the live map's scene.")] = None,
-    view: Annotated[bool, typer.Option("--view", help="Open the viewer on it (needs noctule-viewer).")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open the viewer on the recording, beside the survey if --rrd names none.")
+    ] = False,
 ) -> None:
     """Fit the contour of a survey, and print it."""
     from noctule import survey
@@ -38,4 +40,4 @@ def fit(
     if contacts:
         contacts.write_text(mapper.contact_report().csv())
     print(contour_table(result))
-    draw(mapper, result, svg, rrd, view)
+    draw(mapper, result, svg, rrd or (sweeps.with_suffix(".rrd") if view else None), view)

@@ -44,7 +44,7 @@ def _time_out(written: Sequence[float], readings: int) -> str:
 def _size(written: Sequence[float], units: Units) -> str:
     if not written:
         return "no reading heard anything: check --range and --no-echo"
-    middle_m = median(written) * units.range_m
+    middle_m = median([value for value in written if value > 0] or [0.0]) * units.range_m  # 0 has a hint of its own
     if _SHORTEST_M <= middle_m <= _LONGEST_M:
         return ""
     return f"the median range is {middle_m:.3g} m: are the ranges really in {units.range_unit}? --units says otherwise"
