@@ -181,7 +181,7 @@ def test_a_scan_that_looks_wrong_says_which_option_sets_it_right(tmp_path, range
 
 
 def test_time_outs_do_not_make_the_unit_look_wrong(tmp_path) -> None:
-    (note,) = imported(tmp_path, "angle,range\n1,0\n2,0\n3,0\n4,150\n").notes
+    (note,) = imported(tmp_path, "angle,range\n10,0\n20,0\n30,0\n40,150\n").notes
     assert note.startswith("0 (75% of the readings) stands out")
 
 
@@ -209,6 +209,8 @@ UP, DOWN = list(range(0, 181, 5)), list(range(180, -1, -5))
         [UP, UP, UP],
         [UP, DOWN[1:], UP[1:]],
         [DOWN, DOWN],
+        [[-4, -3, -2], [-2, -3, -4], [-4, -3, -2]],
+        [[0, 60, 120, 180], [180, 120, 60, 0], [0, 60, 120, 180]],
         [[0, 90, 180], [180, 90, 0], [0, 90, 180]],
         [UP],
     ],
@@ -344,7 +346,7 @@ def as_csv(sweeps: list[Sweep]) -> str:
     return out.getvalue()
 
 
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(surveys())
 def test_a_survey_written_as_a_scanner_would_is_the_same_survey_again(tmp_path, sweeps) -> None:
     columns = Columns("angle_rad", "range_m", x="x_m", y="y_m", heading="heading_rad")

@@ -8,6 +8,7 @@ from noctule.bounds import MAX_READINGS, number
 from noctule.scans.readings import ScanReading
 
 _LONGEST_OFFSET_S = number("Reading", "time_offset_s").most
+_MOST_OF_ALL = 0.6  # of the angles' span; no multiple of a step in any plan of few bearings
 _TURN_STEPS = 2.5  # back from the farthest angle by more than this is a turn; less is a servo that trembles
 
 
@@ -56,7 +57,7 @@ def _between_turns(part: Sequence[ScanReading]) -> list[list[ScanReading]]:
     if len(runs) < 3:
         return [list(part)]
     steps = [abs(after - before) for before, after in pairwise(angles)]
-    back_deg = min(_TURN_STEPS * median(steps), (max(angles) - min(angles)) / 2)
+    back_deg = min(_TURN_STEPS * median(steps), _MOST_OF_ALL * (max(angles) - min(angles)))
     repeats = _repeats(runs)
     found: list[list[ScanReading]] = []
     begun: list[ScanReading] = []  # of the run at the last turn, what belongs to the pass after it
@@ -70,10 +71,10 @@ def _between_turns(part: Sequence[ScanReading]) -> list[list[ScanReading]]:
 
 
 def _zigzag(angles: Sequence[float], back: float) -> list[tuple[int, int]]:
-    """First and last index of each monotonic stretch, but for returns of ``back`` at most. After a step across more
-    than half of all angles, to where it began, a scanner may go either way.
+    """First and last index of each monotonic stretch, but for returns of ``back`` at most. After a step across
+    most of the angles, to where it began, a scanner may go either way.
     """
-    most_step = (max(angles) - min(angles)) / 2
+    most_step = _MOST_OF_ALL * (max(angles) - min(angles))
     stretches: list[tuple[int, int]] = []
     first, farthest, sign, index = 0, 0, 0, 0
     while index < len(angles):
