@@ -172,6 +172,19 @@ def test_where_there_is_no_screen_the_address_is_told() -> None:
     assert "rerun+http://127.0.0.1:4711/proxy" in told.stdout
 
 
+def test_where_there_is_no_screen_what_to_do_with_a_recording_is_told(tmp_path: Path) -> None:
+    recording = tmp_path / "map.rrd"
+    missing = run_viewer("open", str(recording))
+    assert missing.returncode == 1
+    assert f"there is no file {recording}" in missing.stderr
+    recording.write_bytes(b"")
+    told = run_viewer("open", str(recording))
+    assert told.returncode == 0
+    assert (
+        told.stdout == f"There is no screen here. Copy {recording} to where there is one: noctule-viewer open map.rrd\n"
+    )
+
+
 def run_viewer(*arguments: str) -> subprocess.CompletedProcess[str]:
     """noctule-viewer to its end, without a screen."""
     environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}

@@ -1,5 +1,7 @@
 """The errors that Noctule raises for bad input: each says what was wrong, where, and what to do."""
 
+from pathlib import Path
+
 
 class NoctuleError(Exception):
     """Base of all errors that a caller can do something about."""
@@ -15,6 +17,18 @@ class SiteFileError(NoctuleError):
 
 class SurveyError(NoctuleError):
     """A file of sweeps that can't be read; the message names the line."""
+
+
+class ScanError(NoctuleError):
+    """A file of a scanner's own that can't be imported; the message names file, place, column and value."""
+
+    def __init__(
+        self, file: Path, problem: str, place: str = "", column: str = "", value: object | None = None
+    ) -> None:
+        """``place`` as in "line 12"; ``problem`` says what is wrong and what to do."""
+        where = ", ".join([str(file), *([place] if place else []), *([f"column {column!r}"] if column else [])])
+        super().__init__(f"{where}: {problem}")
+        self.file, self.place, self.column, self.value = file, place, column, value
 
 
 class BoundsError(NoctuleError):

@@ -15,6 +15,7 @@ WALLS = "world/walls"
 CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
 UNITS = "world/units"
+ECHOES = "world/echoes"  # of a whole survey, in a recording of it
 
 LOG = "log"
 HEARTBEAT = "mapper/heartbeat"  # a heading that changes each second, so that a stale page shows

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
@@ -41,13 +42,25 @@ def run(
 
 @app.command(name="open")
 def open_(
+    recording: Annotated[
+        Path | None, typer.Argument(metavar="[FILE.rrd]", help="A recording in place of the relay.")
+    ] = None,
     url: Annotated[str, typer.Option(help="The relay, as printed by the mapper's --rerun.")] = _DEFAULT.url,
 ) -> None:
     """Open the native viewer, or, where there is no screen, print the address for a browser."""
+    if recording and not recording.is_file():
+        _fail(f"there is no file {recording}: give a recording, as noctule-mapper fit --rrd writes it")
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        print(f"There is no screen here. Connect a Rerun viewer to {url}, or open {_DEFAULT.page} in a browser.")
+        print(_without_screen(recording, url))
         return
-    os.execve(RERUN, [str(RERUN), url, "--bind", "127.0.0.1", "--port", "0"], environment())
+    shown = str(recording.resolve()) if recording else url
+    os.execve(RERUN, [str(RERUN), shown, "--bind", "127.0.0.1", "--port", "0"], environment())
+
+
+def _without_screen(recording: Path | None, url: str) -> str:
+    if recording:
+        return f"There is no screen here. Copy {recording} to where there is one: noctule-viewer open {recording.name}"
+    return f"There is no screen here. Connect a Rerun viewer to {url}, or open {_DEFAULT.page} in a browser."
 
 
 def _fail(message: str, status: int = 1) -> NoReturn:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule import bounds, messages_pb2
+from noctule.air import speed_of_sound_m_s
 from noctule.errors import NoctuleError
 from noctule_mapper.config import LONGEST_RANGE_M, SHORTEST_RANGE_M, SensorConfig
 
@@ -70,10 +71,11 @@ class SweepReadings:
         """Beam axes in the site's frame, (n,)."""
         return self.heading_rad + self.bearing_rad
 
-
-def speed_of_sound_m_s(air_temperature_c: float) -> float:
-    """Speed of sound in air, 331.3 + 0.606 T m/s."""
-    return 331.3 + 0.606 * air_temperature_c
+    def echoes_m(self) -> np.ndarray:
+        """Where the echoes would be, were they on the beams' axes, in the site's frame, (echoes, 2)."""
+        heard = np.isfinite(self.range_m)
+        direction = np.stack([np.cos(self.direction_rad), np.sin(self.direction_rad)], axis=1)
+        return np.array([self.x_m, self.y_m]) + self.range_m[heard, None] * direction[heard]
 
 
 def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:

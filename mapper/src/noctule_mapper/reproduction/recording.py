@@ -12,6 +12,7 @@ from noctule_mapper.messages import contour_message, features_message, tile_mess
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.recording import log, map_view
 
 FIGURES = "figures"
 REPORT = "report"
@@ -24,7 +25,7 @@ def record(path: Path, name: str, sweeps: Sequence[SweepReadings], pictures: Map
     """
     recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id=name)
     recording.save(path, default_blueprint=_layout(list(pictures)))
-    _log(recording, rerun_map.draw_frame(), static=True)
+    log(recording, rerun_map.draw_frame(), static=True)
     recording.log(REPORT, rr.TextDocument(report, media_type="text/markdown"), static=True)
     for picture, png in pictures.items():
         image = rr.EncodedImage(contents=png, media_type="image/png")
@@ -35,9 +36,9 @@ def record(path: Path, name: str, sweeps: Sequence[SweepReadings], pictures: Map
         recording.set_time(scene.SWEEP, sequence=number)
         mapper.register_sweep(sweep)
         trail_m.append((sweep.x_m, sweep.y_m))
-        _log(recording, rerun_map.draw_sweep(sweep, trail_m))
+        log(recording, rerun_map.draw_sweep(sweep, trail_m))
         for entries in _map(mapper):
-            _log(recording, entries)
+            log(recording, entries)
     recording.flush()
     recording.disconnect()
 
@@ -49,19 +50,12 @@ def _map(mapper: Mapper) -> list[Entries]:
     return [*tiles, features, rerun_map.draw_contour(contour_message(mapper.contour(), _SITE))]
 
 
-def _log(recording: rr.RecordingStream, entries: Entries, static: bool = False) -> None:
-    for path, archetype in entries:
-        recording.log(path, archetype, static=static)
-
-
 def _layout(pictures: Sequence[str]) -> rrb.Blueprint:
     """The map with the report beside it, and a tab for each picture."""
-    # The origin is the parent of the entity that turns y upwards: a view does not apply its own origin's transform.
-    map_view = rrb.Spatial2DView(origin="/", contents=[f"/{scene.WORLD}/**"], name="Map")
     report = rrb.TextDocumentView(origin=f"/{REPORT}", name="Report")
     tabs = [rrb.Spatial2DView(origin=f"/{FIGURES}/{picture}", name=picture) for picture in pictures]
     return rrb.Blueprint(
-        rrb.Tabs(rrb.Horizontal(map_view, report, column_shares=[3, 2], name="Survey"), *tabs, active_tab=0),
+        rrb.Tabs(rrb.Horizontal(map_view(), report, column_shares=[3, 2], name="Survey"), *tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(timeline=scene.SWEEP),

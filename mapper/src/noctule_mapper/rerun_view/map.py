@@ -70,6 +70,19 @@ def draw_contour(contour: Contour) -> Entries:
     yield from _cylinders(contour)
 
 
+def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
+    """All echoes of a survey as faint dots on their beams' axes, in the colours of their units."""
+    echoes_m = [sweep.echoes_m() for sweep in sweeps]
+    colours = [(*unit_colour(sweep.unit), 150) for sweep, ends_m in zip(sweeps, echoes_m, strict=True) for _ in ends_m]
+    dots = rr.Points2D(
+        np.concatenate([np.zeros((0, 2)), *echoes_m]),
+        colors=colours,
+        radii=rr.Radius.ui_points(2.0),
+        draw_order=_SWEEP_ORDER,
+    )
+    yield scene.ECHOES, dots
+
+
 def draw_features(features: Features) -> Entries:
     """Feature points, coloured by what they seem to lie on, larger where more reliable."""
     points = rr.Points2D(
@@ -96,7 +109,7 @@ def unit_colour(unit: str) -> Colour:
 def _rays(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:
     direction = np.stack([np.cos(readings.direction_rad), np.sin(readings.direction_rad)], axis=1)
     heard = np.isfinite(readings.range_m)
-    echoes_m = here + readings.range_m[heard, None] * direction[heard]
+    echoes_m = readings.echoes_m()
     silences_m = here + _NO_ECHO_LENGTH_M * direction[readings.no_echo & ~heard]
     rays = rr.LineStrips2D(
         [[here, end] for end in (*echoes_m, *silences_m)],

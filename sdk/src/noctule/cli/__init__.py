@@ -11,7 +11,7 @@ except ModuleNotFoundError as error:
     raise SystemExit("the command noctule needs typer, rich and mcap: install noctule[cli]") from error
 
 from noctule import threads
-from noctule.cli import ask, command, record, replay, show
+from noctule.cli import ask, command, import_scan, record, replay, show
 from noctule.errors import NoctuleError
 
 commands = typer.Typer(
@@ -22,6 +22,7 @@ commands = typer.Typer(
 )
 for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, command.rpc):
     commands.command()(each)
+commands.command("import")(import_scan.import_)
 
 
 def app() -> None:
