@@ -1,4 +1,4 @@
-"""The rooms that tests map: the paper's and random ones, with their paths; the physics is noctule_mapper's specular."""
+"""The rooms that tests map: the paper's and random ones, with their paths; the physics is that of the specular room."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.reproduction.specular import (
+from noctule_reproduction.specular import (
     BEARINGS_RAD,
     HALF_BEAM_RAD,
     HARD,

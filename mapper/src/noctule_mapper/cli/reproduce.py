@@ -1,7 +1,7 @@
-"""The command ``reproduce``: the paper's figures and tables, made again in simulation."""
+"""The command ``reproduce``: the paper's figures and tables, made again in simulation by a package of its own."""
 
 import os
-from importlib.util import find_spec
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
 
@@ -10,8 +10,8 @@ import typer
 from noctule.errors import NoctuleError
 
 
-class MissingExtraError(NoctuleError):
-    """A part of the mapper that was not installed with it; the message says which extra to install."""
+class MissingPackageError(NoctuleError):
+    """A command whose work is in a package that is not installed; the message names the package."""
 
 
 def reproduce(
@@ -21,16 +21,12 @@ def reproduce(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")] = None,
 ) -> None:
     """Reproduce the figures and tables of Liu et al. 2019 on simulated surveys."""
-    if find_spec("matplotlib") is None:
-        raise MissingExtraError(
-            "reproduce draws with matplotlib, which is not there; install noctule-mapper[reproduce]"
+    # A researcher installs the package, the host of a mapper does not: it brings matplotlib.
+    found = entry_points(group="noctule_mapper.commands", name="reproduce")
+    if not found:
+        raise MissingPackageError(
+            "reproduce simulates and draws with the package noctule-reproduction, which is not installed; "
+            "install it beside noctule-mapper"
         )
-    # Only now: this loads matplotlib.
-    from noctule_mapper.reproduction.reproduce import REPORT, reproduce_into
-
-    results = reproduce_into(out, range(seed, seed + seeds), jobs or os.cpu_count() or 1)
-    for method, one in results.comparisons.items():
-        errors = one.corner_error, one.cylinder[3], one.cylinder[4]
-        corner, centre, radius = (f"{error.mean:.2f} ± {error.deviation:.2f}" for error in errors)
-        print(f"{method:8} corners {corner} cm, centre {centre} cm, radius {radius} cm; {one.missed} missed")
-    print(f"simulated, {seeds} seeds from {seed}: {out / REPORT}")
+    (command,) = found
+    command.load()(out, range(seed, seed + seeds), jobs or os.cpu_count() or 1)

@@ -17,10 +17,10 @@ from noctule_mapper.grid.regions import contact_regions, epsilon_m
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes, echoes_of
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.reproduction import raster
-from noctule_mapper.reproduction.drawing import CENTRE_M, CORNERS_M, RADIUS_M
-from noctule_mapper.reproduction.raster import Raster
-from noctule_mapper.reproduction.style import FAINT, INK, MUTED, RELIABILITY, WALL, plan, sheet, styled
+from noctule_reproduction import raster
+from noctule_reproduction.drawing import CENTRE_M, CORNERS_M, RADIUS_M
+from noctule_reproduction.raster import Raster
+from noctule_reproduction.style import FAINT, INK, MUTED, RELIABILITY, WALL, plan, sheet, styled
 
 CELL_M = 0.002
 _WALL_WINDOW_M = (0.45, 0.98), (1.5, 1.62)

@@ -11,9 +11,9 @@ from matplotlib.patches import Arc, Circle
 from noctule_mapper.contacts.r2d import contour_type, deviation_sigma_m, reference_range_m
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.paper.detectable import greatest_radius_as_printed_m, greatest_radius_m
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.specular import PAPER_SIGMA_M
-from noctule_mapper.reproduction.style import CYLINDER, FAINT, INK, MUTED, SERIES, WALL, plan, sheet, styled
+from noctule_reproduction import paper
+from noctule_reproduction.specular import PAPER_SIGMA_M
+from noctule_reproduction.style import CYLINDER, FAINT, INK, MUTED, SERIES, WALL, plan, sheet, styled
 
 STEP_M, DISTANCE_M = paper.STEP_CM / 100, paper.TESTED_DISTANCE_CM / 100
 RADII_M = tuple(radius_cm / 100 for radius_cm in paper.TESTED_RADII_CM)

@@ -14,7 +14,7 @@ from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.reproduction.specular import paper_path, paper_room, survey_labelled
+from noctule_reproduction.specular import paper_path, paper_room, survey_labelled
 
 METHODS: tuple[Method, ...] = get_args(Method)
 

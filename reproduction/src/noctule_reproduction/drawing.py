@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from noctule_mapper.contour.contour import Contour
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.style import MUTED, TRUE
+from noctule_reproduction import paper
+from noctule_reproduction.style import MUTED, TRUE
 
 WINDOW: Mapping[str, tuple[float, float]] = {"xlim": (-1.35, 2.8), "ylim": (-1.15, 2.05)}
 CORNERS_M = np.array(paper.CORNERS["true"]) / 100

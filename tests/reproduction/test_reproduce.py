@@ -2,8 +2,12 @@
 
 import contextlib
 import io
+import json
+import os
 import re
+import subprocess
 import sys
+import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,19 +15,22 @@ import numpy as np
 import pytest
 import rerun.chunk
 from mapper.judge import corner_errors_m
+from mapper.live_site import paper_survey
 from mapper.room import paper_path, paper_room, survey
 from PIL import Image
 
 from noctule import scene
+from noctule.survey import write
 from noctule_mapper.choices import Method
-from noctule_mapper.cli.reproduce import MissingExtraError, reproduce
+from noctule_mapper.cli.reproduce import reproduce
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.comparison import compare, corner_values, wall_values
-from noctule_mapper.reproduction.runs import METHODS, run_all
+from noctule_reproduction import paper
+from noctule_reproduction.comparison import compare, corner_values, wall_values
+from noctule_reproduction.runs import METHODS, run_all
 
+ROOT = Path(__file__).parents[2]
 SEEDS = (41, 42)
 # The figures of the paper that a computer can make: all but schemes and photographs.
 FIGURES = (3, 5, 6, 7, 9, 11, 12, 13, 14, 15, 17, 18)
@@ -46,7 +53,6 @@ class Reproduced:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduced:
-
     folder, printed = tmp_path_factory.mktemp("made") / "paper", io.StringIO()
     with contextlib.redirect_stdout(printed):
         reproduce(folder, seeds=len(SEEDS), seed=SEEDS[0], jobs=1)
@@ -173,10 +179,40 @@ def test_walls_are_compared_under_the_theta_and_rho_of_table_1() -> None:
     assert values[:, 0] == pytest.approx(np.array(paper.LINES["true"])[:, 0], abs=0.02)
 
 
-def test_without_matplotlib_the_command_tells_which_extra_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(MissingExtraError, match=r"noctule-mapper\[reproduce\]"):
-        reproduce(tmp_path / "paper", seeds=2, seed=1, jobs=1)
+@pytest.fixture
+def mappers_host(tmp_path: Path) -> dict[str, str]:
+    """The environment of a host that has the mapper and what it depends on, but no reproduction of the paper."""
+    packages = tmp_path / "packages"
+    packages.mkdir()
+    for installed in Path(sysconfig.get_path("purelib")).iterdir():
+        if not installed.name.startswith(("noctule_reproduction", "matplotlib", "mpl_toolkits")):
+            (packages / installed.name).symlink_to(installed)
+    sources = [ROOT / "sdk/src", ROOT / "mapper/src"]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(map(str, [packages, *sources]))}
+
+
+def on_host(environment: dict[str, str], *arguments: object) -> subprocess.CompletedProcess[str]:
+    # -S: without the folder of packages that this interpreter has itself.
+    script = "from noctule_mapper.cli import main; main()"
+    command = [sys.executable, "-S", "-c", script, *map(str, arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_a_mappers_host_is_told_which_package_reproduces(mappers_host: dict[str, str], tmp_path: Path) -> None:
+    asked = on_host(mappers_host, "reproduce", "--out", tmp_path / "paper")
+    assert asked.returncode == 1
+    assert asked.stderr.startswith("noctule-mapper: ")
+    assert "noctule-reproduction" in asked.stderr
+    assert "Traceback" not in asked.stderr
     assert not (tmp_path / "paper").exists()
+
+
+def test_a_mappers_host_fits_without_the_reproduction_and_matplotlib(
+    mappers_host: dict[str, str], tmp_path: Path
+) -> None:
+    source, contour = tmp_path / "survey.jsonl", tmp_path / "contour.json"
+    with source.open("w") as stream:
+        write(paper_survey(), stream)
+    fitted = on_host(mappers_host, "fit", source, "--contour", contour)
+    assert fitted.returncode == 0, fitted.stderr
+    assert len(json.loads(contour.read_text())["walls"]) == len(paper_room().vertices)

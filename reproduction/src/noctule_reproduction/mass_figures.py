@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from noctule_mapper.fusion.sensor_model import arc_masses, free_mass
-from noctule_mapper.reproduction.style import FREE, OCCUPIED, UNKNOWN, sheet, styled
+from noctule_reproduction.style import FREE, OCCUPIED, UNKNOWN, sheet, styled
 
 RANGE_M, EPSILON_M = 3.0, 0.002  # the paper's example, and its eps
 BEAM_WIDTH_RAD = np.radians(22.5)

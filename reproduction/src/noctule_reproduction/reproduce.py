@@ -5,10 +5,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from noctule_mapper.export.atomic_write import write_whole
-from noctule_mapper.reproduction.experiments import Experiments, experiments
-from noctule_mapper.reproduction.markdown_report import report
-from noctule_mapper.reproduction.pictures import pictures
-from noctule_mapper.reproduction.recording import record
+from noctule_reproduction.experiments import Experiments, experiments
+from noctule_reproduction.markdown_report import report
+from noctule_reproduction.pictures import pictures
+from noctule_reproduction.recording import record
 
 REPORT, RECORDING = "report.md", "survey.rrd"
 

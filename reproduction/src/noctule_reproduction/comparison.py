@@ -7,8 +7,8 @@ import numpy as np
 
 from noctule_mapper.choices import Method
 from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.runs import Run
+from noctule_reproduction import paper
+from noctule_reproduction.runs import Run
 
 FAR_CM = 25.0  # what lies farther off a true object is not taken for it
 _FAR_SINE = np.sin(np.radians(10.0))

@@ -13,13 +13,13 @@ from noctule_mapper.paper.features import FeaturePoints
 from noctule_mapper.paper.hough_transform import LineAccumulator, line_accumulator
 from noctule_mapper.paper.walls import FittedWall, extended_hough
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.reproduction import raster
-from noctule_mapper.reproduction.calibration_figures import calibrated
-from noctule_mapper.reproduction.comparison import Comparison, Spread, compare, spread
-from noctule_mapper.reproduction.radius_figures import RADII_M, TRIES, TestedReflector, tested
-from noctule_mapper.reproduction.region_figures import Touched, cylinder_readings, wall_readings
-from noctule_mapper.reproduction.room_figures import Survey
-from noctule_mapper.reproduction.runs import METHODS, Run, mapped, paper_survey, run_all
+from noctule_reproduction import raster
+from noctule_reproduction.calibration_figures import calibrated
+from noctule_reproduction.comparison import Comparison, Spread, compare, spread
+from noctule_reproduction.radius_figures import RADII_M, TRIES, TestedReflector, tested
+from noctule_reproduction.region_figures import Touched, cylinder_readings, wall_readings
+from noctule_reproduction.room_figures import Survey
+from noctule_reproduction.runs import METHODS, Run, mapped, paper_survey, run_all
 
 ROUNDS = 3  # of the survey that Figures 5-7 show, so that contact regions overlap
 _WINDOW_M = (-1.5, -1.3), (2.95, 2.2)

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from noctule_mapper.reproduction import captions, paper
-from noctule_mapper.reproduction.calibration_figures import GROUPS, REPEATS, figure_13
-from noctule_mapper.reproduction.contour_figures import figure_18
-from noctule_mapper.reproduction.drawing import CORNERS_M
-from noctule_mapper.reproduction.experiments import ROUNDS, Experiments
-from noctule_mapper.reproduction.hough_figures import figure_9, figure_11, figure_12
-from noctule_mapper.reproduction.mass_figures import figure_3, mass_curves
-from noctule_mapper.reproduction.radius_figures import THRESHOLD_M, TRIES, figure_14, figure_15
-from noctule_mapper.reproduction.region_figures import figure_5, figure_6, figure_7
-from noctule_mapper.reproduction.room_figures import figure_17
-from noctule_mapper.reproduction.style import png
+from noctule_reproduction import captions, paper
+from noctule_reproduction.calibration_figures import GROUPS, REPEATS, figure_13
+from noctule_reproduction.contour_figures import figure_18
+from noctule_reproduction.drawing import CORNERS_M
+from noctule_reproduction.experiments import ROUNDS, Experiments
+from noctule_reproduction.hough_figures import figure_9, figure_11, figure_12
+from noctule_reproduction.mass_figures import figure_3, mass_curves
+from noctule_reproduction.radius_figures import THRESHOLD_M, TRIES, figure_14, figure_15
+from noctule_reproduction.region_figures import figure_5, figure_6, figure_7
+from noctule_reproduction.room_figures import figure_17
+from noctule_reproduction.style import png
 
 _ANGLES_DEG = (5, 15, 10)  # the paper's two, and one more inside the beam
 

@@ -13,7 +13,7 @@ from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.paper.features import FeaturePoints
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.reproduction.drawing import (
+from noctule_reproduction.drawing import (
     CENTRE_M,
     CORNERS_M,
     RADIUS_M,
@@ -22,8 +22,8 @@ from noctule_mapper.reproduction.drawing import (
     draw_room,
     name_parts,
 )
-from noctule_mapper.reproduction.raster import Raster
-from noctule_mapper.reproduction.style import (
+from noctule_reproduction.raster import Raster
+from noctule_reproduction.style import (
     CORNER,
     CYLINDER,
     FAINT,

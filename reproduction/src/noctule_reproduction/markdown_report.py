@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.reproduction import paper, tables
-from noctule_mapper.reproduction.calibration_figures import GROUPS, REPEATS
-from noctule_mapper.reproduction.comparison import FAR_CM, Spread
-from noctule_mapper.reproduction.experiments import Experiments
-from noctule_mapper.reproduction.pictures import Picture, seeds_text
-from noctule_mapper.reproduction.radius_figures import THRESHOLD_M, TRIES
+from noctule_reproduction import paper, tables
+from noctule_reproduction.calibration_figures import GROUPS, REPEATS
+from noctule_reproduction.comparison import FAR_CM, Spread
+from noctule_reproduction.experiments import Experiments
+from noctule_reproduction.pictures import Picture, seeds_text
+from noctule_reproduction.radius_figures import THRESHOLD_M, TRIES
 
 _OPENING = """# Liu et al. 2019, reproduced in simulation
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Arc
 from noctule_mapper.paper.features import FeaturePoints
 from noctule_mapper.paper.hough_transform import LineAccumulator
 from noctule_mapper.paper.walls import FittedWall
-from noctule_mapper.reproduction.style import CORNER, FAINT, INK, MUTED, RELIABILITY, SERIES, WALL, plan, sheet, styled
+from noctule_reproduction.style import CORNER, FAINT, INK, MUTED, RELIABILITY, SERIES, WALL, plan, sheet, styled
 
 _NEAR_RAD, _NEAR_M = np.radians(15), 0.2  # what is shown about the highest peak
 

@@ -7,9 +7,9 @@ from scipy.stats import norm
 
 from noctule_mapper.calibration.calibrate import Calibration, calibrate
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.specular import PAPER_BIAS_M, PAPER_SIGMA_M
-from noctule_mapper.reproduction.style import FAINT, INK, MUTED, PAPER, WALL, sheet, styled
+from noctule_reproduction import paper
+from noctule_reproduction.specular import PAPER_BIAS_M, PAPER_SIGMA_M
+from noctule_reproduction.style import FAINT, INK, MUTED, PAPER, WALL, sheet, styled
 
 GROUPS, REPEATS = 12, 50  # Section V.A
 FIRST_M, STEP_M = paper.TESTED_DISTANCE_CM / 100, paper.STEP_CM / 100

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from noctule_mapper.choices import Method
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.comparison import Comparison, Spread
+from noctule_reproduction import paper
+from noctule_reproduction.comparison import Comparison, Spread
 
 _HEADINGS = {"hough": "hough", "eht-lsm": "eht-lsm", "refined": "refined"}
 _PRINTED: tuple[paper.Column, ...] = ("hough", "eht-lsm")

@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
 
-from noctule_mapper.reproduction import paper
-from noctule_mapper.reproduction.comparison import corner_values, cylinder_values
-from noctule_mapper.reproduction.drawing import WINDOW, draw_contour, draw_room, name_parts
-from noctule_mapper.reproduction.runs import METHODS, Run
-from noctule_mapper.reproduction.style import METHOD_COLOURS, METHOD_NAMES, MUTED, PAPER, TRUE, plan, sheet, styled
+from noctule_reproduction import paper
+from noctule_reproduction.comparison import corner_values, cylinder_values
+from noctule_reproduction.drawing import WINDOW, draw_contour, draw_room, name_parts
+from noctule_reproduction.runs import METHODS, Run
+from noctule_reproduction.style import METHOD_COLOURS, METHOD_NAMES, MUTED, PAPER, TRUE, plan, sheet, styled
 
 _SHOWN_CM, _ENLARGED_CM = 10.0, 2.5  # half of what a panel and its inset show
 _PAPERS: tuple[tuple[paper.Column, str, str], ...] = (
