@@ -1,7 +1,8 @@
-"""The contour as the mapper knows it: walls, corners and cylinders, each with its covariance."""
+"""The contour as the mapper knows it: walls, corners, cylinders and poses of units, each with its covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 
@@ -50,6 +51,41 @@ class Cylinder:
     readings: int
 
 
+class PoseState(Enum):
+    """What the room says of a unit's stated pose."""
+
+    FITTED = "fitted"  # the stated pose is right to within its stated error; the fit knows it better
+    OPEN = "open"  # the room cannot tell: the pose is the stated one, with the stated error
+    WRONG = "wrong"  # off by more than the stated error allows; the pose is where the unit seems to be
+
+
+@dataclass(frozen=True)
+class UnitPose:
+    """Where a unit that stands still is by the fit, and where it was stated to be.
+
+    ``covariance`` (3, 3) is of the fitted (x_m, y_m, heading_rad). Units with ``fixes_frame`` are those whose stated
+    poses are the best known ones: a single one fixes the site's frame, several fix it by their mean.
+    """
+
+    unit: str
+    x_m: float
+    y_m: float
+    heading_rad: float
+    covariance: np.ndarray
+    stated_x_m: float
+    stated_y_m: float
+    stated_heading_rad: float
+    stated_sigma_position_m: float
+    stated_sigma_heading_rad: float
+    state: PoseState = PoseState.FITTED
+    fixes_frame: bool = False
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the stated pose cannot be right."""
+        return self.state is PoseState.WRONG
+
+
 @dataclass(frozen=True)
 class Contour:
     """A site's contour from ``sweeps`` sweeps, the newest of ``time_s`` (since 1970 UTC)."""
@@ -57,6 +93,7 @@ class Contour:
     walls: tuple[Wall, ...] = ()
     corners: tuple[Corner, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
+    poses: tuple[UnitPose, ...] = ()  # of the units that stand still and sweep finely
     sweeps: int = 0
     time_s: float = 0.0
     method: str = ""
@@ -76,6 +113,16 @@ class Contour:
             walls=tuple(_shifted(wall, x_m, y_m) for wall in self.walls),
             corners=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.corners),
             cylinders=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.cylinders),
+            poses=tuple(
+                replace(
+                    one,
+                    x_m=one.x_m + x_m,
+                    y_m=one.y_m + y_m,
+                    stated_x_m=one.stated_x_m + x_m,
+                    stated_y_m=one.stated_y_m + y_m,
+                )
+                for one in self.poses
+            ),
         )
 
 
