@@ -58,12 +58,12 @@ def walk(seed: int = 1) -> Walk:
 def ours(walked: Walk, cell_m: float) -> Speed:
     """The whole survey put in at once, as cones and arcs made beforehand."""
     config = GridConfig(cell_m=cell_m)
-    cones = Cones(*map(np.concatenate, zip(*(free_space(one, config) for one in walked.sweeps), strict=True)))
+    cones = Cones(np.concatenate([free_space(one, config).table for one in walked.sweeps]))
     arcs = contact_regions(walked.echoes, walked.contacts, config)
     grid = Grid(config)
 
     def put_in() -> None:
-        grid.add_free(*cones)
+        grid.add_free(cones)
         grid.add(arcs)
 
     put_in()
@@ -82,7 +82,7 @@ def ours_by_sweep(walked: Walk, cell_m: float) -> Speed:
 
     def put_in() -> None:
         for sweep, echoes, contacts in heard:
-            grid.add_free(*free_space(sweep, config))
+            grid.add_free(free_space(sweep, config))
             grid.add(contact_regions(echoes, contacts, config))
 
     put_in()
@@ -100,7 +100,7 @@ def grid_costs_ms(walked: Walk) -> np.ndarray:
             echoes = echoes_of(sweep, number, config.noise.assumed_sigma_m)
             change = book.add(sweep.identity, sweep.x_m, sweep.y_m, echoes)
             began_s = time.process_time()
-            grid.add_free(*free_space(sweep, config.grid))
+            grid.add_free(free_space(sweep, config.grid))
             grid.add(contact_regions(change.echoes, change.before, config.grid), sign=-1)
             grid.add(contact_regions(change.echoes, change.after, config.grid))
             grid.changed()

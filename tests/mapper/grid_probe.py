@@ -18,7 +18,7 @@ def cones(*lines: tuple[float, ...]) -> Cones:
     table = np.array(lines, float)
     half = np.full(len(table), WIDTH_RAD / 2)
     beam = np.stack([table[:, 2], table[:, 2] - half, table[:, 2] + half, table[:, 3], 2 * half], axis=1)
-    return Cones(table[:, :2].astype(int), beam)
+    return Cones(np.hstack([table[:, :2], beam]))
 
 
 def at(grid: Grid, x_m: float, y_m: float) -> tuple[float, float]:

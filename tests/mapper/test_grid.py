@@ -67,8 +67,8 @@ def test_the_order_of_readings_does_not_matter_to_a_grid(rule):
     one, other = Grid(CONFIG, rule), Grid(CONFIG, rule)
     free = cones((0, 0, 0.0, 60), (50, -40, 1.6, 60))
     one.add(arcs(*CROSSING))
-    one.add_free(*free)
-    other.add_free(*free)
+    one.add_free(free)
+    other.add_free(free)
     for line in CROSSING[::-1]:
         other.add(arcs(line))
     assert_same_beliefs(one, other)
@@ -80,11 +80,11 @@ def test_evidence_taken_out_again_leaves_no_trace_in_what_stays(rule):
     stays, goes = cones((0, 0, 0.0, 60)), cones((50, -40, 1.6, 60), (0, 0, 0.1, 80))
     for one in (left, grid):
         one.add(arcs(*CROSSING[:1]))
-        one.add_free(*stays)
+        one.add_free(stays)
     grid.add(arcs(*CROSSING[1:]))
-    grid.add_free(*goes)
+    grid.add_free(goes)
     grid.add(arcs(*CROSSING[1:]), sign=-1)
-    grid.add_free(*goes, sign=-1)
+    grid.add_free(goes, sign=-1)
     assert_same_beliefs(grid, left)
 
 
@@ -102,21 +102,21 @@ def test_readings_that_are_kilometres_apart_take_no_more_tiles_than_they_touch()
     grid = Grid(CONFIG)
     free = cones((-2_000_010, -1_999_968, 0.0, 30), (1_999_990, 2_000_032, 0.0, 30))
     touched = arcs((-40_000.0, -40_000.0, 1.0, 0.1, 0.02), (40_000.0, 40_000.0, 1.0, 0.1, 0.02))
-    grid.add_free(*free)
+    grid.add_free(free)
     grid.add(touched)
     tiles = [(tile.tile_x, tile.tile_y) for tile in grid.tiles()]
     assert tiles == [(-31251, -31250), (-31250, -31250), (31249, 31250), (31250, 31250)]
-    grid.add_free(*free, sign=-1)
+    grid.add_free(free, sign=-1)
     grid.add(touched, sign=-1)
     assert grid.tiles() == []
 
 
 def test_only_tiles_touched_since_the_last_question_are_told_as_changed():
     grid = Grid(CONFIG)
-    grid.add_free(*cones((10, 30, 0.0, 20), (200, 30, 0.0, 20)))
+    grid.add_free(cones((10, 30, 0.0, 20), (200, 30, 0.0, 20)))
     assert [tile.tile_x for tile in grid.changed()] == [0, 3]
     assert grid.changed() == []
-    grid.add_free(*cones((201, 30, 0.0, 20)))
+    grid.add_free(cones((201, 30, 0.0, 20)))
     assert [tile.tile_x for tile in grid.changed()] == [3]
 
 
@@ -136,7 +136,7 @@ def test_readings_of_fine_and_coarse_sensors_put_in_together_can_be_taken_out_on
     config = GridConfig(cell_m=0.01)
     left, grid = Grid(config), Grid(config)
     for one in (left, grid):
-        one.add_free(*cones((-5, -5, 0.7, 200), (-5, 5, 3.9, 200)))
+        one.add_free(cones((-5, -5, 0.7, 200), (-5, 5, 3.9, 200)))
     grid.add(contact_regions(echoes, found, config))
     for number in range(len(echoes)):
         alone = np.array([number])
@@ -168,11 +168,11 @@ def test_counts_do_not_run_over_however_often_a_place_is_called_free():
     # 70000 is more than 16 bits hold. Belief is certain long before; only taking readings out again tells.
     grid, left = Grid(CONFIG), Grid(CONFIG)
     cone = cones((30, 30, 0.3, 6))
-    many = Cones(np.repeat(cone.apex, 70_000, axis=0), np.repeat(cone.beam, 70_000, axis=0))
-    left.add_free(*cone)
-    grid.add_free(*many)
-    grid.add_free(*cone)
-    grid.add_free(*many, sign=-1)
+    many = Cones(np.repeat(cone.table, 70_000, axis=0))
+    left.add_free(cone)
+    grid.add_free(many)
+    grid.add_free(cone)
+    grid.add_free(many, sign=-1)
     assert_same_beliefs(grid, left)
 
 
@@ -180,9 +180,9 @@ def test_all_evidence_of_a_long_walk_can_be_in_one_call_or_in_many():
     sweeps = survey(paper_room(), paper_path(), np.random.default_rng(5))
     parts = [free_space(sweep, CONFIG) for sweep in sweeps]
     one, many = Grid(CONFIG), Grid(CONFIG)
-    one.add_free(*Cones(*map(np.concatenate, zip(*parts, strict=True))))
+    one.add_free(Cones(np.concatenate([part.table for part in parts])))
     for part in parts:
-        many.add_free(*part)
+        many.add_free(part)
     assert_same_beliefs(one, many, tolerance=0)
 
 

@@ -38,7 +38,7 @@ def test_a_cone_is_the_sensor_models_free_space():
     reach_m = 1.3
     for axis in np.linspace(-3, 3, 20):
         grid = Grid(CONFIG)
-        grid.add_free(*cones((10, -5, float(axis), reach_m / CONFIG.cell_m)))
+        grid.add_free(cones((10, -5, float(axis), reach_m / CONFIG.cell_m)))
         for tile in grid.tiles():
             x, y = centres(tile)
             dx, dy = x - 10.5 * CONFIG.cell_m, y + 4.5 * CONFIG.cell_m
@@ -53,7 +53,7 @@ def test_the_space_before_an_arc_is_free_and_each_cell_is_spoken_of_once():
     sweep = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))[0]
     heard = np.isfinite(sweep.range_m)
     grid = Grid(CONFIG)
-    grid.add_free(*free_space(sweep, CONFIG))
+    grid.add_free(free_space(sweep, CONFIG))
     free = np.stack([tile.free for tile in grid.tiles()])
     assert 0 < free.max() <= CONFIG.most_free  # two beams that both speak of a cell would make it more
     eps_m = float(epsilon_m(sweep.range_sigma_m or 0.0, CONFIG))
@@ -71,9 +71,9 @@ def test_many_readings_in_one_direction_speak_of_a_cell_but_once_in_a_sweep():
     object.__setattr__(sweep, "bearing_rad", np.full_like(sweep.bearing_rad, sweep.bearing_rad[first]))
     object.__setattr__(sweep, "range_m", np.full_like(sweep.range_m, sweep.range_m[first]))
     many = free_space(sweep, CONFIG)
-    assert len(many.apex) == 13 and len(cone.apex) < 13
+    assert len(many.table) == 13 and len(cone.table) < 13
     grid = Grid(CONFIG)
-    grid.add_free(*many)
+    grid.add_free(many)
     assert 0.8 * CONFIG.most_free < max(tile.free.max() for tile in grid.tiles()) <= CONFIG.most_free
 
 

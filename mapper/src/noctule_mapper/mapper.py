@@ -45,7 +45,7 @@ class Mapper:
         self._registered += 1
         echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
         if self._grid is not None:
-            self._grid.add_free(*free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
+            self._grid.add_free(free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
         self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))  # II.B: beside earlier positions
 
     def remove_sweep(self, identity: tuple[str, int]) -> None:
@@ -53,7 +53,7 @@ class Mapper:
         sweep = self._sweeps.pop(identity, None)
         if sweep is not None:
             if self._grid is not None:
-                self._grid.add_free(*free_space(sweep, self.config.grid), sign=-1)
+                self._grid.add_free(free_space(sweep, self.config.grid), sign=-1)
             self._update(self._contacts.remove(identity))
 
     def sweeps(self) -> list[SweepReadings]:
@@ -68,7 +68,7 @@ class Mapper:
         if self._grid is None:
             grid = Grid(self.config.grid, self.config.rule)
             for sweep in self._sweeps.values():
-                grid.add_free(*free_space(sweep, self.config.grid))
+                grid.add_free(free_space(sweep, self.config.grid))
             grid.add(contact_regions(self._contacts.echoes(), self._contacts.contacts(), self.config.grid))
             self._grid = grid
         return self._grid

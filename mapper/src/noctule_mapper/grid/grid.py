@@ -1,26 +1,25 @@
 """The reliability grid: square tiles of cells, each cell with the evidence of all readings that speak of it."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 
 import numpy as np
 
 from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig
-from noctule_mapper.fusion.levels import FREE_LEVELS, arc_beliefs, free_beliefs
+from noctule_mapper.fusion.sensor_model import FREE_LEVELS, arc_beliefs, free_beliefs
 from noctule_mapper.fusion.streams import stream
 from noctule_mapper.grid.pcr5_fold import folded_pcr5
-from noctule_mapper.grid.polar_cells import disc
-from noctule_mapper.grid.regions import Arcs
-from noctule_mapper.grid.tiles import Key, Tiles, arc_reach_cells
+from noctule_mapper.grid.regions import Arcs, Cones
+from noctule_mapper.grid.tiles import Box, Key, Tiles
 
 _SECTORS_PER_BEAM = 16
-_MOST_AT_ONCE = 256  # cones or arcs in one stroke, and how far apart
-_WIDEST_CELLS = 1 << 13
-_NARROWEST_BEAM_RAD = math.radians(0.1)  # that the sectors of the table follow
-_MOST_ARC_CELLS = 1 << 20  # looked at in one stroke of arcs
+_NARROWEST_BEAM_RAD = math.radians(0.1)  # that the sectors follow
+_WIDEST_CELLS = 1 << 13  # from one to another in a stroke
+_MOST_ARC_CELLS = 1 << 15  # in a stroke of arcs
 
 
 class CellState(IntEnum):
@@ -54,76 +53,77 @@ class Grid:
     """Sparse: a tile exists while there is evidence in it. Evidence may be taken out again in any order."""
 
     def __init__(self, config: GridConfig, rule: Rule = "pcr6+") -> None:
+        from noctule_mapper.grid import geometry  # loads Numba, which only a grid that is made should cost
+
         beliefs = np.concatenate([free_beliefs(config.most_free), arc_beliefs(config.most_occupied)])
         self.cell_m = config.cell_m
         self.tile_size = config.tile_cells
+        self._geometry = geometry
         self._fusion = folded_pcr5(beliefs) if rule == "pcr5" else stream(rule, config.nodes)
         self._free_terms, arc_terms = np.split(self._fusion.terms(beliefs), [FREE_LEVELS])
         self._free_log_unknown = np.log(beliefs[:FREE_LEVELS, 2])
         self._tiles = Tiles(config.tile_cells, arc_terms.astype(np.float32))
-        self._changed: set[Key] = set()
-        self._beliefs: dict[Key, GridTile] = {}
+        self._beliefs: dict[Key, tuple[int, GridTile]] = {}  # and the number of the stroke that they are made of
 
-    def add_free(self, apex: np.ndarray, beam: np.ndarray, sign: int = 1) -> None:
-        """Put in (sign 1) or take out (sign -1) the space before arcs, as ``regions.free_space`` gives it; beams of one
-        width.
-        """
-        for some in _parts(apex, _MOST_AT_ONCE):
-            reach = 1 << int(beam[some, 3].max() + 1).bit_length()
-            sectors = math.ceil(2 * np.pi / max(beam[some.start, 4], _NARROWEST_BEAM_RAD) * _SECTORS_PER_BEAM)
-            self._touch(self._tiles.count_cones(apex[some], beam[some], disc(reach, sectors), sign))
+    def add_free(self, cones: Cones, sign: int = 1) -> None:
+        """Put in (sign 1) or take out (sign -1) the space before arcs; beams of one width."""
+        if len(cones.table):
+            width_rad = max(cones.table[0, 6], _NARROWEST_BEAM_RAD)
+            sectors = 2 * math.ceil(np.pi / width_rad * _SECTORS_PER_BEAM)  # even, so that half a turn is whole ones
+            for part, box in _parts(cones.table, self._geometry.cone_box):
+                self._tiles.count_cones(part, box, sectors, sign)
 
     def add(self, arcs: Arcs, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) contact regions."""
-        if not len(arcs.table):
-            return
-        most = min(_MOST_AT_ONCE, max(1, _MOST_ARC_CELLS // (2 * arc_reach_cells(arcs.table, self.cell_m) + 1) ** 2))
-        for some in _parts(np.floor(arcs.table[:, :2] / self.cell_m), most):
-            self._touch(self._tiles.add_arcs(arcs.table[some], self.cell_m, sign))
+        for part, box in _parts(arcs.table, partial(self._geometry.arc_box, cell_m=self.cell_m), _MOST_ARC_CELLS):
+            self._tiles.add_arcs(part, box, self.cell_m, sign)
 
     def changed(self) -> list[GridTile]:
         """Tiles touched since this was last asked; one that has lost all its evidence comes as all unknown."""
-        changed, self._changed = self._changed, set()
-        return [self._tile(key) for key in sorted(changed)]
+        return [self._tile(key, slot) for key, slot in sorted(self._tiles.touched().items())]
 
     def tiles(self) -> list[GridTile]:
         """All tiles that hold evidence."""
-        return [self._tile(key) for key in sorted(self._tiles.slots)]
+        return [self._tile(key, slot) for key, slot in sorted(self._tiles.slots().items())]
 
-    def _touch(self, keys: list[Key]) -> None:
-        self._changed.update(keys)
-        for key in keys:
-            self._beliefs.pop(key, None)
-
-    def _tile(self, key: Key) -> GridTile:
+    def _tile(self, key: Key, slot: int | None) -> GridTile:
         """The tile, worked out once as long as there is evidence in it and no more comes."""
-        if key in self._beliefs:
-            return self._beliefs[key]
+        stamp, known = self._beliefs.get(key, (-1, None))
+        if known is not None and slot is not None and stamp >= self._tiles.stamp(slot):
+            return known
         side_m, shape = self.tile_size * self.cell_m, (self.tile_size, self.tile_size)
         occupied, free = np.zeros((2, *shape), np.float32)
         tile = GridTile(*key, key[0] * side_m, key[1] * side_m, self.cell_m, occupied, free)
-        if key in self._tiles.slots:
-            self._fill(key, occupied.reshape(-1), free.reshape(-1))
-            self._beliefs[key] = tile
+        if slot is None:
+            self._beliefs.pop(key, None)
+        else:
+            self._fill(slot, occupied.reshape(-1), free.reshape(-1))
+            self._beliefs[key] = self._tiles.stamp(slot), tile
         return tile
 
-    def _fill(self, key: Key, occupied: np.ndarray, free: np.ndarray) -> None:
+    def _fill(self, slot: int, occupied: np.ndarray, free: np.ndarray) -> None:
         """The tile's beliefs into ``occupied`` and ``free``, (cells,). Free space alone is in no conflict with itself:
         by every rule m(free) is 1 less the product of the unknown.
         """
-        counts = self._tiles.counts(key)
-        free[:] = 1 - np.exp(self._free_log_unknown @ counts)
-        touched, sums = self._tiles.sums(key)
+        counts = self._tiles.counts(slot)
+        free[:] = 1 - np.exp(counts @ self._free_log_unknown)
+        touched, sums = self._tiles.sums(slot)
         if len(touched):
-            fused = self._fusion.belief(sums + counts[:, touched].T @ self._free_terms)
+            fused = self._fusion.belief(sums + counts[touched] @ self._free_terms)
             occupied[touched], free[touched] = fused[:, 0], fused[:, 1]
 
 
-def _parts(cells: np.ndarray, most: int, first: int = 0) -> Iterator[slice]:
-    """Slices of ``cells`` (n, 2) for one stroke each: ``most`` at once, and near one another."""
-    if len(cells) > 1 and (len(cells) > most or np.ptp(cells, axis=0).max() > _WIDEST_CELLS):
-        half = len(cells) // 2
-        yield from _parts(cells[:half], most, first)
-        yield from _parts(cells[half:], most, first + half)
-    elif len(cells):
-        yield slice(first, first + len(cells))
+def _parts(
+    table: np.ndarray, box_of: Callable[[np.ndarray], Box], most_cells: float = math.inf
+) -> Iterator[tuple[np.ndarray, Box]]:
+    """``table`` (n, columns) in parts for one stroke each, with their boxes: near one another and not too many."""
+    if not len(table):
+        return
+    box = box_of(table)
+    near = max(box[2] - box[0], box[3] - box[1]) - 2 * box[4] <= _WIDEST_CELLS
+    if len(table) == 1 or (near and len(table) * (2 * box[4] + 1) ** 2 <= most_cells):
+        yield table, box
+    else:
+        half = len(table) // 2
+        yield from _parts(table[:half], box_of, most_cells)
+        yield from _parts(table[half:], box_of, most_cells)

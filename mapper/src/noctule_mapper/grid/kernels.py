@@ -1,4 +1,5 @@
-"""The grid's inner loops, compiled: the cells of a cone or an arc, one after the other, straight into the tiles.
+"""The grid's inner loops, compiled: the cells of cones and contact regions, one after the other, straight into the
+tiles.
 
 Numba compiles this module when it is first imported and keeps the result beside it, or in the user's cache directory
 where it can't write there.
@@ -9,136 +10,184 @@ import math
 import numpy as np
 from numba import njit
 
+from noctule_mapper.fusion import sensor_model
+from noctule_mapper.grid.geometry import cone_rows, tip_m
 
-@njit("i8(f8[::1], i8, i8, f8, f8)", cache=True)
-def _first_beyond(distance, first, end, reach, sector_rad):
-    """The first cell of a sector from ``first`` to ``end`` that is not within ``reach``: near where the sector's area
-    says.
+_SILENT = 255  # the level of a sector that a cone says nothing of
+
+_direction_trust = njit("f8(f8, f8)", cache=True)(sensor_model.direction_trust)  # Eq. 5
+_off_arc = njit("f8(f8, f8, f8)", cache=True)(sensor_model.off_arc)  # Eq. 6-7
+_free_level = njit("i8(f8)", cache=True)(sensor_model.free_level)
+_arc_level = njit("i8(f8, f8)", cache=True)(sensor_model.arc_level)
+
+# The directory of the tiles, as in module ``tiles``: corner, window, keys, pieces, stamps, spare, left.
+_TILES = "i8[::1], i4[:,::1], i8[:,::1], i8[::1], i8[::1], i4[::1], i8[::1]"
+_CONES = f"void(f8[:,::1], u2[:,::1], i8, {_TILES}, {{0}}[:,:,::1], i8, {{0}}, i8)"
+_ARCS = f"void(f8[:,::1], f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, f4, i8)"
+
+
+@njit(cache=True)
+def _slot(tile_column, tile_row, corner, window, spare, left):
+    """The slot of a tile of the window, the next spare one where it has none."""
+    slot = window[tile_row - corner[1], tile_column - corner[0]]
+    return slot if slot >= 0 else spare[left[0] - 1]
+
+
+@njit(cache=True)
+def _enter(slot, tile_column, tile_row, pieces_more, stamp, corner, window, keys, pieces, stamps, left):
+    """Write down what was done in the slot that ``_slot`` gave."""
+    row, column = tile_row - corner[1], tile_column - corner[0]
+    if window[row, column] < 0:
+        window[row, column] = slot
+        keys[slot, 0], keys[slot, 1] = tile_column, tile_row
+        left[0] -= 1
+    pieces[slot] += pieces_more
+    stamps[slot] = stamp
+
+
+@njit("UniTuple(i8, 2)(u1[::1], f8, f8, f8, f8)", cache=True)
+def _set_levels(level_of, axis_rad, low_rad, high_rad, width_rad):
+    """The level of each sector that has its middle between two directions; the first of them, and the one after the
+    last.
     """
-    k = min(first + int(reach * reach * sector_rad / 2), end)
-    while k > first and distance[k - 1] >= reach:
-        k -= 1
-    while k < end and distance[k] < reach:
-        k += 1
-    return k
+    sector_rad = 2 * math.pi / len(level_of)
+    first, last = math.ceil(low_rad / sector_rad - 0.5), math.ceil(high_rad / sector_rad - 0.5)
+    last = min(last, first + len(level_of) // 2)  # beams are half a turn wide at most; more would be a rounding error
+    for turned in range(first, last):
+        trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)
+        if trust > 0:
+            level_of[turned % len(level_of)] = _free_level(trust)
+    return first, last
 
 
-_CONES = "i8(i8[:,::1], f8[:,::1], i8[::1], u4[::1], f8[::1], i4[:,::1], i8[:,::1], i4[::1], {0}[:,:,::1], i8, {0})"
-_ARCS = (
-    "UniTuple(i8, 2)(f8[:,::1], i8[::1], f8, i8, i4[:,::1], i8[:,::1], i4[::1], i4[:,::1], i4[::1], i8, i4[::1],"
-    "f4[:,::1], f4[:,::1], i8, i8)"
-)
+@njit("UniTuple(i8, 2)(i8[::1], i8[::1], i8, u1[::1], u2[::1], i8, i8)", cache=True)
+def _trim(begins, ends, rows, level_of, sector_of, place, wide):
+    """Take off each row's ends what the sectors leave out; the first column of all, and the last. ``place`` is the
+    place of row 0, column 0 in ``sector_of``.
+    """
+    leftmost, rightmost = wide, -wide
+    for k in range(rows):
+        begin, end = begins[k], ends[k]
+        while begin < end and level_of[sector_of[place + begin]] == _SILENT:
+            begin += 1
+        while begin < end and level_of[sector_of[place + end - 1]] == _SILENT:
+            end -= 1
+        if begin < end:
+            leftmost, rightmost = min(leftmost, begin), max(rightmost, end - 1)
+        begins[k], ends[k] = begin, end
+        place += wide
+    return leftmost, rightmost
 
 
 @njit([_CONES.format("u2"), _CONES.format("u4")], cache=True)
-def stroke_cones(apex, beam, disc_first, disc_step, disc_distance, window, pieces, spare, counts, side_bits, change):
+def stroke_cones(
+    cones, sectors_about, sectors, corner, window, keys, pieces, stamps, spare, left, counts, side, change, stamp
+):
     """Count cones in (``change`` 1) or out (-1 as an unsigned number): each of their cells at its level of trust.
 
-    apex (n, 2): column and row in the window; beam (n, 5): axis_rad, low_rad, high_rad, reach in cells, width_rad.
-    disc_*: as in module ``disc``. window (rows, columns): slots of tiles, -1 where there is none; a tile that is
-    needed takes the last slot of ``spare``. pieces, as window: cells counted. counts: (slots, levels, cells of a tile).
-    Returns how many of ``spare`` are left.
+    cones (n, 7): as ``regions.Cones``. sectors_about: as in module ``polar_cells``. corner to left: the directory of
+    the tiles, with room for all of them. counts: (slots, cells of a tile, levels).
     """
-    levels, cells = counts.shape[1], counts.shape[2]
-    flat = counts.ravel()
-    left = len(spare)
-    sectors = len(disc_first) - 1
-    sector_rad = 2 * math.pi / sectors
-    # A place is 2^16 rows + columns: its lower bits of each are the cell of the tile, the others the tile.
-    column_mask = np.uint32((1 << side_bits) - 1)
-    row_shift = np.uint32(16 - side_bits)
-    row_mask = np.uint32(((1 << side_bits) - 1) << side_bits)
-    tile_mask = np.uint32(0xFFFFFFFF - (((1 << side_bits) - 1) * 0x10001))
-    for n in range(len(apex)):
-        start = np.uint32((apex[n, 1] << 16) + apex[n, 0])
-        for turned in range(math.ceil(beam[n, 1] / sector_rad - 0.5), math.ceil(beam[n, 2] / sector_rad - 0.5)):
-            trust = 1 - 2 * abs((turned + 0.5) * sector_rad - beam[n, 0]) / beam[n, 4]
-            if trust <= 0:
-                continue
-            level = np.uint64(int(trust * levels) * cells)
-            sector = turned % sectors
-            first = disc_first[sector]
-            last = _first_beyond(disc_distance, first, disc_first[sector + 1], beam[n, 3], sector_rad)
-            while first < last:
-                tile = np.uint32(start + disc_step[first]) & tile_mask
-                tile_row, tile_column = int(tile >> 16) >> side_bits, int(tile & 0xFFFF) >> side_bits
-                if window[tile_row, tile_column] < 0:
-                    left -= 1
-                    window[tile_row, tile_column] = spare[left]
-                base = np.uint64(window[tile_row, tile_column] * levels * cells) + level
-                k = first
-                while k < last:
-                    place = np.uint32(start + disc_step[k])
-                    if place & tile_mask != tile:
-                        break
-                    cell = base + np.uint64(((place >> row_shift) & row_mask) | (place & column_mask))
-                    flat[cell] += change
-                    k += 1
-                pieces[tile_row, tile_column] += k - first
-                first = k
-    return left
+    sign = 1 if change == 1 else -1
+    levels, cells, wide = np.uint64(counts.shape[2]), side * side, sectors_about.shape[1]
+    flat, sector_of = counts.ravel(), sectors_about.ravel()
+    middle = (wide // 2) * (wide + 1)  # the place of the sensor's cell in ``sector_of``
+    level_of = np.full(sectors, _SILENT, np.uint8)
+    begins, ends = np.empty(wide, np.int64), np.empty(wide, np.int64)
+    for n in range(len(cones)):
+        column, row = int(cones[n, 0]), int(cones[n, 1])
+        first, last = _set_levels(level_of, cones[n, 2], cones[n, 3], cones[n, 4], cones[n, 6])
+        sector_rad = 2 * math.pi / sectors
+        lowest, rows = cone_rows(begins, ends, first * sector_rad, last * sector_rad, cones[n, 5])
+        leftmost, rightmost = _trim(begins, ends, rows, level_of, sector_of, middle + lowest * wide, wide)
+        for tile_row in range((row + lowest) // side, (row + lowest + rows - 1) // side + 1):
+            south = tile_row * side - row
+            for tile_column in range((column + leftmost) // side, (column + rightmost) // side + 1):
+                west = tile_column * side - column
+                slot = _slot(tile_column, tile_row, corner, window, spare, left)
+                said = 0
+                for y in range(max(south, lowest), min(south + side, lowest + rows)):
+                    begin, end = max(begins[y - lowest], west), min(ends[y - lowest], west + side)
+                    said += max(end - begin, 0)
+                    sector, cell = np.uint64(middle + y * wide), np.uint64(slot * cells + (y - south) * side - west)
+                    for x in range(begin, end):
+                        level = np.uint64(level_of[sector_of[sector + np.uint64(x)]])  # Eq. 5 and 7
+                        flat[(cell + np.uint64(x)) * levels + level] += change
+                if said > 0:
+                    _enter(slot, tile_column, tile_row, sign * said, stamp, corner, window, keys, pieces, stamps, left)
+        for turned in range(first, last):
+            level_of[turned % sectors] = _SILENT
 
 
-@njit("i8(f8, f8, f8, f8, f8, f8, i8)", cache=True)
-def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m, steps):
+@njit("i8(f8, f8, f8, f8, f8, f8)", cache=True)
+def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     """The level of what a contact region says of a place (Eq. 5-8, with the region's 6 eps / R for width), -1 where it
     says nothing; (along_x, along_y) is the direction of its contact.
     """
-    square = dx_m * dx_m + dy_m * dy_m
-    if square > (range_m + eps_m) ** 2 or square < max(range_m - eps_m, 0.0) ** 2:
+    off = _off_arc(math.sqrt(dx_m * dx_m + dy_m * dy_m), range_m, eps_m)  # Eq. 6-7
+    if off > 1:
         return -1
-    angle = math.atan2(along_x * dy_m - along_y * dx_m, along_x * dx_m + along_y * dy_m)
-    trust = 1 - abs(angle) * range_m / (3 * eps_m)
-    if trust <= 0:
-        return -1
-    off = abs(math.sqrt(square) - range_m) / eps_m
-    return min(int(trust * steps), steps - 1) * steps + min(int(off * steps), steps - 1)
+    angle_rad = math.atan2(along_x * dy_m - along_y * dx_m, along_x * dx_m + along_y * dy_m)
+    trust = _direction_trust(angle_rad, 6 * eps_m / range_m)  # Eq. 5
+    return _arc_level(trust, off) if trust > 0 else -1
 
 
 @njit(_ARCS, cache=True)
 def stroke_arcs(
-    arcs, origin, cell_m, steps, window, pieces, spare, rows, spare_rows, left_rows, held, sums, terms, side_bits, sign
+    arcs,
+    cell_m,
+    corner,
+    window,
+    keys,
+    pieces,
+    stamps,
+    spare,
+    left,
+    rows,
+    spare_rows,
+    held,
+    sums,
+    terms,
+    side,
+    sign,
+    stamp,
 ):
     """Add (``sign`` 1) or take off (-1) the terms of contact regions in each of their cells.
 
-    arcs (n, 5): x_m, y_m, range_m, direction_rad, epsilon_m. origin: column and row of the window's corner. window,
-    pieces, spare: as for cones. rows: (slots, cells of a tile): a cell's row of ``sums``, 0 where it has none; a cell
-    that needs one takes number ``left_rows`` - 1 of ``spare_rows``; a row that nothing is held in any more is put back.
-    held: beliefs in a row. terms (steps^2, width): of each level. Returns how many spare tiles and rows are left.
+    arcs (n, 5): as ``regions.Arcs``. corner to left: the directory of the tiles, with room for all of them. rows:
+    (slots, cells of a tile): a cell's row of ``sums``, 0 where it has none; a cell that needs one takes number
+    ``left[1]`` - 1 of ``spare_rows``; a row that holds nothing any more is given back. held: beliefs in a row. terms:
+    (levels, width).
     """
-    left, inside = len(spare), (1 << side_bits) - 1
     for n in range(len(arcs)):
-        x_m, y_m, range_m, direction, eps_m = arcs[n]
-        along_x, along_y = math.cos(direction), math.sin(direction)
-        # No point of a contact region is farther from its contact: by the law of cosines 3 eps / R round at R + eps,
-        # and never beyond the far side.
-        tip_m = min(eps_m * math.sqrt(10 + 9 * eps_m / range_m), 2 * range_m + eps_m)
-        reach = math.ceil(tip_m / cell_m) + 1
-        middle_column = math.floor((x_m + range_m * along_x) / cell_m)
-        middle_row = math.floor((y_m + range_m * along_y) / cell_m)
-        for row in range(middle_row - reach, middle_row + reach + 1):
-            for column in range(middle_column - reach, middle_column + reach + 1):
+        x_m, y_m, range_m, eps_m = arcs[n, 0], arcs[n, 1], arcs[n, 2], arcs[n, 4]
+        along_x, along_y = math.cos(arcs[n, 3]), math.sin(arcs[n, 3])
+        long_m = tip_m(range_m, eps_m)
+        # A region of a radian either way is no deeper than eps and what the arc bends off its tangent.
+        deep_m = eps_m + 4.5 * eps_m * eps_m / range_m if 3 * eps_m <= range_m else long_m
+        reach_x, reach_y = deep_m * abs(along_x) + long_m * abs(along_y), deep_m * abs(along_y) + long_m * abs(along_x)
+        middle_x, middle_y = x_m + range_m * along_x, y_m + range_m * along_y
+        for row in range(math.floor((middle_y - reach_y) / cell_m), math.floor((middle_y + reach_y) / cell_m) + 1):
+            for column in range(
+                math.floor((middle_x - reach_x) / cell_m), math.floor((middle_x + reach_x) / cell_m) + 1
+            ):
                 dx_m, dy_m = (column + 0.5) * cell_m - x_m, (row + 0.5) * cell_m - y_m
-                level = _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m, steps)
+                level = _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m)
                 if level < 0:
                     continue
-                tile_row, tile_column = (row - origin[1]) >> side_bits, (column - origin[0]) >> side_bits
-                if window[tile_row, tile_column] < 0:
-                    left -= 1
-                    window[tile_row, tile_column] = spare[left]
-                pieces[tile_row, tile_column] += 1
-                slot = window[tile_row, tile_column]
-                cell = (((row - origin[1]) & inside) << side_bits) | ((column - origin[0]) & inside)
+                tile_row, tile_column = row // side, column // side
+                slot = _slot(tile_column, tile_row, corner, window, spare, left)
+                _enter(slot, tile_column, tile_row, int(sign), stamp, corner, window, keys, pieces, stamps, left)
+                cell = (row - tile_row * side) * side + column - tile_column * side
                 if rows[slot, cell] == 0:
-                    left_rows -= 1
-                    rows[slot, cell] = spare_rows[left_rows]
+                    left[1] -= 1
+                    rows[slot, cell] = spare_rows[left[1]]
                 line = rows[slot, cell]
-                held[line] += sign
+                held[line] += int(sign)
                 for k in range(terms.shape[1]):
                     sums[line, k] += sign * terms[level, k]
                 if held[line] == 0:
                     sums[line] = 0
                     rows[slot, cell] = 0
-                    spare_rows[left_rows] = line
-                    left_rows += 1
-    return left, left_rows
+                    spare_rows[left[1]] = line
+                    left[1] += 1

@@ -2,12 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from noctule_mapper.config import GridConfig
-from noctule_mapper.contacts.voting import Contacts, Kind
+from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.sweep import SweepReadings
 
@@ -15,6 +14,7 @@ from noctule_mapper.readings.sweep import SweepReadings
 # size: at 2 cm they are 41 m, more than a range can be, and 1 m, twice the widest sigma.
 _FARTHEST_CELLS = 2046.0
 _WIDEST_ARC_CELLS = 50.0
+_HALF_DIAGONAL_CELLS = math.sqrt(0.5)
 
 
 @dataclass(frozen=True)
@@ -24,21 +24,21 @@ class Arcs:
     table: np.ndarray
 
 
-class Cones(NamedTuple):
-    """Free space before arcs: the sensor's cell, int (n, 2), and (n, 5): axis_rad, the directions low_rad to high_rad
-    that this beam speaks of, its reach in cells and its whole width_rad.
+@dataclass(frozen=True)
+class Cones:
+    """Free space before arcs, a line (n, 7) for each: column and row of the sensor's cell, axis_rad, the directions
+    low_rad to high_rad that this beam speaks of, its reach in cells and its whole width_rad.
     """
 
-    apex: np.ndarray
-    beam: np.ndarray
+    table: np.ndarray
 
 
 def epsilon_m(sigma_m: np.ndarray | float, config: GridConfig) -> np.ndarray:
     """The paper's eps from the sensor's sigma; at least the way from a cell's centre to its corner, lest an arc slip
     between cells, and no more than a grid so fine can afford.
     """
-    least_m, most_m = config.cell_m * np.sqrt(0.5), config.cell_m * _WIDEST_ARC_CELLS
-    return np.clip(config.epsilon_sigmas * np.asarray(sigma_m), least_m, most_m)
+    least_m, most_m = config.cell_m * _HALF_DIAGONAL_CELLS, config.cell_m * _WIDEST_ARC_CELLS
+    return np.minimum(np.maximum(config.epsilon_sigmas * sigma_m, least_m), most_m)
 
 
 def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs:
@@ -46,9 +46,10 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs
 
     Echoes without a contact give nothing. A reading has one contact, so its evidence comes once per cell.
     """
-    touching = found.kind != Kind.NONE
-    columns = (echoes.x_m, echoes.y_m, echoes.range_m, found.direction_rad, epsilon_m(echoes.sigma_m, config))
-    return Arcs(np.stack([column[touching] for column in columns], axis=1))
+    from noctule_mapper.grid.geometry import contact_arcs  # loads Numba, which only a grid should cost
+
+    eps_m = epsilon_m(echoes.sigma_m, config)
+    return Arcs(contact_arcs(found.kind, echoes.x_m, echoes.y_m, echoes.range_m, found.direction_rad, eps_m))
 
 
 def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
@@ -56,13 +57,9 @@ def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
 
     Where beams overlap, the one whose axis is nearer speaks. The sensor is taken to be at the centre of its own cell.
     """
-    heard = np.isfinite(sweep.range_m)
-    axis = sweep.direction_rad[heard] % (2 * np.pi)
-    order = np.argsort(axis)
-    axis, reach_m = axis[order], sweep.range_m[heard][order] - epsilon_m(sweep.range_sigma_m or 0.0, config)
-    gap = np.minimum(np.diff(axis, append=axis[:1] + 2 * np.pi), sweep.beam_width_rad)
-    beam = np.empty((len(axis), 5))
-    beam[:, 0], beam[:, 1], beam[:, 2] = axis, axis - np.roll(gap, 1) / 2, axis + gap / 2
-    beam[:, 3], beam[:, 4] = np.clip(reach_m / config.cell_m, 0, _FARTHEST_CELLS), sweep.beam_width_rad
-    apex = np.array([math.floor(sweep.x_m / config.cell_m), math.floor(sweep.y_m / config.cell_m)])
-    return Cones(np.repeat(apex[None], len(axis), axis=0), beam)
+    from noctule_mapper.grid.geometry import beams  # loads Numba, which only a grid should cost
+
+    x, y = math.floor(sweep.x_m / config.cell_m), math.floor(sweep.y_m / config.cell_m)
+    eps_m = epsilon_m(sweep.range_sigma_m or 0.0, config)
+    reach = (sweep.range_m - eps_m) / config.cell_m
+    return Cones(beams(x, y, sweep.direction_rad, reach, sweep.beam_width_rad, _FARTHEST_CELLS))

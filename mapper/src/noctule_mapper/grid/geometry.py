@@ -1,0 +1,122 @@
+"""Cones and contact regions as shapes among the grid's cells, compiled: their tables, and where they end."""
+
+import math
+
+import numpy as np
+from numba import f8, i8, njit, types
+
+from noctule_mapper.contacts.voting import Kind
+
+_NO_CONTACT = int(Kind.NONE)
+_READ, _KINDS = (types.Array(of, 1, "A", readonly=True) for of in (f8, i8))
+TIE_CELLS = 1e-6  # a cell so near the edge of a cone may be on either side
+_LEVEL_RAY = 1e-9  # sine of a direction along the rows
+
+
+@njit(f8[:, ::1](i8, i8, _READ, _READ, f8, f8), cache=True)
+def beams(column, row, direction_rad, reach, width_rad, farthest):
+    """``regions.Cones`` of one sweep: the beams (n,) that have a reach, by rising axis."""
+    heard = np.isfinite(reach)
+    axes, reaches = direction_rad[heard] % (2 * math.pi), reach[heard]
+    for n in range(1, len(axes)):  # sorted by insertion, as they nearly are
+        axis, far, k = axes[n], reaches[n], n
+        while k > 0 and axes[k - 1] > axis:
+            axes[k], reaches[k] = axes[k - 1], reaches[k - 1]
+            k -= 1
+        axes[k], reaches[k] = axis, far
+    cones = np.empty((len(axes), 7))
+    for n in range(len(axes)):
+        axis = axes[n]
+        before = axis - axes[n - 1] if n else axis + 2 * math.pi - axes[-1]
+        after = axes[n + 1] - axis if n + 1 < len(axes) else axes[0] + 2 * math.pi - axis
+        cones[n, 0], cones[n, 1], cones[n, 2] = column, row, axis
+        cones[n, 3], cones[n, 4] = axis - min(before, width_rad) / 2, axis + min(after, width_rad) / 2
+        cones[n, 5], cones[n, 6] = min(max(reaches[n], 0.0), farthest), width_rad
+    return cones
+
+
+@njit(f8[:, ::1](_KINDS, _READ, _READ, _READ, _READ, _READ), cache=True)
+def contact_arcs(kind, x_m, y_m, range_m, direction_rad, eps_m):
+    """``regions.Arcs`` of the echoes (n,) that have a contact."""
+    arcs, found = np.empty((len(kind), 5)), 0
+    for n in range(len(kind)):
+        if kind[n] != _NO_CONTACT:
+            arcs[found, 0], arcs[found, 1], arcs[found, 2] = x_m[n], y_m[n], range_m[n]
+            arcs[found, 3], arcs[found, 4] = direction_rad[n], eps_m[n]
+            found += 1
+    return arcs[:found]
+
+
+@njit("f8(f8, f8)", cache=True)
+def tip_m(range_m, eps_m):
+    """No point of a contact region is farther from its contact: by the law of cosines 3 eps / R round at R + eps, and
+    never beyond the far side.
+    """
+    return min(eps_m * math.sqrt(10 + 9 * eps_m / range_m), 2 * range_m + eps_m)
+
+
+@njit("UniTuple(f8, 5)(UniTuple(f8, 5), f8, f8, f8)", cache=True)
+def _widened(box, x, y, reach):
+    """``box`` with the square of half side ``reach`` about (x, y) in it, and the greatest half side so far."""
+    return (
+        min(box[0], x - reach),
+        min(box[1], y - reach),
+        max(box[2], x + reach),
+        max(box[3], y + reach),
+        max(box[4], reach),
+    )
+
+
+@njit("UniTuple(i8, 5)(f8[:,::1])", cache=True)
+def cone_box(cones):
+    """The least column and row, the greatest column and row that ``cones`` can touch, and their farthest reach, in
+    cells.
+    """
+    box = (np.inf, np.inf, -np.inf, -np.inf, 0.0)
+    for n in range(len(cones)):
+        box = _widened(box, cones[n, 0], cones[n, 1], cones[n, 5])
+    return math.floor(box[0]), math.floor(box[1]), math.ceil(box[2]), math.ceil(box[3]), math.ceil(box[4])
+
+
+@njit("UniTuple(i8, 5)(f8[:,::1], f8)", cache=True)
+def arc_box(arcs, cell_m):
+    """The same of contact regions, the reach from their contacts."""
+    box = (np.inf, np.inf, -np.inf, -np.inf, 0.0)
+    for n in range(len(arcs)):
+        range_m, direction = arcs[n, 2], arcs[n, 3]
+        x_m, y_m = arcs[n, 0] + range_m * math.cos(direction), arcs[n, 1] + range_m * math.sin(direction)
+        box = _widened(box, x_m / cell_m, y_m / cell_m, tip_m(range_m, arcs[n, 4]) / cell_m)
+    return math.floor(box[0]), math.floor(box[1]), math.ceil(box[2]), math.ceil(box[3]), math.ceil(box[4])
+
+
+@njit("UniTuple(i8, 2)(i8[::1], i8[::1], f8, f8, f8)", cache=True)
+def cone_rows(begins, ends, low_rad, high_rad, reach):
+    """Into ``begins`` and ``ends``, for each row, the first cell and the one after the last that lie between two
+    directions, half a turn apart at most, and within ``reach`` of (0, 0). Returns the lowest row and their number.
+    """
+    low_x, low_y, high_x, high_y = math.cos(low_rad), math.sin(low_rad), math.cos(high_rad), math.sin(high_rad)
+    turn = 2 * math.pi
+    up = math.floor(high_rad / turn - 0.25) >= math.ceil(low_rad / turn - 0.25)  # the cone holds the direction of y
+    down = math.floor(high_rad / turn + 0.25) >= math.ceil(low_rad / turn + 0.25)
+    lowest = math.ceil(-reach if down else reach * min(0.0, low_y, high_y))
+    highest = math.floor(reach if up else reach * max(0.0, low_y, high_y))
+    # A cone lies to the left of its low ray and to the right of its high one. Where a ray goes up, the low one bounds
+    # the row's end and the high one its beginning; where it goes down, it is the other way about.
+    none = 2 * reach + 1
+    begin_low, begin_high, end_low, end_high = (0.0, -none), (0.0, -none), (0.0, none), (0.0, none)
+    if low_y > _LEVEL_RAY:
+        end_low = (low_x / low_y, 0.0)
+    elif low_y < -_LEVEL_RAY:
+        begin_low = (low_x / low_y, 0.0)
+    if high_y > _LEVEL_RAY:
+        begin_high = (high_x / high_y, 0.0)
+    elif high_y < -_LEVEL_RAY:
+        end_high = (high_x / high_y, 0.0)
+    for k in range(highest - lowest + 1):
+        y = float(lowest + k)
+        half = math.sqrt(max(reach * reach - y * y, 0.0))
+        begin = max(begin_low[0] * y + begin_low[1], begin_high[0] * y + begin_high[1])
+        end = min(end_low[0] * y + end_low[1], end_high[0] * y + end_high[1])
+        begins[k] = math.ceil(max(begin, -half) - TIE_CELLS)
+        ends[k] = math.floor(min(end, half) + TIE_CELLS) + 1
+    return lowest, highest - lowest + 1
