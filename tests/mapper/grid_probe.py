@@ -13,11 +13,11 @@ def arcs(*lines: tuple[float, ...]) -> Arcs:
     return Arcs(np.array(lines, float))
 
 
-def cones(*lines: tuple[float, ...]) -> Cones:
-    """Whole beams of 22.5 degrees: column and row of the sensor's cell, axis_rad, reach in cells."""
+def cones(*lines: tuple[float, ...], width_rad: float = WIDTH_RAD) -> Cones:
+    """Whole beams: column and row of the sensor's cell, axis_rad, reach in cells."""
     table = np.array(lines, float)
-    half = np.full(len(table), WIDTH_RAD / 2)
-    beam = np.stack([table[:, 2], table[:, 2] - half, table[:, 2] + half, table[:, 3], 2 * half], axis=1)
+    axis, width = table[:, 2], np.full(len(table), width_rad)
+    beam = np.stack([axis, axis - width / 2, axis + width / 2, table[:, 3], width], axis=1)
     return Cones(np.hstack([table[:, :2], beam]))
 
 
@@ -34,3 +34,21 @@ def centres(tile: GridTile) -> tuple[np.ndarray, np.ndarray]:
     """x_m (1, columns) and y_m (rows, 1) of the cells' centres."""
     middle = (np.arange(len(tile.free)) + 0.5) * tile.cell_m
     return tile.x_m + middle[None, :], tile.y_m + middle[:, None]
+
+
+def beliefs_about(grid: Grid, column: int, row: int, reach: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Occupied and free, (n, n, 2), of the cells within ``reach`` of one, and how many columns and rows off they are;
+    nothing is said of others.
+    """
+    size = 2 * reach + 1
+    said, found = np.zeros((size, size, 2)), 0
+    for tile in grid.tiles():
+        left, low = tile.tile_x * grid.tile_size - column + reach, tile.tile_y * grid.tile_size - row + reach
+        both = np.stack([tile.occupied, tile.free], axis=-1)
+        inside = both[max(-low, 0) : max(size - low, 0), max(-left, 0) : max(size - left, 0)]
+        rows, columns = inside.shape[:2]
+        said[max(low, 0) : max(low, 0) + rows, max(left, 0) : max(left, 0) + columns] = inside
+        found += np.count_nonzero(both)
+    assert np.count_nonzero(said) == found
+    dy, dx = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    return said, dx, dy

@@ -1,5 +1,6 @@
 """The reliability grid: evidence that comes and goes, by every rule."""
 
+import tracemalloc
 from typing import get_args
 
 import numpy as np
@@ -34,7 +35,7 @@ def assert_same_beliefs(grid: Grid, other: Grid, tolerance: float = 1e-4) -> Non
 
 
 def rounded_arc(line: tuple[float, ...], x_m: float, y_m: float) -> np.ndarray:
-    """What a contact region says of a place by Eq. 5-8, trust and distance rounded to 32 steps (module levels)."""
+    """What a contact region says of a place by Eq. 5-8, trust and distance rounded to 32 steps."""
     dx, dy = x_m - line[0], y_m - line[1]
     off = abs(np.hypot(dx, dy) - line[2]) / line[4]
     trust = 1 - abs(wrapped(np.arctan2(dy, dx) - line[3])) * line[2] / (3 * line[4])
@@ -129,6 +130,36 @@ def test_evidence_taken_out_again_leaves_an_empty_grid_and_tells_the_tile_as_cha
     assert grid.tiles() == []
     (tile,) = grid.changed()
     assert tile.occupied.max() == tile.free.max() == 0
+
+
+def test_a_tile_that_loses_all_its_evidence_is_told_as_changed_however_much_comes_elsewhere_meanwhile():
+    grid = Grid(CONFIG)
+    here = cones((10, 10, 0.8, 40))
+    grid.add_free(here)
+    before = {(tile.tile_x, tile.tile_y) for tile in grid.changed()}
+    grid.add_free(here, sign=-1)
+    for step in range(1, 20):
+        grid.add_free(cones((3000 * step, 3000 * step, 0.8, 40)))
+    empty = {(tile.tile_x, tile.tile_y) for tile in grid.changed() if not tile.free.any()}
+    assert empty == before
+    grid.add_free(here)
+    assert {(tile.tile_x, tile.tile_y) for tile in grid.changed()} == before
+
+
+def test_a_map_that_moves_on_takes_no_more_memory_than_what_is_on_it():
+    grid = Grid(CONFIG)
+    tracemalloc.start()
+    for step in range(400):
+        grid.add_free(cones((100 * step, 0, 0.8, 60)))
+        grid.add(arcs((2.0 * step, 0, 1.2, 0.8, 0.03)))
+        if step >= 3:
+            grid.add_free(cones((100 * (step - 3), 0, 0.8, 60)), sign=-1)
+            grid.add(arcs((2.0 * (step - 3), 0, 1.2, 0.8, 0.03)), sign=-1)
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # Some ten tiles of 64 x 64 cells at 20 bytes are on it at once; all that ever were are more than a thousand.
+    assert len(grid.tiles()) < 16
+    assert held < 100 * 64 * 64 * 20
 
 
 def test_readings_of_fine_and_coarse_sensors_put_in_together_can_be_taken_out_one_by_one():

@@ -3,11 +3,21 @@ taken for.
 """
 
 import numpy as np
-from mapper.grid_probe import WIDTH_RAD, arcs, at, centres, cones
+import pytest
+from mapper.grid_probe import WIDTH_RAD, arcs, at, beliefs_about, centres, cones
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import GridConfig
-from noctule_mapper.fusion.sensor_model import arc_masses, free_mass
+from noctule_mapper.fusion.sensor_model import (
+    arc_beliefs,
+    arc_level,
+    arc_masses,
+    direction_trust,
+    free_beliefs,
+    free_level,
+    free_mass,
+    off_arc,
+)
 from noctule_mapper.grid.grid import CellState, Grid, cell_states
 from noctule_mapper.grid.regions import epsilon_m, free_space
 from noctule_mapper.mapper import Mapper
@@ -47,6 +57,46 @@ def test_a_cone_is_the_sensor_models_free_space():
             sure = (away > CONFIG.cell_m / 2) & (np.abs(away - reach_m) > 1e-9)  # elsewhere rounding decides
             np.testing.assert_allclose(tile.free[sure], model[sure], atol=CONFIG.most_free / 8 + 1e-6)
             assert not tile.occupied.any()
+
+
+@pytest.mark.parametrize("width_deg", [180, 127, 22.5, 20, 0.5])
+def test_the_compiled_kernel_says_of_every_cell_of_a_cone_what_the_sensor_models_table_says(width_deg):
+    # As in module grid: sixteen sectors to a beam, an even number in all; a cell has the trust of its sector's middle.
+    width_rad, rng = np.radians(width_deg), np.random.default_rng(8)
+    sectors = 2 * int(np.ceil(np.pi / width_rad * 16))
+    table = free_beliefs(CONFIG.most_free)[:, 1]
+    along_a_middle = (np.array([0, 7, sectors // 2, sectors - 1]) + 0.5) * 2 * np.pi / sectors  # trust is 1 there
+    for axis in [*along_a_middle, 0.0, np.pi / 2, np.pi, *rng.uniform(0, 2 * np.pi, 5)]:
+        column, row, reach = int(rng.integers(-90, 90)), int(rng.integers(-90, 90)), float(rng.uniform(0, 80))
+        grid = Grid(CONFIG)
+        grid.add_free(cones((column, row, axis, reach), width_rad=width_rad))
+        said, dx, dy = beliefs_about(grid, column, row, 90)
+        sector = np.floor(np.arctan2(dy, dx) / (2 * np.pi) * sectors) % sectors
+        middle = (sector + 0.5) * 2 * np.pi / sectors
+        trust = np.where(np.hypot(dx, dy) < reach, direction_trust(wrapped(middle - axis), width_rad), 0)
+        expected = np.where(trust > 0, table[np.vectorize(free_level)(trust)], 0)
+        levels = trust * len(table)
+        tie = (np.abs(levels - np.rint(levels)) < 1e-9) & (trust > 0) & (trust < 1 - 1e-9)  # there rounding decides
+        apart = np.abs(said[..., 1] - expected)
+        assert apart[~tie].max() < 1e-6
+        assert apart.max() < CONFIG.most_free / len(table) + 1e-6
+
+
+@pytest.mark.parametrize(("range_m", "eps_m"), [(1.3, 0.015), (1.3, 0.05), (0.4, 0.2), (0.1, 0.3), (3.9, 0.9)])
+def test_the_compiled_kernel_says_of_every_cell_of_a_contact_region_what_the_sensor_models_table_says(range_m, eps_m):
+    table, rng = arc_beliefs(CONFIG.most_occupied), np.random.default_rng(9)
+    for direction in [0.0, np.pi / 4, -np.pi / 2, np.pi, *rng.uniform(-3, 3, 3)]:
+        x_m, y_m = rng.uniform(-1, 1, 2)
+        grid = Grid(CONFIG, "dsmc")  # of one reading it makes no more than that reading, without an integral
+        grid.add(arcs((x_m, y_m, range_m, direction, eps_m)))
+        said, column, row = beliefs_about(grid, 0, 0, 350)
+        dx_m, dy_m = (column + 0.5) * CONFIG.cell_m - x_m, (row + 0.5) * CONFIG.cell_m - y_m
+        off = off_arc(np.hypot(dx_m, dy_m), range_m, eps_m)
+        trust = direction_trust(wrapped(np.arctan2(dy_m, dx_m) - direction), 6 * eps_m / range_m)
+        level = np.vectorize(arc_level)(trust, np.minimum(off, 1))
+        expected = np.where(((off <= 1) & (trust > 0))[..., None], table[level][..., :2], 0)
+        assert expected.any()
+        np.testing.assert_allclose(said, expected, rtol=0, atol=2e-6)  # single precision
 
 
 def test_the_space_before_an_arc_is_free_and_each_cell_is_spoken_of_once():

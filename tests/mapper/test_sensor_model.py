@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from noctule_mapper.fusion.sensor_model import arc_masses, direction_trust, free_mass
+from noctule_mapper.fusion.sensor_model import (
+    ARC_STEPS,
+    FREE_LEVELS,
+    arc_beliefs,
+    arc_level,
+    arc_masses,
+    direction_trust,
+    free_beliefs,
+    free_level,
+    free_mass,
+    off_arc,
+)
 
 WIDTH_RAD, EPSILON_M, RANGE_M = np.radians(22.5), 0.002, 3.0  # Section II.A; Fig. 3 has R = 3 m
 
@@ -34,3 +45,23 @@ def test_only_what_lies_before_the_arc_and_inside_the_beam_is_free():
 def test_trust_falls_evenly_from_the_axis_to_the_edge_of_the_beam_on_both_sides():
     angle_rad = np.radians([-11.25, -5.625, 0, 5.625, 11.25, 20])
     assert direction_trust(angle_rad, WIDTH_RAD) == pytest.approx((0, 0.5, 1, 0.5, 0, 0))
+
+
+def test_the_grids_table_of_arcs_is_the_model_in_the_middle_of_each_level():
+    for trust in (np.arange(ARC_STEPS) + 0.5) / ARC_STEPS:
+        for off in (np.arange(ARC_STEPS) + 0.5) / ARC_STEPS:
+            place = RANGE_M + off * EPSILON_M, (1 - trust) * WIDTH_RAD / 2
+            level = arc_level(direction_trust(place[1], WIDTH_RAD), off_arc(place[0], RANGE_M, EPSILON_M))
+            model = arc_masses(*place, RANGE_M, EPSILON_M, WIDTH_RAD)
+            assert arc_beliefs(1.0)[level] == pytest.approx(model, abs=1e-9)
+
+
+def test_the_grids_table_of_free_space_is_the_model_in_the_middle_of_each_level():
+    for trust in (np.arange(FREE_LEVELS) + 0.5) / FREE_LEVELS:
+        free = float(free_mass(1.0, (1 - trust) * WIDTH_RAD / 2, RANGE_M, EPSILON_M, WIDTH_RAD))
+        assert free_beliefs(1.0)[free_level(free)] == pytest.approx((0, free, 1 - free))
+
+
+def test_a_place_on_the_very_axis_has_the_highest_level_and_one_at_the_edge_of_an_arc_the_last():
+    assert free_level(1.0) == FREE_LEVELS - 1
+    assert arc_level(1.0, 1.0) == ARC_STEPS**2 - 1

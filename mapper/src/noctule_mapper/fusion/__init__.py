@@ -1,4 +1,6 @@
-"""Belief fusion: what readings say of places, and many readings of one place into one belief."""
+"""Belief fusion: what one reading says of a place (``sensor_model``), and many beliefs about one place as one
+(``rules``, and ``streams`` for readings that come and go).
+"""
 
 from noctule_mapper.fusion.rules import FusionError, conflict, fuse
 

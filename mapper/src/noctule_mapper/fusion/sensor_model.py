@@ -4,8 +4,7 @@ grid rounds it to.
 As printed, Eq. 7 calls everything outside the arc surely free, behind the wall and beside the beam too. A reading knows
 nothing of either, so here only the space before the arc and inside the beam is free.
 
-``direction_trust``, ``off_arc``, ``free_level`` and ``arc_level`` also take single numbers: module ``grid.kernels``
-compiles them as they stand here.
+Module ``grid.kernels`` compiles ``direction_trust``, ``off_arc``, ``free_level`` and ``arc_level`` as they stand here.
 """
 
 import numpy as np
@@ -61,8 +60,8 @@ def free_mass(
     return np.where(distance_m < range_m - epsilon_m, direction_trust(angle_rad, width_rad), 0.0)
 
 
-def free_level(trust: float) -> int:
-    """The row of ``free_beliefs`` for a place before the arc."""
+def free_level(trust: Values) -> int:
+    """The row of ``free_beliefs`` for a place before the arc; a single number."""
     return min(int(trust * FREE_LEVELS), FREE_LEVELS - 1)
 
 
@@ -74,8 +73,8 @@ def free_beliefs(most_free: float) -> np.ndarray:
     return np.stack([0 * free, free, 1 - free], axis=-1)
 
 
-def arc_level(trust: float, off: float) -> int:
-    """The row of ``arc_beliefs`` for a place on the arc."""
+def arc_level(trust: Values, off: Values) -> int:
+    """The row of ``arc_beliefs`` for a place on the arc; single numbers."""
     return min(int(trust * ARC_STEPS), ARC_STEPS - 1) * ARC_STEPS + min(int(off * ARC_STEPS), ARC_STEPS - 1)
 
 

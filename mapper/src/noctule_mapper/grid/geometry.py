@@ -13,11 +13,11 @@ TIE_CELLS = 1e-6  # a cell so near the edge of a cone may be on either side
 _LEVEL_RAY = 1e-9  # sine of a direction along the rows
 
 
-@njit(f8[:, ::1](i8, i8, _READ, _READ, f8, f8), cache=True)
-def beams(column, row, direction_rad, reach, width_rad, farthest):
-    """``regions.Cones`` of one sweep: the beams (n,) that have a reach, by rising axis."""
-    heard = np.isfinite(reach)
-    axes, reaches = direction_rad[heard] % (2 * math.pi), reach[heard]
+@njit(f8[:, ::1](i8, i8, _READ, _READ, f8, f8, f8, f8), cache=True)
+def beams(column, row, direction_rad, range_m, eps_m, cell_m, width_rad, farthest):
+    """``regions.Cones`` of one sweep: the beams (n,) that have a range, by rising axis."""
+    heard = np.isfinite(range_m)
+    axes, reaches = direction_rad[heard] % (2 * math.pi), (range_m[heard] - eps_m) / cell_m
     for n in range(1, len(axes)):  # sorted by insertion, as they nearly are
         axis, far, k = axes[n], reaches[n], n
         while k > 0 and axes[k - 1] > axis:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import partial
 
 import numpy as np
 
@@ -75,7 +74,7 @@ class Grid:
 
     def add(self, arcs: Arcs, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) contact regions."""
-        for part, box in _parts(arcs.table, partial(self._geometry.arc_box, cell_m=self.cell_m), _MOST_ARC_CELLS):
+        for part, box in _parts(arcs.table, lambda table: self._geometry.arc_box(table, self.cell_m), _MOST_ARC_CELLS):
             self._tiles.add_arcs(part, box, self.cell_m, sign)
 
     def changed(self) -> list[GridTile]:

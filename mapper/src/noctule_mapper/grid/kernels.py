@@ -124,11 +124,13 @@ def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     """The level of what a contact region says of a place (Eq. 5-8, with the region's 6 eps / R for width), -1 where it
     says nothing; (along_x, along_y) is the direction of its contact.
     """
+    aside_m = along_x * dy_m - along_y * dx_m
+    if abs(aside_m) > 3 * eps_m * (1 + eps_m / range_m):  # farther than the region's edge along the outer arc
+        return -1
     off = _off_arc(math.sqrt(dx_m * dx_m + dy_m * dy_m), range_m, eps_m)  # Eq. 6-7
     if off > 1:
         return -1
-    angle_rad = math.atan2(along_x * dy_m - along_y * dx_m, along_x * dx_m + along_y * dy_m)
-    trust = _direction_trust(angle_rad, 6 * eps_m / range_m)  # Eq. 5
+    trust = _direction_trust(math.atan2(aside_m, along_x * dx_m + along_y * dy_m), 6 * eps_m / range_m)  # Eq. 5
     return _arc_level(trust, off) if trust > 0 else -1
 
 

@@ -59,7 +59,8 @@ def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
     """
     from noctule_mapper.grid.geometry import beams  # loads Numba, which only a grid should cost
 
-    x, y = math.floor(sweep.x_m / config.cell_m), math.floor(sweep.y_m / config.cell_m)
     eps_m = epsilon_m(sweep.range_sigma_m or 0.0, config)
-    reach = (sweep.range_m - eps_m) / config.cell_m
-    return Cones(beams(x, y, sweep.direction_rad, reach, sweep.beam_width_rad, _FARTHEST_CELLS))
+    where = math.floor(sweep.x_m / config.cell_m), math.floor(sweep.y_m / config.cell_m)
+    return Cones(
+        beams(*where, sweep.direction_rad, sweep.range_m, eps_m, config.cell_m, sweep.beam_width_rad, _FARTHEST_CELLS)
+    )

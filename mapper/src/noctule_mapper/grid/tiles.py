@@ -16,6 +16,7 @@ Key = tuple[int, int]
 Box = tuple[int, int, int, int, int]  # least column and row, greatest column and row, reach of one piece of evidence
 
 _NO_TILES = (0, 0, -1, -1)
+_MOST_COUNT = np.iinfo(np.uint16).max  # in 16 bits
 _MARGIN_TILES = 8  # of a new window beyond what is needed now
 
 
@@ -146,9 +147,9 @@ class Tiles:
     def _reserve_counts(self, more: int) -> None:
         """Let counts of 16 bits become 32 bits wide before one could run over."""
         self._highest += more
-        if self._highest > np.iinfo(np.uint16).max and self._counts.dtype == np.uint16:
+        if self._highest > _MOST_COUNT and self._counts.dtype == np.uint16:
             self._highest = int(self._counts.max()) + more
-            if self._highest > np.iinfo(np.uint16).max:
+            if self._highest > _MOST_COUNT:
                 self._counts = self._counts.astype(np.uint32)
 
     def _reserve_rows(self, needed: int) -> None:
