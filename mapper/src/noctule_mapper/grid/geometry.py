@@ -16,19 +16,20 @@ _LEVEL_RAY = 1e-9  # sine of a direction along the rows
 @njit(f8[:, ::1](i8, i8, _READ, _READ, f8, f8, f8, f8), cache=True)
 def beams(column, row, direction_rad, range_m, eps_m, cell_m, width_rad, farthest):
     """``regions.Cones`` of one sweep: the beams (n,) that have a range, by rising axis."""
-    heard = np.isfinite(range_m)
-    axes, reaches = direction_rad[heard] % (2 * math.pi), (range_m[heard] - eps_m) / cell_m
-    for n in range(1, len(axes)):  # sorted by insertion, as they nearly are
-        axis, far, k = axes[n], reaches[n], n
-        while k > 0 and axes[k - 1] > axis:
-            axes[k], reaches[k] = axes[k - 1], reaches[k - 1]
-            k -= 1
-        axes[k], reaches[k] = axis, far
-    cones = np.empty((len(axes), 7))
-    for n in range(len(axes)):
+    axes, reaches, count = np.empty(len(range_m)), np.empty(len(range_m)), 0
+    for n in range(len(range_m)):
+        if math.isfinite(range_m[n]):
+            axis, k = direction_rad[n] % (2 * math.pi), count
+            while k > 0 and axes[k - 1] > axis:  # sorted by insertion, as they nearly are
+                axes[k], reaches[k] = axes[k - 1], reaches[k - 1]
+                k -= 1
+            axes[k], reaches[k] = axis, (range_m[n] - eps_m) / cell_m
+            count += 1
+    cones = np.empty((count, 7))
+    for n in range(count):
         axis = axes[n]
-        before = axis - axes[n - 1] if n else axis + 2 * math.pi - axes[-1]
-        after = axes[n + 1] - axis if n + 1 < len(axes) else axes[0] + 2 * math.pi - axis
+        before = axis - axes[n - 1] if n else axis + 2 * math.pi - axes[count - 1]
+        after = axes[n + 1] - axis if n + 1 < count else axes[0] + 2 * math.pi - axis
         cones[n, 0], cones[n, 1], cones[n, 2] = column, row, axis
         cones[n, 3], cones[n, 4] = axis - min(before, width_rad) / 2, axis + min(after, width_rad) / 2
         cones[n, 5], cones[n, 6] = min(max(reaches[n], 0.0), farthest), width_rad
