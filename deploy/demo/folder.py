@@ -1,17 +1,16 @@
 """The demo's data folder: it begins empty each time, and nothing is deleted that the demo did not make."""
 
 import fcntl
-import re
 import shutil
 from pathlib import Path
 from typing import TextIO
+
+import rooms
 
 MARKER = ".noctule-demo"
 MARKER_TEXT = "Noctule's demo made this folder. At its next start it deletes site.toml, gateway and mapper in it.\n"
 _MADE = {MARKER, "site.toml", "gateway", "mapper"}
 _NAMED = 3
-_TEMPLATE = Path(__file__).with_name("site.toml")
-_UNIT_ADDRESS = re.compile(r"socket://127\.0\.0\.1:\d+")
 
 
 class FolderError(Exception):
@@ -34,8 +33,8 @@ def check(folder: Path) -> None:
         )
 
 
-def begin(folder: Path, unit_port: int) -> TextIO:
-    """Clear what an earlier demo made and write the site file, its unit at the chosen port.
+def begin(folder: Path, site_file: str) -> TextIO:
+    """Clear what an earlier demo made and write the site file.
 
     The marker that is returned is locked: while it is open, no other demo can begin here. Raises FolderError.
     """
@@ -51,13 +50,8 @@ def begin(folder: Path, unit_port: int) -> TextIO:
     marker.flush()
     for name in _MADE - {MARKER}:
         _delete(folder / name)
-    (folder / "site.toml").write_text(site_file(unit_port))
+    (folder / "site.toml").write_text(site_file)
     return marker
-
-
-def site_file(unit_port: int) -> str:
-    """The demo's site, with its unit at that port of this machine."""
-    return _UNIT_ADDRESS.sub(f"socket://127.0.0.1:{unit_port}", _TEMPLATE.read_text())
 
 
 def _is_the_demos(folder: Path) -> bool:
@@ -67,7 +61,7 @@ def _is_the_demos(folder: Path) -> bool:
         return True
     if not site.is_file():
         return False
-    return _UNIT_ADDRESS.sub("", site.read_text(errors="replace")) == _UNIT_ADDRESS.sub("", _TEMPLATE.read_text())
+    return rooms.is_site_file_of(rooms.USUAL, site.read_text(errors="replace"))
 
 
 def _delete(path: Path) -> None:

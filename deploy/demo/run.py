@@ -1,4 +1,4 @@
-"""Run the demo: simulated unit with its real firmware, gateway, mapper and viewer, all on this machine's loopback.
+"""Run the demo: simulated units with their real firmware, gateway, mapper and viewer, all on this machine's loopback.
 
 The processes stand in the Procfile beside this file. The environment may change what settings.DEFAULTS names.
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 from string import Template
 
 import folder
+import rooms
 import settings
 from supervisor import SUPERVISOR, end_with_parent, supervise
 from terminal import Terminal
@@ -32,12 +33,13 @@ def main() -> None:
     if faults := settings.faults(chosen):
         raise SystemExit("\n".join(faults))
     data = Path(chosen["DEMO_DATA"]).absolute()
+    room = chosen["ROOM"]
     try:
-        marker = folder.begin(data, int(chosen["DEMO_UNIT_PORT"]))
+        marker = folder.begin(data, rooms.site_file(room, int(chosen["DEMO_UNIT_PORT"])))
     except (folder.FolderError, OSError) as error:
         raise SystemExit(str(error)) from None
     with marker:
-        run(chosen | {"DEMO_DATA": str(data)}, stop)
+        run(chosen | {"DEMO_DATA": str(data), "SITE": rooms.site_name(room)}, stop)
 
 
 def run(chosen: Mapping[str, str], stop: threading.Event) -> None:

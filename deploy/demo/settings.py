@@ -8,8 +8,10 @@ from pathlib import Path
 
 import folder
 import psutil
+import rooms
 
 DEFAULTS = {
+    "ROOM": rooms.USUAL,
     "DEMO_SPEED": "12",  # simulated seconds per second: the walk around the room takes some 8 minutes
     "DEMO_SEED": "1",
     "DEMO_UNIT_PORT": "7101",
@@ -30,27 +32,45 @@ def read(environment: Mapping[str, str]) -> dict[str, str]:
 def faults(settings: Mapping[str, str]) -> list[str]:
     """A line for each thing that is in the way of a demo with these settings."""
     found = []
-    speed, seed = settings["DEMO_SPEED"], settings["DEMO_SEED"]
+    room, speed, seed = settings["ROOM"], settings["DEMO_SPEED"], settings["DEMO_SEED"]
+    if room not in rooms.names():
+        found.append(f"ROOM={room}: there is no such room; choose one of {', '.join(rooms.names())}")
     if speed != "max" and not (re.fullmatch(r"\d+(\.\d+)?", speed) and 0.001 <= float(speed) <= 1e6):
         found.append(f"DEMO_SPEED={speed}: write simulated seconds per second, from 0.001 to 1000000, or max")
     if not (_is_whole(seed) and int(seed) < 2**64):
         found.append(f"DEMO_SEED={seed}: write a whole number from 0 to {2**64 - 1}")
-    users: dict[int, str] = {}
-    for name, value in settings.items():
-        if not name.endswith("_PORT"):
-            continue
-        if not (_is_whole(value) and 1 <= int(value) <= 65535):
-            found.append(f"{name}={value}: write a port, a whole number from 1 to 65535")
-        elif (port := int(value)) in users:
-            found.append(f"{users[port]} and {name} are both {port}: each needs a port of its own")
-        else:
-            users[port] = name
-            found += _port_faults(name, port)
+    found += _faults_of_ports(settings)
     try:
         folder.check(Path(settings["DEMO_DATA"]))
     except (folder.FolderError, OSError) as error:
         found.append(str(error))
     return found
+
+
+def _faults_of_ports(settings: Mapping[str, str]) -> list[str]:
+    found = []
+    users: dict[int, str] = {}
+    for name, value in settings.items():
+        if not name.endswith("_PORT"):
+            continue
+        count = _ports(name, settings["ROOM"])
+        last = 65536 - count
+        if not (_is_whole(value) and 1 <= int(value) <= last):
+            found.append(f"{name}={value}: write a port, a whole number from 1 to {last}")
+            continue
+        for offset in range(count):
+            port, user = int(value) + offset, f"{name} + {offset}" if offset else name
+            if port in users:
+                found.append(f"{users[port]} and {user} are both {port}: each needs a port of its own")
+            else:
+                users[port] = user
+                found += _port_faults(name, port)
+    return found
+
+
+def _ports(name: str, room: str) -> int:
+    """How many ports in a row begin at the one of that name: a unit each, where it is the units'."""
+    return rooms.units(room) if name == "DEMO_UNIT_PORT" and room in rooms.names() else 1
 
 
 def _is_whole(text: str) -> bool:

@@ -64,11 +64,13 @@ class Comparison:
 
 
 def load_room(path: Path) -> Room:
-    """Read a room file of the simulator."""
+    """Read what stands in a room file of the simulator: what moves is no part of a map."""
     room = tomllib.loads(path.read_text())
+    walls = [wall for wall in room["wall"] if "path" not in wall]
+    cylinders = [cylinder for cylinder in room.get("cylinder", []) if "path" not in cylinder]
     return Room(
-        walls=tuple((_xy(wall["from_m"]), _xy(wall["to_m"])) for wall in room["wall"]),
-        cylinders=tuple((*_xy(c["center_m"]), float(c["radius_m"])) for c in room.get("cylinder", [])),
+        walls=tuple((_xy(wall["from_m"]), _xy(wall["to_m"])) for wall in walls),
+        cylinders=tuple((*_xy(c["center_m"]), float(c["radius_m"])) for c in cylinders),
     )
 
 

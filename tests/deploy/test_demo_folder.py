@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from folder import MARKER, FolderError, begin, site_file
+from folder import MARKER, FolderError, begin
+from rooms import USUAL, site_file
 from system.processes import ROOT, free_ports
 
-UNIT_PORT = 7101
+SITE_FILE = site_file(USUAL, unit_port=7101)
 OWN = {MARKER, "site.toml"}
 
 
@@ -29,7 +30,7 @@ def real_site(folder: Path) -> Path:
 
 def made_by_the_demo(folder: Path) -> Path:
     """A folder as the demo leaves it."""
-    begin(folder, UNIT_PORT).close()
+    begin(folder, SITE_FILE).close()
     for part in ("gateway", "mapper"):
         (folder / part).mkdir()
         (folder / part / "log.sqlite").write_bytes(b"simulated sweeps")
@@ -40,7 +41,7 @@ def refused(folder: Path, held_in: Path) -> str:
     """Why the demo does not begin in ``folder``; everything in ``held_in`` stays byte for byte as it is."""
     before = contents(held_in)
     with pytest.raises(FolderError) as refusal:
-        begin(folder, UNIT_PORT)
+        begin(folder, SITE_FILE)
     assert contents(held_in) == before
     return str(refusal.value)
 
@@ -63,7 +64,7 @@ def test_the_demo_as_a_command_refuses_the_folder_of_a_real_site_and_leaves_it_a
 
 def test_a_new_and_an_empty_folder_are_the_demos(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "new/below"):
-        with begin(folder, 7102):
+        with begin(folder, site_file(USUAL, 7102)):
             assert "socket://127.0.0.1:7102" in (folder / "site.toml").read_text()
             assert "deletes" in (folder / MARKER).read_text()
         shutil.rmtree(folder)
@@ -71,22 +72,22 @@ def test_a_new_and_an_empty_folder_are_the_demos(tmp_path: Path) -> None:
 
 def test_the_next_demo_begins_without_what_the_last_one_made(tmp_path: Path) -> None:
     folder = made_by_the_demo(tmp_path / "data")
-    with begin(folder, UNIT_PORT):
+    with begin(folder, SITE_FILE):
         assert contents(folder).keys() == OWN
 
 
 def test_a_folder_of_the_demo_before_it_had_a_marker_is_the_demos(tmp_path: Path) -> None:
     folder = made_by_the_demo(tmp_path / "data")
     (folder / MARKER).unlink()
-    (folder / "site.toml").write_text(site_file(unit_port=9999))
-    with begin(folder, UNIT_PORT):
+    (folder / "site.toml").write_text(site_file(USUAL, unit_port=9999))
+    with begin(folder, SITE_FILE):
         assert contents(folder).keys() == OWN
 
 
 def test_without_the_marker_a_site_file_that_was_changed_is_the_users(tmp_path: Path) -> None:
     folder = made_by_the_demo(tmp_path / "data")
     (folder / MARKER).unlink()
-    (folder / "site.toml").write_text(site_file(UNIT_PORT) + "# mine\n")
+    (folder / "site.toml").write_text(SITE_FILE + "# mine\n")
     assert "gateway, mapper, site.toml" in refused(folder, folder)
 
 
@@ -115,7 +116,7 @@ def test_a_link_is_what_it_leads_to(tmp_path: Path) -> None:
     refused(link, tmp_path / "attic")
     link.unlink()
     link.symlink_to(made_by_the_demo(tmp_path / "data"))
-    with begin(link, UNIT_PORT):
+    with begin(link, SITE_FILE):
         assert contents(tmp_path / "data").keys() == OWN
 
 
@@ -126,7 +127,7 @@ def test_of_a_link_in_the_demos_folder_only_the_link_is_deleted(tmp_path: Path) 
     (folder / "gateway").symlink_to(attic / "gateway")
     (folder / "site.toml").unlink()
     (folder / "site.toml").symlink_to(attic / "site.toml")
-    with begin(folder, UNIT_PORT):
+    with begin(folder, SITE_FILE):
         assert contents(folder).keys() == OWN
     assert contents(attic) == before
 
@@ -137,11 +138,11 @@ def test_the_root_the_home_and_the_current_folder_are_refused(tmp_path: Path, mo
     refused(Path(), home)
     refused(home, home)
     with pytest.raises(FolderError):
-        begin(Path("/"), UNIT_PORT)
+        begin(Path("/"), SITE_FILE)
     assert not Path("/", MARKER).exists()
 
 
 def test_two_demos_can_not_begin_in_one_folder(tmp_path: Path) -> None:
     folder = made_by_the_demo(tmp_path / "data")
-    with begin(folder, UNIT_PORT):
+    with begin(folder, SITE_FILE):
         assert "another demo runs in" in refused(folder, folder)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from settings import DEFAULTS, faults, read
-from system.processes import ROOT, free_ports
+from system.processes import ROOT, free_port_range, free_ports
 
 LISTEN = (
     "import socket, sys; s = socket.create_server(('127.0.0.1', int(sys.argv[1]))); print('up', flush=True); s.accept()"
@@ -49,6 +49,32 @@ def test_all_faults_come_at_once_and_as_the_commands_whole_output(tmp_path: Path
     named = [line.split("=")[0].split(" holds")[0] for line in ended.stderr.splitlines()]
     assert named == ["DEMO_SPEED", "DEMO_SEED", "DEMO_WEB_PORT", str(tmp_path)]
     assert ended.stdout == ""
+
+
+def test_a_room_that_is_not_there_is_named_with_those_that_are(tmp_path: Path) -> None:
+    for room in ("lobby", "Lounge", "../../demo/sites/lounge"):
+        (line,) = faults(settings(tmp_path, ROOM=room))
+        assert line == f"ROOM={room}: there is no such room; choose one of l-shaped, lounge, paper"
+
+
+@pytest.mark.parametrize("room", ["l-shaped", "lounge", "paper"])
+def test_nothing_is_in_the_way_of_any_room(room: str, tmp_path: Path) -> None:
+    first = str(free_port_range(2))
+    assert faults(settings(tmp_path, ROOM=room, DEMO_UNIT_PORT=first)) == []
+
+
+def test_the_port_of_a_rooms_second_unit_must_be_free_too(tmp_path: Path) -> None:
+    first = free_port_range(2)
+    chosen = settings(tmp_path, ROOM="lounge", DEMO_UNIT_PORT=str(first), DEMO_WEB_PORT=str(first + 1))
+    assert faults(chosen) == [
+        f"DEMO_UNIT_PORT + 1 and DEMO_WEB_PORT are both {first + 1}: each needs a port of its own"
+    ]
+    with socket.create_server(("127.0.0.1", first + 1)):
+        (line,) = faults(settings(tmp_path, ROOM="lounge", DEMO_UNIT_PORT=str(first)))
+        assert line.startswith(f"Port {first + 1} is in use by ")
+        assert line.endswith("choose another with DEMO_UNIT_PORT=...")
+    (line,) = faults(settings(tmp_path, ROOM="lounge", DEMO_UNIT_PORT="65535"))
+    assert line == "DEMO_UNIT_PORT=65535: write a port, a whole number from 1 to 65534"
 
 
 def test_two_settings_with_one_port_are_named(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from noctule_gateway.events import (
     SweepRead,
 )
 from noctule_gateway.link import LOADER_RETRY_S, Link
-from noctule_gateway.orders import DEFAULT_PLAN
+from noctule_gateway.plans import OWN_PLAN
 from noctule_gateway.requests import ORDER_ATTEMPTS, TIMEOUT_S
 from noctule_gateway.setup import Wanted
 from noctule_gateway.silence import GARBLED_AFTER, SILENT_AFTER
@@ -35,7 +35,7 @@ E = TypeVar("E")
 SERIAL = 7
 STEP_S = 0.002
 AT_REST = Wanted(plan=None, start=frames.Start(0, 0), running=False)
-PLAN = replace(DEFAULT_PLAN, count=5)
+PLAN = replace(OWN_PLAN, count=5)
 SWEEPING = Wanted(plan=PLAN, start=frames.Start(0, 250), running=True)
 
 
@@ -109,7 +109,7 @@ def test_hello_comes_first_then_eight_quick_clocks_the_status_and_the_settings()
 def test_the_settings_are_read_once_and_again_after_an_order_that_changes_them() -> None:
     rig = Rig(ModelUnit(SERIAL))
     seen = []
-    for order in (None, replace(DEFAULT_PLAN, count=9), frames.Store(0)):
+    for order in (None, replace(OWN_PLAN, count=9), frames.Store(0)):
         if order is not None:
             rig.link.order(order)
         assert len(of_type(rig.run(20.0), SettingsRead)) == 1
@@ -457,7 +457,7 @@ def test_what_a_unit_answers_to_an_order_is_told_in_words() -> None:
     unit = ModelUnit(SERIAL)
     rig = Rig(unit, SWEEPING)
     rig.run(1.0)
-    ticket = rig.link.order(DEFAULT_PLAN)
+    ticket = rig.link.order(OWN_PLAN)
     rig.run(0.5)
     assert "busy" in str(rig.settled(ticket).error)
 

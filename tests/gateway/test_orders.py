@@ -10,7 +10,7 @@ from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
 from noctule_gateway import frames, orders, settings
 from noctule_gateway.errors import CommandError
 from noctule_gateway.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
-from noctule_gateway.orders import DEFAULT_PLAN
+from noctule_gateway.plans import OWN_PLAN
 
 CALIBRATION = Calibrate(0, 1_043_397, 0, HomeKind.SWITCH, -27307)
 SETTINGS = Settings(
@@ -20,9 +20,9 @@ SETTINGS = Settings(
 
 
 def test_a_plan_keeps_the_present_value_of_what_it_leaves_out() -> None:
-    plan = orders.configure(SweepPlan(first_bearing_rad=-pi / 2, ping_interval_s=0.05, ramp_s=0.2), DEFAULT_PLAN)
-    assert plan == replace(DEFAULT_PLAN, first_bearing=-16384, ping_interval_ms=50, ramp_ms=200)
-    assert orders.configure(SweepPlan(pings=5), DEFAULT_PLAN) == replace(DEFAULT_PLAN, pings=5)
+    plan = orders.configure(SweepPlan(first_bearing_rad=-pi / 2, ping_interval_s=0.05, ramp_s=0.2), OWN_PLAN)
+    assert plan == replace(OWN_PLAN, first_bearing=-16384, ping_interval_ms=50, ramp_ms=200)
+    assert orders.configure(SweepPlan(pings=5), OWN_PLAN) == replace(OWN_PLAN, pings=5)
 
 
 def test_a_calibration_keeps_the_present_value_of_what_it_leaves_out() -> None:

@@ -166,6 +166,22 @@ def test_a_unit_that_is_not_there_is_shown_and_served_as_soon_as_it_is(tmp_path:
             assert "can't open" in unit_status(client, "u2").detail
 
 
+def test_a_fixed_unit_is_given_the_fine_plan_and_a_tracked_one_keeps_its_own(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    born_s = time.monotonic()
+    with tcp_unit(ModelUnit(7, born_s=born_s)) as fixed, tcp_unit(ModelUnit(8, born_s=born_s)) as tracked:
+        path = site_file(tmp_path, ("u1", 7, fixed.address, FIXED), ("u2", 8, tracked.address, 'pose = "key"'))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client, "u1") and connected(client, "u2"), "not all are connected", 20)
+            wait_until(lambda: fixed.unit.plan.count == 61, "the fixed unit has no fine plan", 20)
+
+            def settings(unit: str) -> SweepPlan:
+                return client.command(unit, "settings", CommandRequest(request_id=unit), timeout_s=10).settings.plan
+
+            assert (settings("u1").count, settings("u2").count) == (61, 13)
+
+
 def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zenoh.Session) -> None:
     unit = ModelUnit(7, born_s=time.monotonic())
     with tcp_unit(unit) as line:
@@ -198,7 +214,7 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
             hello = command("hello", CommandRequest(request_id="e"))
             assert (hello.done, hello.status.serial, hello.status.firmware) == (True, 7, "0.1.0")
             assert "no command 'jump'" in command("jump", CommandRequest(request_id="f")).error
-    configure, waypoint, single, *_ = unit.carried_out
+    _, configure, waypoint, single, *_ = unit.carried_out  # first the plan that every fixed unit gets
     assert isinstance(configure, frames.Configure)
     assert (configure.first_bearing, configure.bearing_step, configure.count) == (-24576, 8192, 7)
     assert (waypoint, single) == (frames.SetWaypoint(0, 3), frames.Single(0))

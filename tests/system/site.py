@@ -46,6 +46,6 @@ class PaperRoom:
 def paper_room(folder: Path) -> PaperRoom:
     """A site with a unit on a free port, like the demo's."""
     unit_port, zenoh_port = free_ports(2)
-    text = (ROOT / "deploy/demo/site.toml").read_text()
+    text = (ROOT / "deploy/demo/sites/paper.toml").read_text()
     (folder / "site.toml").write_text(text.replace("127.0.0.1:7101", f"127.0.0.1:{unit_port}"))
     return PaperRoom(folder, unit_port, zenoh_port)

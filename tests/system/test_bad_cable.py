@@ -16,7 +16,7 @@ from system.lockstep import CLEAN, Lockstep
 
 from noctule_gateway.frames import Start, Stop
 from noctule_gateway.link import Link
-from noctule_gateway.orders import DEFAULT_PLAN
+from noctule_gateway.plans import OWN_PLAN
 from noctule_gateway.setup import Wanted
 
 ONE_IN_TWENTY = Faults(corrupted=0.05)
@@ -26,7 +26,7 @@ HOUR_S = 3600.0
 
 def survey(duration_s: float, readings: int, pause_ms: int, seed: int) -> int:
     """Sweep for so long and check what has come of it; the number of sweeps."""
-    wanted = Wanted(replace(DEFAULT_PLAN, count=readings), Start(0, pause_ms), running=True)
+    wanted = Wanted(replace(OWN_PLAN, count=readings), Start(0, pause_ms), running=True)
     link = Link(serial=1, wanted=wanted, first_request=0)
     random = Random(seed)
     with stepped_unit("--laps", "0") as unit:

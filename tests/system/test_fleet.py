@@ -49,7 +49,7 @@ def unit_names() -> list[str]:
 
 
 def write_site(path: Path, first_port: int) -> None:
-    """A site of units that stand where the simulator's path begins and sweep without end."""
+    """A site of units that stand where the simulator's path begins and sweep coarsely without end."""
     text = f'site = "{SITE}"\nclock = "unit"\nair_temperature_c = 21.0\n'
     for number, name in enumerate(unit_names()):
         text += f"""
@@ -58,7 +58,7 @@ name = "{name}"
 serial = {number + 1}
 address = "socket://127.0.0.1:{first_port + number}"
 pose = {{ x_m = -0.70, y_m = -0.45, heading_deg = 0 }}
-sweep = {{ start = true }}
+sweep = {{ start = true, count = 13 }}
 """
     path.write_text(text)
 

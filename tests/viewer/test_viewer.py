@@ -21,6 +21,8 @@ from rerun.experimental import ViewerClient
 from system.processes import Programs, free_ports, listens, programs, wait_until
 
 from noctule import scene
+from noctule.messages_pb2 import GridTile
+from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer.relay import RERUN, Relay
 
 WALL, CYLINDER = (255, 255, 255), (255, 140, 66)
@@ -73,6 +75,16 @@ def log_room(relay: Relay) -> None:
     recording.disconnect()
 
 
+def log_tile(relay: Relay, tile: GridTile) -> None:
+    """A tile of the grid, as the mapper draws it."""
+    recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id="paper-room")
+    recording.connect_grpc(relay.url)
+    recording.set_time(scene.TIME, timestamp=1_800_000_000.0)
+    for path, archetype in draw_tile(tile):
+        recording.log(path, archetype)
+    recording.flush()
+
+
 def middle_row(picture: np.ndarray, colour: tuple[int, int, int]) -> float | None:
     """Middle of the pixels that are nearly of that colour; None where they are too few to be a drawn line."""
     rows, _ = np.nonzero(np.abs(picture.astype(int) - colour).max(axis=-1) < 24)
@@ -115,6 +127,23 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
     assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
     assert set(views) == {"Noctule", "Map", "Units", "Clock error, ms", "Contour, ms", "Events"}
     assert not any(views.values())
+
+
+def test_cells_of_the_grid_that_nobody_has_looked_into_are_as_dark_as_the_ground(running: Programs) -> None:
+    relay = start_relay(running)
+    log_room(relay)
+    half = bytes([255] * 32 + [0] * 32) * 64
+    log_tile(relay, GridTile(rows=64, columns=64, cell_m=0.05, free=half, occupied=bytes(64 * 64)))
+    with native_viewer(relay) as viewer:
+
+        def colours() -> set[tuple[int, ...]]:
+            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
+            ground = picture[200:700, 20:880]  # of the map, clear of what stands around it
+            found, counts = np.unique(ground.reshape(-1, 3), axis=0, return_counts=True)
+            return {tuple(map(int, colour)) for colour in found[counts > 1000]}
+
+        wait_until(lambda: any(colour[2] > 50 for colour in colours()), "the tile is not to be seen", within_s=60)
+        assert (0, 0, 0) not in colours()
 
 
 def test_an_idle_relay_leaves_the_processor_alone(running: Programs) -> None:

@@ -7,7 +7,7 @@
 
 use crate::geometry::{Point, wrap_rad};
 use crate::room::Room;
-use crate::scenery::{End, Pillar, Scenery, Surface};
+use crate::scenery::{Cylinder, End, Pillar, Scenery, Surface};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use std::borrow::Cow;
@@ -49,15 +49,25 @@ pub struct Look {
 /// A room as the sensor sees it.
 pub struct Scene {
     room: Room,
+    /// The room's and those who walk through it.
+    cylinders: Vec<Cylinder>,
     /// What stands in the room, if nothing moves.
     still: Option<Scenery>,
 }
 
 impl Scene {
+    /// The room with nobody in it.
+    #[cfg(test)]
     pub fn new(room: Room) -> Self {
-        let moves = room.walls.iter().any(|wall| wall.moves()) || room.cylinders.iter().any(|c| c.moves());
-        let still = (!moves).then(|| Scenery::at(&room.walls, &room.cylinders, 0.0));
-        Self { room, still }
+        Self::with_people(room, Vec::new())
+    }
+
+    /// The room with those who walk through it.
+    pub fn with_people(room: Room, walks: Vec<Cylinder>) -> Self {
+        let cylinders = [room.cylinders.clone(), walks].concat();
+        let moves = room.walls.iter().any(|wall| wall.moves()) || cylinders.iter().any(|c| c.moves());
+        let still = (!moves).then(|| Scenery::at(&room.walls, &cylinders, 0.0));
+        Self { room, cylinders, still }
     }
 
     pub fn room(&self) -> &Room {
@@ -67,7 +77,7 @@ impl Scene {
     pub fn scenery(&self, at_s: f64) -> Cow<'_, Scenery> {
         match &self.still {
             Some(scenery) => Cow::Borrowed(scenery),
-            None => Cow::Owned(Scenery::at(&self.room.walls, &self.room.cylinders, at_s)),
+            None => Cow::Owned(Scenery::at(&self.room.walls, &self.cylinders, at_s)),
         }
     }
 

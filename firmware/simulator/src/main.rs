@@ -23,6 +23,7 @@ mod member;
 mod mishap;
 mod opcode;
 mod path;
+mod person;
 mod places;
 mod random;
 mod readiness;
@@ -93,11 +94,13 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
         say(&[chip::register_page::markdown().trim_end().to_owned()]);
         return Ok(());
     }
-    let scene = Rc::new(Scene::new(Room::load(&arguments.room)?));
+    let room = Room::load(&arguments.room)?;
     if let Some(file) = &arguments.svg {
-        return std::fs::write(file, svg::drawing(scene.room()))
+        return std::fs::write(file, svg::drawing(&room))
             .map_err(io_error(format!("--svg {}", file.display())));
     }
+    let walks = room.walks(arguments.seed)?;
+    let scene = Rc::new(Scene::with_people(room, walks));
     let records = image::read_hex(&arguments.firmware)?;
     let mut fleet = fleet(arguments, &scene, &records)?;
     if arguments.control {

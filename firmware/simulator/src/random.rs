@@ -14,6 +14,8 @@ pub enum Part {
     FlashTimes,
     /// Bits of flash that are read wrong.
     FlashReads,
+    /// Those who walk through the room; no unit's.
+    People,
 }
 
 /// The stream of a part of the unit with that seed.
@@ -30,8 +32,15 @@ mod tests {
 
     #[test]
     fn no_two_parts_of_a_unit_draw_the_same() {
-        let parts =
-            [Part::World, Part::Memories, Part::Cable, Part::Analog, Part::FlashTimes, Part::FlashReads];
+        let parts = [
+            Part::World,
+            Part::Memories,
+            Part::Cable,
+            Part::Analog,
+            Part::FlashTimes,
+            Part::FlashReads,
+            Part::People,
+        ];
         let mut drawn = parts.map(|part| stream(1, part).random::<u64>());
         drawn.sort_unstable();
         assert!(drawn.windows(2).all(|pair| pair[0] != pair[1]));

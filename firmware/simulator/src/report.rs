@@ -30,8 +30,13 @@ pub fn beginning(fleet: &Fleet, room: &Room, firmware: &str, records: &[Record],
     let mut lines: Vec<String> = fleet.members.iter().map(unit).collect();
     let (bytes, crc) = image::sum(records);
     lines.push(format!("firmware {firmware}: {bytes} bytes, CRC-32 {crc:08X}"));
+    let people = match room.people.len() {
+        0 => String::new(),
+        1 => " 1 person,".to_owned(),
+        several => format!(" {several} people,"),
+    };
     lines.push(format!(
-        "room {}: {}, {}, air at {:.1} degrees C",
+        "room {}: {}, {},{people} air at {:.1} degrees C",
         room.name,
         counted(room.walls.len(), "wall"),
         counted(room.cylinders.len(), "cylinder"),

@@ -4,6 +4,7 @@ use crate::gear::Gear;
 use crate::geometry::Point;
 use crate::interpolation::{between, bracket, rises};
 use crate::path::{Path, waypoints};
+use crate::person::Person;
 use crate::places::{Place, one_or_several};
 use crate::scenery::{Cylinder, Scenery, Wall};
 use crate::sensor::Sensor;
@@ -24,12 +25,16 @@ pub const WARMEST_AIR_C: f64 = 60.0;
 
 #[derive(Debug, Error)]
 pub enum RoomError {
-    #[error("room {name}: {source}; rooms that come with the simulator: paper, l-shaped, lounge")]
+    #[error("room {name}: {source}; rooms that come with the simulator: {}", built_in())]
     Unreadable { name: String, source: std::io::Error },
     #[error("room {name}: {source}")]
     Malformed { name: String, source: Box<toml::de::Error> },
     #[error("room {name}: {field} {problem}")]
     Wrong { name: String, field: String, problem: String },
+}
+
+fn built_in() -> String {
+    BUILT_IN.map(|(name, _)| name).join(", ")
 }
 
 /// A place and a direction: metres and radians, anticlockwise from the x axis.
@@ -54,6 +59,8 @@ pub struct Room {
     pub walls: Vec<Wall>,
     #[serde(default, rename = "cylinder")]
     pub cylinders: Vec<Cylinder>,
+    #[serde(default, rename = "person")]
+    pub people: Vec<Person>,
     pub path: Option<Path>,
     #[serde(default, rename = "unit", deserialize_with = "one_or_several")]
     units: Vec<Place>,
@@ -126,6 +133,21 @@ impl Room {
         (self.units.len() > 1).then_some(self.units.len())
     }
 
+    /// Those who walk through the room, each as a cylinder on its ways, drawn from the seed.
+    ///
+    /// # Errors
+    /// A [`RoomError`] if someone finds no way through the room.
+    pub fn walks(&self, seed: u64) -> Result<Vec<Cylinder>, RoomError> {
+        let walk = |(index, person): (usize, &Person)| {
+            person.walk(self, index, seed).ok_or_else(|| RoomError::Wrong {
+                name: self.name.clone(),
+                field: format!("person {}", index + 1),
+                problem: "finds no way through the room from doors_m".into(),
+            })
+        };
+        self.people.iter().enumerate().map(walk).collect()
+    }
+
     pub fn air_temperature_c(&self, at_s: f64) -> f64 {
         if self.air_temperature_schedule.is_empty() {
             return self.air_temperature_c.unwrap_or(USUAL_AIR_C);
@@ -150,11 +172,13 @@ impl Room {
         let gears = self.units.iter().filter_map(|place| place.motor).chain([self.motor]);
         let walls = self.walls.iter().map(Wall::problem).enumerate();
         let cylinders = self.cylinders.iter().map(Cylinder::problem).enumerate();
+        let people = self.people.iter().map(Person::problem).enumerate();
         let of_tables = self.sensor.problem().or_else(|| gears.into_iter().find_map(|gear| gear.problem()));
         of_tables
             .map(|(field, problem)| (field.to_owned(), problem))
             .or_else(|| walls.into_iter().find_map(|(i, found)| Some(numbered("wall", i, found?))))
             .or_else(|| cylinders.into_iter().find_map(|(i, found)| Some(numbered("cylinder", i, found?))))
+            .or_else(|| people.into_iter().find_map(|(i, found)| Some(numbered("person", i, found?))))
             .or_else(|| self.problem_of_air())
             .or_else(|| self.problem_of_path())
             .or_else(|| self.problem_of_places())

@@ -86,6 +86,12 @@ struct CylinderPlace {
 }
 
 impl Cylinder {
+    /// One that is where it is at each of those times, which rise.
+    pub fn walking(radius_m: f64, absorption: f64, places: Vec<(f64, Point)>) -> Self {
+        let path = places.into_iter().map(|(at_s, center_m)| CylinderPlace { at_s, center_m }).collect();
+        Self { center_m: None, path, radius_m, absorption }
+    }
+
     pub fn center_m(&self, at_s: f64) -> Point {
         self.center_m.unwrap_or_else(|| {
             let (before, after, share) = bracket(&self.path, |place| place.at_s, at_s);

@@ -42,6 +42,7 @@ pub fn drawing(room: &Room) -> String {
     shapes::write_floor(&mut svg, &paper, room);
     paper.write_grid(&mut svg);
     shapes::write_tracks(&mut svg, &paper, room);
+    shapes::write_people(&mut svg, &paper, room);
     room.walls.iter().for_each(|wall| shapes::write_wall(&mut svg, &paper, wall));
     room.cylinders.iter().for_each(|cylinder| shapes::write_cylinder(&mut svg, &paper, cylinder));
     shapes::write_path(
@@ -69,10 +70,12 @@ fn everything(room: &Room) -> Vec<Point> {
         })
     });
     let poses = room.waypoints().into_iter().chain(room.places());
+    let doors = room.people.iter().flat_map(|person| person.doors_m.iter().copied());
     walls
         .flat_map(|wall| [wall.from, wall.to])
         .chain(cylinders)
         .chain(poses.map(|pose| pose.position_m))
+        .chain(doors)
         .collect()
 }
 
@@ -133,6 +136,13 @@ mod tests {
         assert!(svg.contains(">paper</text>") && svg.contains(">1 m</text>"));
         assert_eq!(count(&svg, r#"class="floor""#), 1);
         assert_eq!(count(&svg, r#"class="soft"#), 0);
+    }
+
+    #[test]
+    fn people_are_drawn_behind_their_doors() {
+        let svg = drawing(&Room::load("lounge").unwrap());
+        assert_eq!(count(&svg, r#"class="ghost""#), 2);
+        assert_eq!(count(&svg, ">person</text>"), 2);
     }
 
     #[test]

@@ -26,19 +26,6 @@ from noctule_gateway.frames import (
 from noctule_gateway.settings import HALF_STEP_PARTS, HOMES, calibration_of, plan_of
 from noctule_gateway.sweep import BEARING_RAD
 
-# A unit's own plan: firmware/README.md, "Host to unit".
-DEFAULT_PLAN = Configure(
-    request=0,
-    first_bearing=-24576,  # -135 degrees
-    bearing_step=4096,  # 22.5 degrees
-    count=13,
-    ping_interval_ms=60,
-    top_speed=600,
-    ramp_ms=100,
-    settle_ms=20,
-    pings=1,
-)
-
 T = TypeVar("T", bound=Order)
 
 _PLAN_SCALES = {

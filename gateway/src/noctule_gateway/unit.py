@@ -29,6 +29,7 @@ from noctule_gateway.knowledge import Knowledge
 from noctule_gateway.line import Line
 from noctule_gateway.link import Link
 from noctule_gateway.log import SweepLog
+from noctule_gateway.plans import wanted_plan
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.setup import Wanted
 from noctule_gateway.update.image import Image
@@ -59,8 +60,7 @@ class UnitServer:
         report: Callable[[UnitStatus], None],
     ) -> None:
         self._site, self._unit, self._report = site, unit, report
-        plan = orders.configure(unit.plan, orders.DEFAULT_PLAN) if unit.plan else None
-        wanted = Wanted(plan, orders.start(unit.pause_s), unit.start)
+        wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
         self._line = Line(unit.address, self, unit.name)
         self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
         self._intake = Intake(site, unit, log, track, self._link, publish, self._line.call)

@@ -51,6 +51,18 @@ fn write_track(svg: &mut String, paper: &Paper, ghosts: Vec<(f64, Point, String)
     }
 }
 
+/// Those who walk through, behind each of their doors.
+pub fn write_people(svg: &mut String, paper: &Paper, room: &Room) {
+    for person in &room.people {
+        for &door in &person.doors_m {
+            let shape = circle("cylinder", paper, door, person.radius_m);
+            let _ = writeln!(svg, r#"<g class="ghost">{shape}</g>"#);
+            let (x, y) = paper.at(door);
+            let _ = writeln!(svg, r#"<text class="time" x="{x:.1}" y="{y:.1}">person</text>"#);
+        }
+    }
+}
+
 pub fn write_wall(svg: &mut String, paper: &Paper, wall: &Wall) {
     let segment = wall.segment(0.0);
     let _ = writeln!(svg, "{}", line(wall_class(wall), paper, &segment));

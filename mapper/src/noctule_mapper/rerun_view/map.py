@@ -39,6 +39,8 @@ _NO_ECHO_LENGTH_M = 0.25
 _ARROW_LENGTH_M = 0.2
 # What is drawn later lies on top.
 _GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER, _CONTOUR_ORDER, _UNIT_ORDER = -10.0, 10.0, 20.0, 30.0, 40.0
+# Rerun draws one of several images of full opacity without its alpha: unknown cells would be black.
+_GRID_OPACITY = 0.99
 # Masses change by a few 255ths with every sweep; coarser levels make their images small.
 _LEVEL = 16
 
@@ -98,7 +100,8 @@ def draw_tile(tile: GridTile) -> Entries:
     """A tile of the reliability grid: free space lit faintly, occupied cells brightly, unknown ones left dark."""
     path = scene.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
     yield path, rr.Transform3D(translation=[tile.x_m, tile.y_m, 0.0], scale=tile.cell_m)
-    yield path, rr.EncodedImage(contents=_png(tile), media_type="image/png", draw_order=_GRID_ORDER)
+    image = rr.EncodedImage(contents=_png(tile), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER)
+    yield path, image
 
 
 def unit_colour(unit: str) -> Colour:

@@ -1,0 +1,56 @@
+"""Which plan a unit gets, by how the site file says that it stands."""
+
+from dataclasses import replace
+from math import degrees, radians
+from pathlib import Path
+
+import pytest
+
+from noctule.site import load
+from noctule_gateway.frames import Configure
+from noctule_gateway.plans import FIXED_PLAN, OWN_PLAN, wanted_plan
+from noctule_gateway.sweep import BEARING_RAD
+
+FIXED = "pose = { x_m = 1.0, y_m = 2.0, heading_deg = 90 }"
+CARRIED = (
+    "path = { corners_m = [[0.0, 0.0], [1.0, 0.0]], spacing_m = 0.2 }",
+    'pose = "key"',
+)
+
+
+def wanted(folder: Path, *lines: str) -> Configure | None:
+    """The plan of a unit whose table in the site file goes on with ``lines``."""
+    path = folder / "site.toml"
+    unit = ('site = "attic"', "[[unit]]", 'name = "u1"', "serial = 1", 'address = "/dev/ttyUSB0"', *lines)
+    path.write_text("\n".join(unit))
+    return wanted_plan(load(path).unit("u1"))
+
+
+def test_a_fixed_unit_sweeps_finely_unless_the_site_file_says_otherwise(tmp_path: Path) -> None:
+    plan = wanted(tmp_path, FIXED, "sweep = { start = true, pause_s = 5 }")
+    assert plan == wanted(tmp_path, FIXED) == FIXED_PLAN
+    # As far as a unit's own plan, -135 to 135 degrees, by 4.5 (a lobe of 20 degrees is heard at four of them).
+    assert plan is not None and plan.count == 61
+    assert degrees(plan.first_bearing * BEARING_RAD) == -135
+    assert degrees(plan.bearing_step * BEARING_RAD) == pytest.approx(4.5, abs=360 / 65536)
+
+
+@pytest.mark.parametrize("pose", CARRIED)
+def test_a_unit_that_is_carried_keeps_its_own_plan(pose: str, tmp_path: Path) -> None:
+    assert wanted(tmp_path, pose, "sweep = { start = true }") is None
+    assert wanted(tmp_path, pose, "sweep = { pings = 3 }") == replace(OWN_PLAN, pings=3)
+
+
+def test_how_a_fixed_unit_pings_and_turns_may_be_said_without_its_bearings(tmp_path: Path) -> None:
+    plan = wanted(tmp_path, FIXED, "sweep = { pings = 3, ramp_s = 0.2 }")
+    assert plan == replace(FIXED_PLAN, pings=3, ramp_ms=200)
+
+
+@pytest.mark.parametrize("given", ["first_bearing_deg = -90", "bearing_step_deg = 10", "count = 7"])
+def test_bearings_that_a_fixed_units_file_gives_in_part_are_completed_by_the_units_own(
+    given: str, tmp_path: Path
+) -> None:
+    values = {"first_bearing": radians(-90), "bearing_step": radians(10), "count": 7 * BEARING_RAD}
+    name = next(name for name in values if name in given)
+    plan = wanted(tmp_path, FIXED, f"sweep = {{ {given} }}")
+    assert plan == replace(OWN_PLAN, **{name: round(values[name] / BEARING_RAD)})
