@@ -1,24 +1,56 @@
-"""What a sweep costs on a large map, against a small one."""
+"""What a sweep and a contour cost on a large map, against a small one."""
 
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.sweep import SweepReadings
+
+_APART_M = 5.0  # from one room to the next
 
 
 def cost_growth(rooms: int) -> float:
     """Median cost of a sweep in the last of ``rooms`` rooms side by side, against the first."""
-    sweeps = survey(paper_room(), paper_path(), np.random.default_rng(11))
     mapper, medians_s = Mapper(), []
     for room in range(rooms):
-        costs_s = []
-        for sweep in sweeps:
-            moved = replace(sweep, identity=(f"room {room}", sweep.identity[1]), x_m=sweep.x_m + 5.0 * room)
-            began_s = time.process_time()
-            mapper.register_sweep(moved)
-            costs_s.append(time.process_time() - began_s)
+        costs_s = [_seconds(lambda one=one: mapper.register_sweep(one)) for one in _swept(room)]
         medians_s.append(float(np.median(costs_s)))
     return medians_s[-1] / medians_s[0]
+
+
+def fit_rows(rooms: int) -> list[tuple[str, float]]:
+    """What the contour of ``rooms`` rooms costs against so many contours of one, and when one sweep more is in."""
+    _map_of(1).contour()  # loads what a first contour loads
+    alone, together = _map_of(1), _map_of(rooms)
+    one_s, all_s = _seconds(alone.contour), _seconds(together.contour)
+    together.register_sweep(replace(next(_swept(0)), identity=("one more", 1)))
+    return [
+        (f"the contour of {rooms} rooms, against {rooms} contours of one", all_s / (rooms * one_s)),
+        (
+            f"the contour after one sweep more there, against one room's, {1e3 * one_s:.0f} ms",
+            _seconds(together.contour) / one_s,
+        ),
+    ]
+
+
+def _map_of(rooms: int) -> Mapper:
+    mapper = Mapper()
+    for room in range(rooms):
+        for sweep in _swept(room):
+            mapper.register_sweep(sweep)
+    return mapper
+
+
+def _swept(room: int) -> Iterator[SweepReadings]:
+    for sweep in survey(paper_room(), paper_path(), np.random.default_rng(11 + room)):
+        yield replace(sweep, identity=(f"room {room}", sweep.identity[1]), x_m=sweep.x_m + _APART_M * room)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    began_s = time.process_time()
+    work()
+    return time.process_time() - began_s
