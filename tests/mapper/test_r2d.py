@@ -122,4 +122,4 @@ def test_the_r2d_test_can_be_the_classifier():
     report = mapper.contact_report()
     judged = (report.r2d.kind != Kind.NONE) & (report.circles.kind != Kind.NONE)
     assert np.array_equal(report.touched.kind, np.where(judged, report.r2d.kind, Kind.NONE))
-    assert set(mapper.feature_points.kind) <= {Kind.WALL, Kind.CYLINDER}  # the paper leaves corners open
+    assert set(mapper.feature_points().kind) <= {Kind.WALL, Kind.CYLINDER}  # the paper leaves corners open
