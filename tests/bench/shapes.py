@@ -49,7 +49,7 @@ def walk(seed: int) -> Points:
     sweeps = survey(paper_room(), paper_path(), np.random.default_rng(seed))
     for sweep in sweeps:
         mapper.register_sweep(sweep)
-    points = mapper.feature_points
+    points = mapper.feature_points()
     places_m = np.array([(sweep.x_m, sweep.y_m) for sweep in sweeps])
     return Points(points.take(points.kind == Kind.WALL), points.take(points.kind == Kind.CYLINDER), places_m)
 

@@ -26,14 +26,14 @@ def test_two_places_far_apart_have_the_feature_points_of_each():
         replace(sweep, identity=("far", sweep.identity[1]), x_m=sweep.x_m + FAR_M, y_m=sweep.y_m - FAR_M)
         for sweep in SWEEPS
     ]
-    alone, both = mapped(SWEEPS).feature_points, mapped([*SWEEPS, *moved]).feature_points
+    alone, both = mapped(SWEEPS).feature_points(), mapped([*SWEEPS, *moved]).feature_points()
     near = both.x_m < FAR_M / 2
     assert sorted(both.x_m[near]) == sorted(alone.x_m)
     assert near.sum() == pytest.approx((~near).sum(), abs=0.1 * near.sum())  # cells lie a little differently there
 
 
 def test_points_on_the_cylinder_lie_on_it_and_not_inside_where_its_chords_are():
-    points = mapped(SURVEY).feature_points
+    points = mapped(SURVEY).feature_points()
     ((x, y, radius_m),) = paper_room().cylinders
     off_m = np.hypot(points.x_m - x, points.y_m - y) - radius_m
     of_it = (points.kind == Kind.CYLINDER) & (np.abs(off_m) < 0.03)
@@ -44,7 +44,7 @@ def test_points_on_the_cylinder_lie_on_it_and_not_inside_where_its_chords_are():
 
 
 def test_points_on_walls_err_as_they_say():
-    points = mapped(SURVEY).feature_points
+    points = mapped(SURVEY).feature_points()
     room = paper_room()
     along = (room.ends - room.vertices) / np.hypot(*(room.ends - room.vertices).T)[:, None]
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
@@ -57,9 +57,21 @@ def test_points_on_walls_err_as_they_say():
 
 def test_a_point_of_one_contact_errs_along_the_reflector_as_its_direction_does_and_one_of_many_less():
     mapper = mapped(SURVEY)
-    points, report = mapper.feature_points, mapper.contact_report()
+    points, report = mapper.feature_points(), mapper.contact_report()
     along_m = (report.echoes.range_m * report.circles.direction_sigma_rad)[report.circles.kind != Kind.NONE]
     alone = np.isclose(points.sigma_along_m[:, None], along_m, rtol=1e-9).any(axis=1)
     assert 0.2 < alone.mean() < 1
     assert points.sigma_along_m.max() <= along_m.max() * (1 + 1e-9)
     assert np.median(points.sigma_m[~alone]) < 0.9 * np.median(points.sigma_m[alone])
+
+
+def test_points_are_worked_out_once_for_the_sweeps_on_the_map():
+    mapper = mapped(SWEEPS)
+    points = mapper.feature_points()
+    mapper.contour()
+    assert mapper.feature_points() is points
+    mapper.remove_sweep(SWEEPS[0].identity)
+    fewer = mapper.feature_points()
+    assert sorted(fewer.x_m) == pytest.approx(sorted(mapped(SWEEPS[1:]).feature_points().x_m))
+    mapper.register_sweep(SURVEY[12])
+    assert sorted(mapper.feature_points().x_m) != sorted(fewer.x_m)

@@ -61,7 +61,7 @@ def test_the_contour_tells_the_newest_sweep_and_how_many_there_are():
 
 
 def test_feature_points_lie_on_the_reflectors_they_are_named_after():
-    points = mapped(SWEEPS).feature_points
+    points = mapped(SWEEPS).feature_points()
     assert len(points.x_m) > 50
     ((x, y, radius),) = paper_room().cylinders
     on_cylinder = np.abs(np.hypot(points.x_m - x, points.y_m - y) - radius) < 0.02

@@ -36,7 +36,7 @@ def found() -> Found:
     both = Found([], [])
     for seed in SEEDS:
         mapper = mapped(seed, MapperConfig())
-        points, echoes = mapper.feature_points, mapper.contact_report().echoes
+        points, echoes = mapper.feature_points(), mapper.contact_report().echoes
         both.eht_lsm.append(eht_lsm(points, echoes, mapper.config))
         both.hough.append(hough(points, echoes, mapper.config))
     return both

@@ -5,10 +5,11 @@ import pytest
 from mapper.room import HALF_BEAM_RAD, paper_path, paper_room, survey
 
 from noctule_mapper.config import ContactConfig, MapperConfig
-from noctule_mapper.contacts.r2d import R2dTest, deviation_sigma_m, r2d_test, reference_range_m
+from noctule_mapper.contacts.r2d import R2dTest, r2d_test
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.paper.detectable import deviation_m
+from noctule_mapper.readings.collinear import deviation_sigma_m, reference_range_m
 from noctule_mapper.readings.echoes import Echoes
 
 SIGMA_M = 0.0032  # Section V.A
@@ -121,4 +122,4 @@ def test_the_r2d_test_can_be_the_classifier():
     report = mapper.contact_report()
     judged = (report.r2d.kind != Kind.NONE) & (report.circles.kind != Kind.NONE)
     assert np.array_equal(report.touched.kind, np.where(judged, report.r2d.kind, Kind.NONE))
-    assert set(mapper.feature_points.kind) <= {Kind.WALL, Kind.CYLINDER}  # the paper leaves corners open
+    assert set(mapper.feature_points().kind) <= {Kind.WALL, Kind.CYLINDER}  # the paper leaves corners open

@@ -34,7 +34,8 @@ class Mapper:
         self._contacts = ContactBook(self.config.contacts)
         self._sweeps: dict[tuple[str, int], SweepReadings] = {}
         self._registered = 0
-        self._report: ContactReport | None = None  # while no contact has changed
+        self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
+        self._points: FeaturePoints | None = None  # likewise
         self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour
 
     def register_sweep(self, sweep: SweepReadings) -> None:
@@ -79,11 +80,12 @@ class Mapper:
             self._report = contact_report(self._contacts.echoes(), self._contacts.contacts(), self.config)
         return self._report
 
-    @property
     def feature_points(self) -> FeaturePoints:
-        """III.D: where reflectors were touched, from the grid as it is."""
-        report = self.contact_report()
-        return feature_points(self.grid.tiles(), report.echoes, report.touched, self.config.features)
+        """III.D: where reflectors were touched, from the grid as it is; worked out once for the sweeps on the map."""
+        if self._points is None:
+            report = self.contact_report()
+            self._points = feature_points(self.grid.tiles(), report.echoes, report.touched, self.config.features)
+        return self._points
 
     def contour(self) -> Contour:
         """The contour of all sweeps on the map, by the method that the configuration names."""
@@ -94,9 +96,9 @@ class Mapper:
         if not len(self._contacts.echoes()):
             return Contour()
         if self.config.method == "hough":
-            return hough(self.feature_points, self.contact_report().echoes, self.config)  # IV.A, Eq. 9
+            return hough(self.feature_points(), self.contact_report().echoes, self.config)  # IV.A, Eq. 9
         if self.config.method == "eht-lsm":
-            return eht_lsm(self.feature_points, self.contact_report().echoes, self.config)  # IV.B-D, Eq. 10-23
+            return eht_lsm(self.feature_points(), self.contact_report().echoes, self.config)  # IV.B-D, Eq. 10-23
         return self._refined()  # beyond the paper: on the raw ranges
 
     def _refined(self) -> Contour:
@@ -118,7 +120,7 @@ class Mapper:
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
-        self._report = None
+        self._report = self._points = None
         if self._grid is not None:
             self._grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
             self._grid.add(contact_regions(change.echoes, change.after, self.config.grid))

@@ -66,7 +66,7 @@ def experiments(seeds: Sequence[int], jobs: int = 1) -> Experiments:
     first = seeds[0]
     sweeps = paper_survey(first)
     mapper = mapped(sweeps, "eht-lsm")
-    points = mapper.feature_points
+    points = mapper.feature_points()
     walls_points = points.take(points.kind == Kind.WALL)
     config = mapper.config.walls
     longer = paper_survey(first, ROUNDS)
@@ -92,7 +92,7 @@ def _survey(sweeps: Sequence[SweepReadings], mapper: Mapper) -> Survey:
     canvas = raster.blank(*_WINDOW_M, mapper.grid.cell_m)
     tiles = mapper.grid.tiles()
     occupied, free = (raster.tiled(canvas, tiles, name) for name in ("occupied", "free"))
-    return Survey(sweeps, occupied, free, mapper.feature_points, mapper.contour())
+    return Survey(sweeps, occupied, free, mapper.feature_points(), mapper.contour())
 
 
 def _calibration_spread(calibrations: Sequence[Calibration]) -> CalibrationSpread:

@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
-from noctule_mapper.contacts.r2d import contour_type, deviation_sigma_m, reference_range_m
+from noctule_mapper.contacts.r2d import contour_type
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.paper.detectable import greatest_radius_as_printed_m, greatest_radius_m
+from noctule_mapper.readings.collinear import deviation_sigma_m, reference_range_m
 from noctule_reproduction import paper
 from noctule_reproduction.specular import PAPER_SIGMA_M
 from noctule_reproduction.style import CYLINDER, FAINT, INK, MUTED, SERIES, WALL, plan, sheet, styled

@@ -46,7 +46,7 @@ def record(path: Path, name: str, sweeps: Sequence[SweepReadings], pictures: Map
 def _map(mapper: Mapper) -> list[Entries]:
     """What the mapper has at this moment, as the live mapper shows it."""
     tiles = [rerun_map.draw_tile(tile_message(tile, _SITE)) for tile in mapper.grid.changed()]
-    features = rerun_map.draw_features(features_message(mapper.feature_points, _SITE))
+    features = rerun_map.draw_features(features_message(mapper.feature_points(), _SITE))
     return [*tiles, features, rerun_map.draw_contour(contour_message(mapper.contour(), _SITE))]
 
 

@@ -50,7 +50,7 @@ def spread(readings: WallReadings) -> Spread:
     return Spread(
         triples=len(on_wall),
         triples_off_wall=len(repeated) - len(on_wall),
-        spacing_m=float(np.median([triple.span_m / 2 for triple, _ in on_wall])),
+        spacing_m=float(np.median([triple.d13_m / 2 for triple, _ in on_wall])),
         deviation_m=np.concatenate(sets_m),
         mean_d_m=Estimate(float(np.concatenate(sets_m).mean()), float(means_m.std() / math.sqrt(len(means_m)))),
         sigma_d_m=sigma_d_m,

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from noctule_mapper.calibration.wall_readings import WallReadings
+from noctule_mapper.readings.collinear import deviation_scale, off_line_m, reference_range_m
 
 _NEIGHBOURS = 8  # of a place, among which the other two of its triple are sought
 _OFF_LINE_M = 0.005
@@ -16,18 +17,18 @@ _MOST_SLANT = 0.5  # cosine between the triple's line and the beams' axis
 
 @dataclass(frozen=True)
 class Triple:
-    """Three collinear places by number, ``second`` between the others; ``share`` is d12 / d13 (Eq. 1)."""
+    """Three collinear places by number, ``second`` between the others, and the distances of Eq. 1."""
 
     first: int
     second: int
     third: int
-    share: float
-    span_m: float  # d13
+    d12_m: float
+    d13_m: float
 
     @property
     def scale(self) -> float:
         """Sigma of d = R2d - R2 in sigmas of a range: sqrt(1.5) where the second place is in the middle."""
-        return math.sqrt(1 + self.share**2 + (1 - self.share) ** 2)
+        return float(deviation_scale(self.d12_m, self.d13_m))
 
 
 def triples(readings: WallReadings) -> list[Triple]:
@@ -46,14 +47,11 @@ def triples(readings: WallReadings) -> list[Triple]:
 
 
 def deviations_m(readings: WallReadings, triple: Triple) -> np.ndarray:
-    """d = R2d - R2 of a triple's repeats, (repeats,): the k-th reading of each place goes with the k-th of the others.
-
-    Eq. 1 as it must read, R2d = R1 + (R3 - R1) d12 / d13; printed is R1 + (R3 - R1 d12 / d13).
-    """
+    """d = R2d - R2 (Eq. 1) of a triple's repeats, (repeats,): the k-th readings of the three places go together."""
     ranges_m = [readings.at(place) for place in (triple.first, triple.second, triple.third)]
     repeats = min(map(len, ranges_m))
     r1, r2, r3 = (each[:repeats] for each in ranges_m)
-    return r1 + (r3 - r1) * triple.share - r2  # (1)
+    return reference_range_m(r1, r3, triple.d12_m, triple.d13_m) - r2
 
 
 def _candidates(readings: WallReadings) -> list[tuple[tuple[float, float, int], Triple]]:
@@ -69,9 +67,9 @@ def _candidates(readings: WallReadings) -> list[tuple[tuple[float, float, int], 
             span_m = float(np.hypot(*line))
             to_middle = middle - places_m[first]
             along_m = float(to_middle @ line) / span_m
-            off_m = abs(float(to_middle[0] * line[1] - to_middle[1] * line[0])) / span_m
+            off_m = float(off_line_m(*(places_m[first] - middle), *(places_m[third] - middle)))
             slant = abs(float(line @ axis)) / span_m
             if off_m <= _OFF_LINE_M and _SHORTEST_M <= along_m <= span_m - _SHORTEST_M and slant <= _MOST_SLANT:
-                triple = Triple(first, second, third, along_m / span_m, span_m)
+                triple = Triple(first, second, third, along_m, span_m)
                 found.append(((round(slant, 2), round(span_m, 3), second), triple))
     return found

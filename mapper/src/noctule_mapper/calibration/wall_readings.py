@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from noctule.errors import NoctuleError
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.sweep import SweepReadings
 
@@ -25,15 +26,13 @@ class WallReadings:
     place stand together, in order of time.
     """
 
-    x_m: np.ndarray
-    y_m: np.ndarray
-    facing_rad: float  # the beams' axis in the site's frame
+    x_m: np.ndarray = field(metadata=arrays.SHARED)
+    y_m: np.ndarray = field(metadata=arrays.SHARED)
+    facing_rad: float = field(metadata=arrays.SHARED)  # the beams' axis in the site's frame
     place: np.ndarray  # int, of each reading
     range_m: np.ndarray
 
-    def take(self, kept: np.ndarray) -> "WallReadings":
-        """The same places with the readings at ``kept``, bool (n,)."""
-        return WallReadings(self.x_m, self.y_m, self.facing_rad, self.place[kept], self.range_m[kept])
+    take = arrays.take  # of the readings: the places stay
 
     def at(self, place: int) -> np.ndarray:
         """The ranges read at ``place``, (repeats,)."""

@@ -11,29 +11,15 @@ from itertools import pairwise
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.contacts.voting import Kind, neighbours
+from noctule_mapper.contacts.voting import Kind
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.collinear import deviation_sigma_m, off_line_m, reference_range_m
 from noctule_mapper.readings.echoes import Echoes
-
-Values = np.ndarray | float
-
-
-def reference_range_m(first_m: Values, third_m: Values, d12_m: Values, d13_m: Values) -> Values:
-    """Eq. 1 with its bracket put right, R2d = R1 + (R3 - R1) d12 / d13: the range that a wall would give position 2.
-
-    It holds for position 2 on the line between positions 1 and 3. The paper prints R1 + (R3 - R1 d12 / d13).
-    """
-    return first_m + (third_m - first_m) * d12_m / d13_m
+from noctule_mapper.readings.pairs import near_pairs
 
 
-def deviation_sigma_m(sigma_m: tuple[Values, Values, Values], d12_m: Values, d13_m: Values) -> np.ndarray:
-    """Sigma of d = R2d - R2 on a wall from the sigmas of R1, R2 and R3: sqrt(3 / 2) of a range's at equal spacing."""
-    first_m, second_m, third_m = sigma_m
-    share = d12_m / d13_m
-    return np.sqrt(((1 - share) * first_m) ** 2 + second_m**2 + (share * third_m) ** 2)
-
-
-def contour_type(deviation_m: np.ndarray, threshold_m: Values) -> np.ndarray:
+def contour_type(deviation_m: np.ndarray, threshold_m: np.ndarray | float) -> np.ndarray:
     """Eq. 2: a wall ("plan") where |R2d - R2| < Th, else a cylinder; Kind.NONE where the deviation is NaN."""
     kind = np.where(np.abs(deviation_m) < threshold_m, Kind.WALL, Kind.CYLINDER)
     return np.where(np.isnan(deviation_m), Kind.NONE, kind)
@@ -51,9 +37,7 @@ class R2dTest:
     threshold_m: np.ndarray  # Th
     kind: np.ndarray
 
-    def take(self, index: np.ndarray | slice) -> "R2dTest":
-        """The tests at ``index`` (numbers, a mask or a slice)."""
-        return R2dTest(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+    take = arrays.take
 
 
 def r2d_test(echoes: Echoes, others: Echoes, config: ContactConfig) -> R2dTest:
@@ -78,7 +62,7 @@ def r2d_test(echoes: Echoes, others: Echoes, config: ContactConfig) -> R2dTest:
     return R2dTest(first, third, _spread(d12_m, tested), _spread(d13_m, tested), deviation_m, threshold_m, kind)
 
 
-def _spread(values: Values, where: np.ndarray) -> np.ndarray:
+def _spread(values: np.ndarray, where: np.ndarray) -> np.ndarray:
     """``values`` at the places of the mask ``where``, NaN elsewhere."""
     spread = np.full(len(where), np.nan)
     spread[where] = values
@@ -90,7 +74,7 @@ def _adjacent(echoes: Echoes, others: Echoes, config: ContactConfig) -> tuple[np
     first, third = np.full(len(echoes), -1), np.full(len(echoes), -1)
     if not len(echoes):
         return first, third
-    i, j, away = neighbours(echoes, others, config)
+    i, j, away = near_pairs(echoes, others, config.shortest_baseline_m, config.longest_baseline_m)
     alike = np.abs(wrapped(others.axis_rad[j] - echoes.axis_rad[i])) < echoes.half_beam_rad[i]
     order = np.lexsort((j[alike], away[alike], i[alike]))
     i, j, away = i[alike][order], j[alike][order], away[alike][order]
@@ -108,9 +92,8 @@ def _nearest_on_either_side(dx: np.ndarray, dy: np.ndarray, away: np.ndarray, of
     """Of neighbours (m,), nearest first, the two whose line passes within ``off_m`` between them and that are nearest
     together.
     """
-    span = np.hypot(dx[:, None] - dx, dy[:, None] - dy)
-    off = np.abs(np.outer(dx, dy) - np.outer(dy, dx)) / np.maximum(span, 1e-9)
-    opposite = (np.outer(dx, dx) + np.outer(dy, dy) < 0) & (off <= off_m)
+    on_line = off_line_m(dx[:, None], dy[:, None], dx, dy) <= off_m
+    opposite = (np.outer(dx, dx) + np.outer(dy, dy) < 0) & on_line
     length = np.where(opposite, away[:, None] + away, np.inf)
     if not len(away) or not np.isfinite(length.min()):
         return None

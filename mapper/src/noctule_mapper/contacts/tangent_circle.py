@@ -16,9 +16,11 @@ from typing import Literal
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
-from noctule_mapper.contacts.voting import Contacts, Kind, neighbours
+from noctule_mapper.contacts.voting import Contacts, Kind
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.pairs import near_pairs
 
 _AT_ONCE = 2000  # readings fitted together, which bounds the memory of their pairs
 _TOLERANCES_M = (0.04, 0.02, 0.01, 0.0, 0.0)  # beyond support_sigmas, step by step: the votes' bins are coarse
@@ -43,9 +45,7 @@ class TangentCircles:
     kind: np.ndarray
     supporters: np.ndarray  # other readings that touch it
 
-    def take(self, index: np.ndarray | slice) -> "TangentCircles":
-        """The circles at ``index`` (numbers, a mask or a slice)."""
-        return TangentCircles(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+    take = arrays.take
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,8 @@ class _Pairs:
     widest_rad: np.ndarray  # off the axis
     sigma_m: np.ndarray
     gate_m: np.ndarray  # a neighbour that touches the circle misses it by less
+
+    take = arrays.take
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,12 @@ def tangent_circles(echoes: Echoes, others: Echoes, found: Contacts, config: Con
         pairs = _hopeful(_pairs(some, others, near, config), some, near)
         free, wall, corner = (_fit(some, near, pairs, held) for held in _HELD)
         parts.append(_judged(free, wall, corner, near.kind != Kind.NONE, config))
-    names = TangentCircles.__dataclass_fields__
-    return TangentCircles(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    return arrays.join(parts)
 
 
 def _pairs(echoes: Echoes, others: Echoes, found: Contacts, config: ContactConfig) -> _Pairs:
     """Readings with a contact, and those near enough to share it."""
-    i, j, _ = neighbours(echoes, others, config)
+    i, j, _ = near_pairs(echoes, others, config.shortest_baseline_m, config.longest_baseline_m)
     kept = found.kind[i] != Kind.NONE
     i, j = i[kept], j[kept]
     sigma_m = np.hypot(others.sigma_m, others.sigma_position_m)[j]
@@ -114,7 +115,7 @@ def _hopeful(pairs: _Pairs, echoes: Echoes, found: Contacts) -> _Pairs:
     for held in _HELD:
         residual, _, shared = _seen(_start(echoes, found, held), wide)
         near |= shared & (np.abs(residual) < pairs.gate_m + _FARTHEST_M)
-    return _Pairs(**{name: getattr(pairs, name)[near] for name in _Pairs.__dataclass_fields__})
+    return pairs.take(near)
 
 
 def _fit(echoes: Echoes, found: Contacts, pairs: _Pairs, held: _Held) -> _Fit:

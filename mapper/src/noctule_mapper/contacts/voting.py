@@ -2,14 +2,9 @@
 
 Two readings with a common reflector have a common tangent circle: of radius infinity on a wall, of its own radius on a
 cylinder, of none in a corner or at an edge (Liu et al. 2019, Section II.B, taken from three collinear positions to any
-number anywhere). With s = 1 / (r + R_i) for the circle's curvature as reading i sees it, d = p_i - p_j, and n the
-direction from p_i to the contact, tangency to both arcs is
-
-    2 n . d + 2 (R_i - R_j) + s (|d|^2 - (R_i - R_j)^2) = 0
-
-which for every s gives n up to a mirror image. So each other reading votes along a curve in the (direction, curvature)
-plane of reading i, as far as the contact lies inside both beams, and the curves of those that share the reflector cross
-in one point.
+number anywhere). So each other reading votes along a curve in the (direction, curvature) plane of reading i (the
+equation of the module tangency), as far as the contact lies inside both beams, and the curves of those that share the
+reflector cross in one point.
 """
 
 from collections.abc import Sequence
@@ -19,8 +14,11 @@ from enum import IntEnum
 import numpy as np
 
 from noctule_mapper.config import ContactConfig
+from noctule_mapper.contacts.tangency import SIDES, direction_rad, other_direction_rad, turn_rad
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.pairs import may_share, offsets
 
 
 class Kind(IntEnum):
@@ -43,17 +41,15 @@ class Contacts:
     kind: np.ndarray
     votes: np.ndarray
 
-    def take(self, index: np.ndarray | slice) -> "Contacts":
-        """The contacts at ``index`` (numbers, a mask or a slice)."""
-        return Contacts(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+    take = arrays.take
 
 
 def join_contacts(parts: Sequence[Contacts]) -> Contacts:
     """Several sets of contacts as one, in their order."""
-    parts = parts or [Contacts(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0))]
-    return Contacts(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Contacts.__dataclass_fields__}
-    )
+    return arrays.join(parts or [_NO_CONTACTS])
+
+
+_NO_CONTACTS = Contacts(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0))
 
 
 def votes(echoes: Echoes, others: Echoes, config: ContactConfig) -> np.ndarray:
@@ -64,27 +60,25 @@ def votes(echoes: Echoes, others: Echoes, config: ContactConfig) -> np.ndarray:
     slack.
     """
     relative = np.linspace(0, 1, config.curvature_bins)
-    dx, dy = (a[:, None] - b[None, :] for a, b in ((echoes.x_m, others.x_m), (echoes.y_m, others.y_m)))
-    baseline = np.hypot(dx, dy)
-    longer = echoes.range_m[:, None] - others.range_m[None, :]
+    every = offsets(echoes, np.arange(len(echoes))[:, None], others, np.arange(len(others)))
     i, j = np.nonzero(
-        (baseline >= config.shortest_baseline_m)
-        & (baseline <= config.longest_baseline_m)
-        & (np.abs(longer) <= baseline)
+        may_share(every.baseline_m, every.longer_m, config.shortest_baseline_m, config.longest_baseline_m)
     )
-    dx, dy, baseline, longer = (a[i, j][:, None] for a in (dx, dy, baseline, longer))
+    between = every.take((i, j, np.newaxis))
     curvature = relative / echoes.range_m[i, None]
-    cosine = -(longer + curvature * (baseline**2 - longer**2) / 2) / baseline
-    turn = np.arccos(np.clip(cosine, -1, 1))
-    sigma_rad = np.hypot(echoes.sigma_m[i], others.sigma_m[j])[:, None] / (baseline * np.maximum(np.sin(turn), 0.05))
+    turn = turn_rad(between, curvature)
+    touching = np.isfinite(turn)
+    turn = np.where(touching, turn, 0.0)
+    sigma_rad = np.hypot(echoes.sigma_m[i], others.sigma_m[j])[:, None] / (
+        between.baseline_m * np.maximum(np.sin(turn), 0.05)
+    )
     bin_rad = 2 * (echoes.half_beam_rad[i, None] + config.beam_slack_rad) / config.direction_bins
     weight = 1 / np.sqrt(1 + (sigma_rad / bin_rad) ** 2)
     total = np.zeros((len(echoes), config.direction_bins, config.curvature_bins))
-    for side in (1, -1):
-        direction = np.arctan2(dy, dx) + side * turn
-        seen_x, seen_y = np.cos(direction), np.sin(direction)
-        other_direction = np.arctan2(curvature * dy + seen_y, curvature * dx + seen_x)
-        shared = (np.abs(cosine) <= 1) & (
+    for side in SIDES:
+        direction = direction_rad(between, turn, side)
+        other_direction = other_direction_rad(between, direction, curvature)
+        shared = touching & (
             np.abs(wrapped(other_direction - others.axis_rad[j, None]))
             <= others.half_beam_rad[j, None] + config.beam_slack_rad
         )
@@ -122,17 +116,3 @@ def contacts(echoes: Echoes, accumulators: np.ndarray, config: ContactConfig) ->
         kind=np.where(count >= config.least_votes, kind, Kind.NONE),
         votes=count,
     )
-
-
-def neighbours(echoes: Echoes, others: Echoes, config: ContactConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs that may touch one circle by where they were heard and how far: numbers of the echo and of the other, and
-    their baseline, (p,) each, baselines from ``shortest_baseline_m`` to ``longest_baseline_m``.
-    """
-    from scipy.spatial import KDTree  # takes a while to load, and only the tangent circles need it
-
-    places, other_places = (KDTree(np.stack([one.x_m, one.y_m], axis=1)) for one in (echoes, others))
-    near = places.sparse_distance_matrix(other_places, config.longest_baseline_m, output_type="coo_matrix")
-    i, j, baseline_m = near.row, near.col, near.data
-    kept = baseline_m >= config.shortest_baseline_m
-    kept &= np.abs(echoes.range_m[i] - others.range_m[j]) <= baseline_m
-    return i[kept], j[kept], baseline_m[kept]

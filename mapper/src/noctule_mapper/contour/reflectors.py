@@ -1,5 +1,5 @@
 """The reflectors of the refinement: what range and direction each predicts for an echo, and how the range moves with
-its parameters.
+its parameters::
 
     wall      R = rho - n . p      the foot of the perpendicular
     cylinder  R = |c - p| - r

@@ -198,7 +198,7 @@ class MapWorker:
     def _fit(self) -> MapState:
         estimate = self._mapper.contour()
         contour = contour_message(estimate, self._site, self._service, self._next_version())
-        points = self._mapper.feature_points
+        points = self._mapper.feature_points()
         features = features_message(points, self._site, self._service, contour.version, estimate.time_s)
         changed = self._mapper.grid.changed()
         tiles = [tile_message(tile, self._site, self._service, estimate.time_s) for tile in changed]

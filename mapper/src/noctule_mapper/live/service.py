@@ -23,7 +23,7 @@ from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.store import Identity, SweepStore
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
-from noctule_mapper.rerun_view.log import NoLog, RerunLog, SceneLog
+from noctule_mapper.rerun_view.log import RerunLog
 
 _log = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.enter_context(FolderLock(settings.data, owner))
         store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
-        log = RerunLog(settings.rerun_url, settings.site) if settings.rerun_url else NoLog()
+        log = RerunLog(settings.rerun_url, settings.site)
         closing.callback(log.close)
         session = _join(settings.connect, stop)
         if session is None:
@@ -69,7 +69,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
 class LiveMapper:
     """One site's mapper between its store, the bus and the viewers."""
 
-    def __init__(self, settings: LiveSettings, store: SweepStore, log: SceneLog, client: Client) -> None:
+    def __init__(self, settings: LiveSettings, store: SweepStore, log: RerunLog, client: Client) -> None:
         self._settings, self._store, self._log, self._client = settings, store, log, client
         self._publisher = MapPublisher(client.session, settings.site, settings.service)
         self._schemas = bus.declare_schemas(client.session)

@@ -11,6 +11,7 @@ from noctule_mapper.config import FeatureConfig
 from noctule_mapper.contacts.tangent_circle import TangentCircles
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.grid.grid import GridTile
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.echoes import Echoes
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3), int)
@@ -31,9 +32,7 @@ class FeaturePoints:
     sigma_m: np.ndarray  # in the direction: off the reflector
     sigma_along_m: np.ndarray  # across the direction: along the reflector
 
-    def take(self, index: np.ndarray) -> "FeaturePoints":
-        """The points at ``index`` (numbers or a mask)."""
-        return FeaturePoints(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+    take = arrays.take
 
 
 def feature_points(
@@ -45,7 +44,11 @@ def feature_points(
     and one point for all of it would say nothing of its direction. Round a cylinder the blocks are shorter.
     """
     touches = _touches(echoes, circles)
-    return _joined([_points_of(group, touches, config) for group in _adjacent(tiles)])
+    return arrays.join([_NO_POINTS, *(_points_of(group, touches, config) for group in _adjacent(tiles))])
+
+
+_NONE = np.zeros(0)
+_NO_POINTS = FeaturePoints(_NONE, _NONE, _NONE, _NONE.astype(int), _NONE, _NONE, _NONE)
 
 
 @dataclass(frozen=True)
@@ -142,15 +145,6 @@ def _means(
         np.sqrt(own + common),
         np.sqrt(own_along + common),
     )
-
-
-def _joined(parts: Sequence[FeaturePoints]) -> FeaturePoints:
-    """Several sets of points as one, in their order."""
-    none = FeaturePoints(
-        *(np.zeros(0, int if name == "kind" else float) for name in FeaturePoints.__dataclass_fields__)
-    )
-    names = FeaturePoints.__dataclass_fields__
-    return FeaturePoints(**{name: np.concatenate([getattr(part, name) for part in (none, *parts)]) for name in names})
 
 
 def _adjacent(tiles: Sequence[GridTile]) -> Iterator[list[GridTile]]:

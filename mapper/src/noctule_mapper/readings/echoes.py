@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.sweep import SweepReadings
 
 
@@ -27,9 +28,7 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.range_m)
 
-    def take(self, index: np.ndarray) -> "Echoes":
-        """The echoes at ``index`` (numbers or a mask)."""
-        return Echoes(**{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
+    take = arrays.take
 
 
 def echoes_of(sweep: SweepReadings, number: int, assumed_sigma_m: float) -> Echoes:
@@ -68,9 +67,10 @@ _LEAST_STEP_RAD = 1e-3  # finer than any motor's
 
 def join(parts: Sequence[Echoes]) -> Echoes:
     """Several sets of echoes as one, in their order."""
-    if not parts:
-        none = np.zeros(0)
-        return Echoes(none.astype(int), none, none, none, none, none, none, none.astype(bool), none, none, none)
-    return Echoes(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Echoes.__dataclass_fields__}
-    )
+    return arrays.join(parts or [_NO_ECHOES])
+
+
+_NONE = np.zeros(0)
+_NO_ECHOES = Echoes(
+    _NONE.astype(int), _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE.astype(bool), _NONE, _NONE, _NONE
+)

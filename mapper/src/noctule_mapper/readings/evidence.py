@@ -1,13 +1,14 @@
 """The echoes as evidence: with their spread, with the places that share an error, weighed against "from anywhere"."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
+from noctule_mapper.readings import arrays
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.readings.echoes import Echoes, join
+from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.looks import Looks
 
 
@@ -18,19 +19,11 @@ class Evidence:
     echoes: Echoes
     range_sigma_m: np.ndarray  # of a range from a place that is exactly known
     place: np.ndarray  # a number that the echoes from one place share
-    span_m: float  # ranges that an echo of nothing may have
+    span_m: float = field(metadata=arrays.SHARED)  # ranges that an echo of nothing may have
     direction_sigma_rad: np.ndarray  # of the axis as a direction; infinite where only the beam tells it
-    looks: Looks | None = None  # what fine sweeps say of where nothing was heard
+    looks: Looks | None = field(default=None, metadata=arrays.SHARED)  # what fine sweeps say of where nothing was heard
 
-    def take(self, index: np.ndarray) -> "Evidence":
-        """The evidence at ``index`` (numbers or a mask)."""
-        return replace(
-            self,
-            echoes=self.echoes.take(index),
-            range_sigma_m=self.range_sigma_m[index],
-            place=self.place[index],
-            direction_sigma_rad=self.direction_sigma_rad[index],
-        )
+    take = arrays.take
 
     @cached_property
     def sigma_m(self) -> np.ndarray:
@@ -72,14 +65,7 @@ def evidence(echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: Refinem
 
 def joined(first: Evidence, second: Evidence) -> Evidence:
     """Both, one after the other; their places are numbered alike, and the looks are those of the first."""
-    return replace(
-        first,
-        echoes=join([first.echoes, second.echoes]),
-        **{
-            name: np.concatenate([getattr(first, name), getattr(second, name)])
-            for name in ("range_sigma_m", "place", "direction_sigma_rad")
-        },
-    )
+    return arrays.join([first, second])
 
 
 def newest_of_each_beam(data: Evidence) -> np.ndarray:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.readings.echoes import Echoes, join, rows_of, step_rad
+from noctule_mapper.readings import arrays
+from noctule_mapper.readings.echoes import Echoes, rows_of, step_rad
 from noctule_mapper.readings.sweep import SweepReadings
 
 _SWEEPS_OF_A_PLACE = 4  # the newest stand for all
@@ -38,12 +39,12 @@ def looks_of(sweeps: Iterable[SweepReadings], assumed_sigma_m: float) -> Looks |
     for sweep in sweeps:
         if is_fine(sweep):
             by_place.setdefault((sweep.unit, sweep.x_m, sweep.y_m, sweep.heading_rad), []).append(sweep)
-    parts, weights = [], []
+    parts = []
     for held in by_place.values():
         newest = held[-_SWEEPS_OF_A_PLACE:]
         for sweep in newest:
             heard = np.isfinite(sweep.range_m)
             range_m = np.where(heard, sweep.range_m, _NOTHING_M)
-            parts.append(rows_of(sweep, heard | sweep.no_echo, range_m, 0, assumed_sigma_m))
-            weights.append(np.full(len(parts[-1]), 1 / len(newest)))
-    return Looks(join(parts), np.concatenate(weights)) if parts else None
+            rows = rows_of(sweep, heard | sweep.no_echo, range_m, 0, assumed_sigma_m)
+            parts.append(Looks(rows, np.full(len(rows), 1 / len(newest))))
+    return arrays.join(parts) if parts else None

@@ -13,8 +13,10 @@ import numpy as np
 
 from noctule_mapper.config import MapperConfig, NoiseConfig
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.collinear import deviation_scale, reference_range_m
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import evidence, newest_of_each_beam
+from noctule_mapper.readings.pairs import may_share, offsets
 
 _MOST_TRIPLES = 600
 _MOST_NEIGHBOURS = 2000  # echoes among which a triple's other two are sought
@@ -44,15 +46,11 @@ def scaled_deviations_m(echoes: Echoes, shortest_m: float, longest_m: float) -> 
     """
     echoes = echoes.take(np.arange(len(echoes))[-_MOST_NEIGHBOURS:])
     middle = np.arange(len(echoes))[-_MOST_TRIPLES:]
-    dx, dy = (a[None, :] - a[middle, None] for a in (echoes.x_m, echoes.y_m))
-    baseline = np.hypot(dx, dy)
+    between = offsets(echoes, middle[:, None], echoes, np.arange(len(echoes)))
+    dx, dy, baseline = between.dx_m, between.dy_m, between.baseline_m
     turned = wrapped(echoes.axis_rad[None, :] - echoes.axis_rad[middle, None])
-    alike = (
-        (baseline >= shortest_m)
-        & (baseline <= longest_m)
-        & (np.abs(turned) < echoes.half_beam_rad[middle, None])
-        & (np.abs(echoes.range_m[None, :] - echoes.range_m[middle, None]) <= baseline)
-    )
+    alike = may_share(baseline, between.longer_m, shortest_m, longest_m)
+    alike &= np.abs(turned) < echoes.half_beam_rad[middle, None]
     first = np.where(alike, baseline, np.inf).argmin(axis=1)
     rows = np.arange(len(middle))
     across = dx * dx[rows, first][:, None] + dy * dy[rows, first][:, None]
@@ -60,10 +58,10 @@ def scaled_deviations_m(echoes: Echoes, shortest_m: float, longest_m: float) -> 
     third = np.where(opposite, baseline, np.inf).argmin(axis=1)
     found = alike[rows, first] & opposite[rows, third]
     rows, first, third, middle = rows[found], first[found], third[found], middle[found]
-    before, behind = baseline[rows, first], baseline[rows, third]
-    share = before / (before + behind)
-    deviation = echoes.range_m[first] * (1 - share) + echoes.range_m[third] * share - echoes.range_m[middle]
-    return deviation / np.sqrt(1 + share**2 + (1 - share) ** 2)
+    d12_m = baseline[rows, first]
+    d13_m = d12_m + baseline[rows, third]
+    reference_m = reference_range_m(echoes.range_m[first], echoes.range_m[third], d12_m, d13_m)
+    return (reference_m - echoes.range_m[middle]) / deviation_scale(d12_m, d13_m)
 
 
 def _narrow_part(deviation_m: np.ndarray, config: NoiseConfig) -> tuple[float, float]:

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.config import ContactConfig, CylinderConfig, RefinementConfig
+from noctule_mapper.contacts.tangency import SIDES, direction_rad, other_direction_rad, turn_rad
 from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.readings.pairs import may_share, offsets
 
 
 @dataclass(frozen=True)
@@ -83,13 +85,12 @@ def _pairs(
     first = np.arange(len(echoes))
     if len(first) > config.search.most_pair_echoes:
         first = rng.choice(first, config.search.most_pair_echoes, replace=False)
-    dx, dy = (a[None, :] - a[first, None] for a in (echoes.x_m, echoes.y_m))
-    baseline = np.hypot(dx, dy)
+    between = offsets(echoes, first[:, None], echoes, np.arange(len(echoes)))
     turned = np.abs(wrapped(echoes.axis_rad[None, :] - echoes.axis_rad[first, None]))
     # A beam alone is too wide to tell, far off, whether two echoes are of one reflector; a plateau's direction is not.
     directed = has_direction[first, None] & has_direction[None, :]
-    near = (baseline >= contact.shortest_baseline_m) & (directed | (baseline <= contact.longest_baseline_m))
-    near &= np.abs(echoes.range_m[None, :] - echoes.range_m[first, None]) <= baseline
+    longest_m = np.where(directed, np.inf, contact.longest_baseline_m)
+    near = may_share(between.baseline_m, between.longer_m, contact.shortest_baseline_m, longest_m)
     near &= directed | (turned <= 4 * echoes.half_beam_rad[first, None])
     i, j = np.nonzero(near)
     if len(i) > config.search.most_pairs:
@@ -116,34 +117,32 @@ def _triples(
 
 def _tangent_lines(echoes: Echoes, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Common tangent lines (theta, rho) of pairs of arcs, (m, 2), those inside both beams."""
-    found = []
-    for side in (1, -1):
-        direction = _shared_direction(echoes, i, j, np.zeros(len(i)), side)
-        inside = _in_beam(echoes, i, direction) & _in_beam(echoes, j, direction)
-        found.append(_line_through(echoes, i[inside], direction[inside]))
-    return np.concatenate(found)
+    return np.concatenate(
+        [_line_through(echoes, at, direction) for at, direction in _touched_by_both(echoes, i, j, np.zeros(len(i)))]
+    )
 
 
 def _arc_crossings(echoes: Echoes, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     """Crossings of pairs of arcs, (m, 2), those inside both beams."""
-    found = []
-    for side in (1, -1):
-        direction = _shared_direction(echoes, i, j, 1 / echoes.range_m[i], side)
-        x = echoes.x_m[i] + echoes.range_m[i] * np.cos(direction)
-        y = echoes.y_m[i] + echoes.range_m[i] * np.sin(direction)
-        inside = _in_beam(echoes, i, direction) & _in_beam(echoes, j, np.arctan2(y - echoes.y_m[j], x - echoes.x_m[j]))
-        found.append(np.stack([x, y], axis=1)[inside])
-    return np.concatenate(found)
+    return np.concatenate(
+        [_foot(echoes, at, direction) for at, direction in _touched_by_both(echoes, i, j, 1 / echoes.range_m[i])]
+    )
 
 
-def _shared_direction(echoes: Echoes, i: np.ndarray, j: np.ndarray, curvature: np.ndarray, side: int) -> np.ndarray:
-    """Direction from i to the circle of ``curvature`` 1 / (r + R_i) that both arcs touch (equation of the module
-    contacts), NaN for none.
+def _touched_by_both(
+    echoes: Echoes, i: np.ndarray, j: np.ndarray, curvature_per_m: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """On either side the pairs whose common circle of ``curvature_per_m`` (p,) lies inside both beams: the numbers of
+    their first echoes, and the directions from these.
     """
-    dx, dy = echoes.x_m[i] - echoes.x_m[j], echoes.y_m[i] - echoes.y_m[j]
-    baseline, longer = np.hypot(dx, dy), echoes.range_m[i] - echoes.range_m[j]
-    cosine = -(longer + curvature * (baseline**2 - longer**2) / 2) / baseline
-    return np.arctan2(dy, dx) + side * np.arccos(np.where(np.abs(cosine) <= 1, cosine, np.nan))
+    between, found = offsets(echoes, i, echoes, j), []
+    turned_rad = turn_rad(between, curvature_per_m)
+    for side in SIDES:
+        direction = direction_rad(between, turned_rad, side)
+        inside = _in_beam(echoes, i, direction)
+        inside &= _in_beam(echoes, j, other_direction_rad(between, direction, curvature_per_m))
+        found.append((i[inside], direction[inside]))
+    return found
 
 
 def _tangent_circles(
@@ -220,8 +219,7 @@ def _contact_lines(echoes: Echoes, found: Contacts) -> np.ndarray:
 
 def _contact_spots(echoes: Echoes, found: Contacts) -> np.ndarray:
     at = np.nonzero(found.kind == Kind.CORNER)[0]
-    direction, r = found.direction_rad[at], echoes.range_m[at]
-    return np.stack([echoes.x_m[at] + r * np.cos(direction), echoes.y_m[at] + r * np.sin(direction)], axis=1)
+    return _foot(echoes, at, found.direction_rad[at])
 
 
 def _contact_circles(echoes: Echoes, found: Contacts, cylinder: CylinderConfig) -> np.ndarray:
@@ -236,6 +234,12 @@ def _contact_circles(echoes: Echoes, found: Contacts, cylinder: CylinderConfig) 
 def _line_through(echoes: Echoes, at: np.ndarray, direction: np.ndarray) -> np.ndarray:
     rho = echoes.x_m[at] * np.cos(direction) + echoes.y_m[at] * np.sin(direction) + echoes.range_m[at]
     return np.stack([wrapped(direction), rho], axis=1)
+
+
+def _foot(echoes: Echoes, at: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Where the echoes ``at`` touched what lies in ``direction``, (m, 2)."""
+    r = echoes.range_m[at]
+    return np.stack([echoes.x_m[at] + r * np.cos(direction), echoes.y_m[at] + r * np.sin(direction)], axis=1)
 
 
 def _in_beam(echoes: Echoes, at: np.ndarray, direction: np.ndarray) -> np.ndarray:

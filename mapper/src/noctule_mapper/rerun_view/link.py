@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from time import monotonic
-from typing import Any
+from typing import Any, Protocol
 
 import rerun as rr
 
@@ -47,6 +47,35 @@ class Drawing:
     time_s: float
     sweep: int
     subject: str | None = None
+
+
+class Link(Protocol):
+    """Where drawings go: a RerunLink, or NoLink where nobody is to watch."""
+
+    def put(self, drawing: Drawing) -> None:
+        """Show ``drawing``, sooner or later."""
+        ...
+
+    def counters(self) -> dict[str, int]:
+        """What became of the drawings."""
+        ...
+
+    def close(self) -> None:
+        """Show no more."""
+        ...
+
+
+class NoLink:
+    """Shows nothing to nobody."""
+
+    def put(self, drawing: Drawing) -> None:
+        pass
+
+    def counters(self) -> dict[str, int]:
+        return {}
+
+    def close(self) -> None:
+        pass
 
 
 class RerunLink:

@@ -4,60 +4,16 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from datetime import datetime
 from time import time
-from typing import Any, Protocol
+from typing import Any
 
 from noctule import keys, scene
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view import status as rerun_status
-from noctule_mapper.rerun_view.link import Drawing, Entries, RerunLink
+from noctule_mapper.rerun_view.link import Drawing, Entries, Link, NoLink, RerunLink
 
 _TRAIL_POSES = 500
-
-
-class SceneLog(Protocol):
-    """What shows the live mapper's work: RerunLog, or NoLog where nobody is to watch."""
-
-    def recall_sweep(self, readings: SweepReadings) -> None:
-        """Take note of a sweep from before a restart: it has been shown."""
-        ...
-
-    def show_sweep(self, readings: SweepReadings) -> None:
-        """A unit's last sweep, where the unit is and how it came there."""
-        ...
-
-    def show_contour(self, contour: Contour) -> None:
-        """Walls, corners and cylinders."""
-        ...
-
-    def show_features(self, features: Features) -> None:
-        """Feature points by kind."""
-        ...
-
-    def show_tiles(self, tiles: Iterable[GridTile]) -> None:
-        """Those tiles of the reliability grid that have changed."""
-        ...
-
-    def show_unit_status(self, status: UnitStatus) -> None:
-        """A unit's state and clock, and in the log what it tells its operator."""
-        ...
-
-    def show_service_status(self, status: ServiceStatus, summary: str) -> None:
-        """The mapper's own figures and, in a line, what its map holds; called each second, as a heartbeat."""
-        ...
-
-    def show_event(self, text: str, level: str = "INFO") -> None:
-        """A line in the log of events; ``level`` as INFO, WARN or ERROR."""
-        ...
-
-    def counters(self) -> dict[str, int]:
-        """What became of what was to be shown."""
-        ...
-
-    def close(self) -> None:
-        """Show no more."""
-        ...
 
 
 class RerunLog:
@@ -66,37 +22,46 @@ class RerunLog:
     The time of what was measured is the sweep's; the time of what the mapper says of itself and of units is the host's.
     """
 
-    def __init__(self, url: str, site: str) -> None:
-        """``site`` names the recording, so that a restarted mapper goes on with it. Raises RelayAddressError."""
-        self._link = RerunLink(url, site, rerun_map.draw_frame)
+    def __init__(self, url: str | None, site: str) -> None:
+        """``site`` names the recording, so that a restarted mapper goes on with it; without ``url`` nothing is shown.
+
+        Raises RelayAddressError.
+        """
+        self._link: Link = RerunLink(url, site, rerun_map.draw_frame) if url else NoLink()
         self._sequences: dict[str, int] = {}
         self._trails: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=_TRAIL_POSES))
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
 
     def recall_sweep(self, readings: SweepReadings) -> None:
+        """Take note of a sweep from before a restart: it has been shown."""
         self._sequences[readings.unit] = readings.identity[1]
         trail, here = self._trails[readings.unit], (readings.x_m, readings.y_m)
         if not trail or trail[-1] != here:
             trail.append(here)
 
     def show_sweep(self, readings: SweepReadings) -> None:
+        """A unit's last sweep, where the unit is and how it came there."""
         self.recall_sweep(readings)
         trail_m = tuple(self._trails[readings.unit])
         self._show(scene.unit_rays(readings.unit), readings.time_s, rerun_map.draw_sweep, readings, trail_m)
 
     def show_contour(self, contour: Contour) -> None:
+        """Walls, corners and cylinders."""
         self._show("contour", _seconds(contour), rerun_map.draw_contour, contour)
 
     def show_features(self, features: Features) -> None:
+        """Feature points by kind."""
         self._show(scene.FEATURES, _seconds(features), rerun_map.draw_features, features)
 
     def show_tiles(self, tiles: Iterable[GridTile]) -> None:
+        """Those tiles of the reliability grid that have changed."""
         for tile in tiles:
             path = scene.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
             self._show(path, _seconds(tile), rerun_map.draw_tile, tile)
 
     def show_unit_status(self, status: UnitStatus) -> None:
+        """A unit's state and clock, and in the log what it tells its operator."""
         now_s = time()
         if status.state != UnitStatus.STATE_DISCONNECTED:
             self._show(scene.unit_clock_error(status.unit), now_s, rerun_status.draw_clock, status)
@@ -110,56 +75,26 @@ class RerunLog:
             self._show(None, now_s, rerun_status.draw_event, scene.unit_log(status.unit), text, level)
 
     def show_service_status(self, status: ServiceStatus, summary: str) -> None:
+        """The mapper's own figures and, in a line, what its map holds; called each second, as a heartbeat."""
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"
         self._show(scene.HEARTBEAT, time(), rerun_status.draw_service, status, heading)
 
     def show_event(self, text: str, level: str = "INFO") -> None:
+        """A line in the log of events; ``level`` as INFO, WARN or ERROR."""
         self._show(None, time(), rerun_status.draw_event, scene.LOG, text, level)
 
     def counters(self) -> dict[str, int]:
+        """What became of what was to be shown."""
         return self._link.counters()
 
     def close(self) -> None:
+        """Show no more."""
         self._link.close()
 
     def _show(self, subject: str | None, time_s: float, draw: Callable[..., Entries], *arguments: Any) -> None:
         sweep = sum(self._sequences.copy().values())
         self._link.put(Drawing(draw, arguments, time_s, sweep, subject))
-
-
-class NoLog:
-    """Shows nothing to nobody."""
-
-    def recall_sweep(self, readings: SweepReadings) -> None:
-        pass
-
-    def show_sweep(self, readings: SweepReadings) -> None:
-        pass
-
-    def show_contour(self, contour: Contour) -> None:
-        pass
-
-    def show_features(self, features: Features) -> None:
-        pass
-
-    def show_tiles(self, tiles: Iterable[GridTile]) -> None:
-        pass
-
-    def show_unit_status(self, status: UnitStatus) -> None:
-        pass
-
-    def show_service_status(self, status: ServiceStatus, summary: str) -> None:
-        pass
-
-    def show_event(self, text: str, level: str = "INFO") -> None:
-        pass
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def close(self) -> None:
-        pass
 
 
 def _seconds(message: Contour | Features | GridTile) -> float:

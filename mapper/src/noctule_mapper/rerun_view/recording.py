@@ -51,7 +51,7 @@ def map_view() -> rrb.Spatial2DView:
 
 def _map(mapper: Mapper, contour: Contour) -> list[Entries]:
     tiles = [rerun_map.draw_tile(tile_message(tile, contour.site)) for tile in mapper.grid.tiles()]
-    features = rerun_map.draw_features(features_message(mapper.feature_points, contour.site))
+    features = rerun_map.draw_features(features_message(mapper.feature_points(), contour.site))
     echoes = rerun_map.draw_echoes(mapper.sweeps())
     return [rerun_map.draw_frame(), *tiles, echoes, features, rerun_map.draw_contour(contour)]
 

@@ -1,0 +1,41 @@
+"""Dataclasses whose arrays have a row for each item: some of the rows, and several such sets as one."""
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Rows = TypeVar("Rows", bound="DataclassInstance")
+Index = np.ndarray | slice | tuple[Any, ...]
+
+SHARED = {"shared": True}  # the metadata of a field that all rows have in common
+
+
+def take(rows: Rows, index: Index) -> Rows:
+    """The rows at ``index``: numbers, a mask, a slice, or a tuple of these for arrays of more dimensions.
+
+    ``take = arrays.take`` in a dataclass makes it a method. A field with the metadata SHARED stays as it is.
+    """
+    return replace(rows, **{name: _rows_at(getattr(rows, name), index) for name in _names(rows)})
+
+
+def join(parts: Sequence[Rows]) -> Rows:
+    """Several sets as one, in their order, at least one; SHARED fields are those of the first."""
+    first = parts[0]
+    return replace(first, **{name: _end_to_end([getattr(part, name) for part in parts]) for name in _names(first)})
+
+
+def _names(rows: "DataclassInstance") -> list[str]:
+    return [field.name for field in fields(rows) if "shared" not in field.metadata]
+
+
+def _rows_at(value: Any, index: Index) -> Any:
+    return value[index] if isinstance(value, np.ndarray) else take(value, index)
+
+
+def _end_to_end(values: Sequence[Any]) -> Any:
+    return np.concatenate(values) if isinstance(values[0], np.ndarray) else join(values)
