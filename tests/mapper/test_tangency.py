@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from mapper.small_scene import evidence_of
 
 from noctule_mapper.contacts.tangency import SIDES, direction_rad, other_direction_rad, turn_rad
 from noctule_mapper.readings.angles import wrapped
@@ -15,10 +16,8 @@ PLACES_M = np.array([[0.0, 0.0], [0.5, 0.2]])
 
 def heard_m(ranges_m: tuple[float, ...], places_m: np.ndarray = PLACES_M) -> Echoes:
     """Echoes (n,) from ``places_m`` (n, 2); only place and range matter here."""
-    x_m, y_m = places_m.T
-    one = np.ones(len(ranges_m))
-    sure = np.ones(len(one), bool)
-    return Echoes(sure, x_m, y_m, 0 * one, one, np.array(ranges_m), one, sure, one, one, one)
+    heard = zip(places_m.tolist(), ranges_m, strict=True)
+    return evidence_of([(x_m, y_m, 0.0, float(range_m)) for (x_m, y_m), range_m in heard]).echoes
 
 
 def both(echoes: Echoes, curvature_per_m: float) -> list[tuple[float, float]]:

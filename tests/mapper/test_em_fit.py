@@ -1,0 +1,71 @@
+"""The fit by expectation and maximisation on one wall: late echoes, shares and spread, as they come out by hand."""
+
+import math
+
+import numpy as np
+import pytest
+from mapper.small_scene import MOST_GAIN_NATS, SIGMA_M, claims_of, evidence_of
+
+from noctule_mapper.config import BeamConfig, RefinementConfig
+from noctule_mapper.contour.reflectors import Line
+from noctule_mapper.refinement.em_fit import Settled, settle
+
+# None is late: what is left to find are the wall and the spread.
+IN_TIME = RefinementConfig(beam=BeamConfig(late_share=1e-12))
+ALONG_M = np.linspace(-1, 1, 20)
+STEPS = 8
+
+
+def fitted(off_m: np.ndarray, config: RefinementConfig, calibrated: bool = True) -> Settled:
+    """The wall x = 2, started 2 mm off, from 20 places on the y axis whose ranges are ``off_m`` (20,) too long."""
+    data = evidence_of(
+        [(0.0, float(y), 0.0, 2.0 + float(off)) for y, off in zip(ALONG_M, off_m, strict=True)], calibrated=calibrated
+    )
+    start = Line(0.001, 2.002, -1.0, 1.0)
+    claims = claims_of([0] * len(ALONG_M), data, 2.0)
+    return settle([start], [], claims, data, config, STEPS, estimate_sigma=not calibrated)
+
+
+def test_echoes_a_cycle_late_do_not_move_the_wall() -> None:
+    # Two of twenty are 4.3 mm long at a spread of 0.5 mm: the mean is 0.43 mm too long, the wall is not.
+    config = RefinementConfig()
+    off_m = np.zeros(20)
+    off_m[[4, 15]] = config.beam.late_m
+    data = evidence_of([(0.0, float(y), 0.0, 2.0 + float(off)) for y, off in zip(ALONG_M, off_m, strict=True)])
+    sharp = data.respread(0.0005 / SIGMA_M)
+    claims = claims_of([0] * len(ALONG_M), sharp, 2.0)
+    found = settle([Line(0.0, 2.0005, -1.0, 1.0)], [], claims, sharp, config, STEPS)
+    (wall,) = found.fit.objects
+    assert isinstance(wall, Line)
+    assert wall.rho_m == pytest.approx(2.0, abs=5e-5)
+    assert found.share.min() > 0.99  # late echoes are the wall's all the same
+
+
+def test_an_echo_from_elsewhere_has_no_share_and_the_others_have_what_their_ranges_are_worth() -> None:
+    off_m = np.zeros(20)
+    off_m[7] = -0.5
+    found = fitted(off_m, IN_TIME)
+    (wall,) = found.fit.objects
+    assert wall.parameters == pytest.approx([0.0, 2.0], abs=1e-6)
+    likelihood = 0.96 * 0.95 * math.exp(MOST_GAIN_NATS)  # of 1 - false_share, the chance of an answer, the range
+    assert np.delete(found.share, 7) == pytest.approx(np.full(19, likelihood / (1 + likelihood)), abs=1e-6)
+    assert found.share[7] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_covariance_is_that_of_a_straight_line_through_the_echoes() -> None:
+    # Independent ranges R = rho - y sin(theta): var rho = sigma^2 / n, var theta = sigma^2 / sum y^2, about y = 0.
+    covariance = fitted(np.zeros(20), IN_TIME).fit.covariance_of(0)
+    expected = SIGMA_M**2 * np.diag([1 / (ALONG_M**2).sum(), 1 / 20])
+    assert covariance == pytest.approx(expected, rel=0.005, abs=1e-10)  # shares of 0.998 leave so much open
+
+
+def test_an_unknown_spread_is_that_of_the_residuals_with_two_of_them_used_up() -> None:
+    # +5 -5 -5 +5 mm and so on move neither the wall's place nor its direction: sigma^2 = 20 (5 mm)^2 / (20 - 2).
+    off_m = 0.005 * np.tile([1.0, -1.0, -1.0, 1.0], 5)
+    found = fitted(off_m, IN_TIME, calibrated=False)
+    assert found.range_sigma_m == pytest.approx(np.full(20, 0.005 * math.sqrt(20 / 18)), rel=0.01)
+
+
+def test_a_calibrated_spread_stays() -> None:
+    off_m = 0.005 * np.tile([1.0, -1.0, -1.0, 1.0], 5)
+    assert fitted(off_m, IN_TIME).range_sigma_m.tolist() == [SIGMA_M] * 20

@@ -1,0 +1,101 @@
+"""The joint fit against a least-squares fit in which every unknown stands by itself, the places' errors too."""
+
+import math
+
+import numpy as np
+import pytest
+from mapper.small_scene import SIGMA_M, claims_of, evidence_of
+from scipy.optimize import least_squares
+
+from noctule_mapper.config import BeamConfig, RefinementConfig
+from noctule_mapper.contour.corners import Link
+from noctule_mapper.contour.reflectors import Circle, Line, Reflector
+from noctule_mapper.refinement.em_fit import Settled, settle
+
+SIGMA_PLACE_M = 0.005
+SPAN_M = 1e12  # an echo from anywhere is so unlikely that no share is lost to it
+PLACES_M = np.array([(0.0, 0.0), (0.5, -0.4), (-0.3, 0.6), (0.8, 0.5), (0.2, -0.7)])
+# Walls that turn by 70 degrees, their corner, and a cylinder: theta, rho; theta, rho; x, y, radius.
+TRUTH = np.array([0.1, 2.0, 0.1 + math.radians(70), 1.8, -1.2, -0.9, 0.25])
+WALL, OTHER_WALL, CYLINDER, CORNER = range(4)
+LINKS = [Link(WALL, OTHER_WALL)]
+IN_TIME = RefinementConfig(beam=BeamConfig(late_share=1e-12))
+
+
+def objects_of(parameters: np.ndarray) -> list[Reflector]:
+    theta_1, rho_1, theta_2, rho_2, x_m, y_m, radius_m = map(float, parameters)
+    return [Line(theta_1, rho_1, -9.0, 9.0), Line(theta_2, rho_2, -9.0, 9.0), Circle(x_m, y_m, radius_m)]
+
+
+def corner_of(parameters: np.ndarray) -> np.ndarray:
+    """Where n . c = rho for both walls, (2,)."""
+    normals = np.stack([np.cos(parameters[[0, 2]]), np.sin(parameters[[0, 2]])], axis=1)
+    return np.linalg.solve(normals, parameters[[1, 3]])
+
+
+def ranges_m(parameters: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+    """Of each place (n, 2) to the makers in their order, (n, 4), as the head of the module reflectors has them."""
+    walls = [
+        parameters[at + 1] - places_m @ np.array([math.cos(parameters[at]), math.sin(parameters[at])]) for at in (0, 2)
+    ]
+    to_cylinder = np.hypot(*(parameters[4:6] - places_m).T) - parameters[6]
+    return np.stack([*walls, to_cylinder, np.hypot(*(corner_of(parameters) - places_m).T)], axis=1)
+
+
+def directions_rad(places_m: np.ndarray) -> np.ndarray:
+    """The true ones, (n, 4)."""
+    round_ = [np.arctan2(*(point - places_m).T[::-1]) for point in (TRUTH[4:6], corner_of(TRUTH))]
+    walls = [np.full(len(places_m), TRUTH[at]) for at in (0, 2)]
+    return np.stack([*walls, *round_], axis=1)
+
+
+def measured_m(rng: np.random.Generator, sigma_place_m: float) -> np.ndarray:
+    """Ranges (places, 4) heard from places that are not where they are stated."""
+    really_m = PLACES_M + rng.normal(0, sigma_place_m, PLACES_M.shape)
+    return ranges_m(TRUTH, really_m) + rng.normal(0, SIGMA_M, (len(PLACES_M), 4))
+
+
+def joint(measured: np.ndarray, sigma_place_m: float) -> Settled:
+    heard = [
+        (float(place[0]), float(place[1]), float(direction), float(range_m))
+        for place, directions, ranges in zip(PLACES_M, directions_rad(PLACES_M), measured, strict=True)
+        for direction, range_m in zip(directions, ranges, strict=True)
+    ]
+    data = evidence_of(heard, sigma_position_m=sigma_place_m, span_m=SPAN_M)
+    makers = [WALL, OTHER_WALL, CYLINDER, CORNER] * len(PLACES_M)
+    claims = claims_of(makers, data, 2.0)
+    return settle(objects_of(TRUTH), LINKS, claims, data, IN_TIME, iterations=10)
+
+
+def by_all_unknowns(measured: np.ndarray, sigma_place_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """The objects' parameters (7,) and their covariance: least squares over them and two errors of each place."""
+
+    def residuals(unknowns: np.ndarray) -> np.ndarray:
+        errors_m = unknowns[7:].reshape(-1, 2)
+        off = (measured - ranges_m(unknowns[:7], PLACES_M + errors_m)).ravel() / SIGMA_M
+        return np.concatenate([off, errors_m.ravel() / sigma_place_m])
+
+    start = np.concatenate([TRUTH, np.zeros(2 * len(PLACES_M))])
+    found = least_squares(residuals, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return found.x[:7], np.linalg.inv(found.jac.T @ found.jac)[:7, :7]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("sigma_place_m", [SIGMA_PLACE_M, 1e-5])
+def test_the_joint_fit_is_the_least_squares_fit_with_the_places_as_unknowns(seed: int, sigma_place_m: float) -> None:
+    measured = measured_m(np.random.default_rng(seed), sigma_place_m)
+    settled = joint(measured, sigma_place_m)
+    parameters, covariance = by_all_unknowns(measured, sigma_place_m)
+    found = np.concatenate([one.parameters for one in settled.fit.objects])
+    sigma = np.sqrt(np.diag(covariance))
+    # The fit is linear in the places: at 1 m, 5 mm aside makes a range 0.01 mm longer.
+    assert (found - parameters) / sigma == pytest.approx(np.zeros(7), abs=0.06)
+    scaled = settled.fit.covariance / np.outer(sigma, sigma)
+    assert scaled == pytest.approx(covariance / np.outer(sigma, sigma), abs=0.06)
+
+
+def test_an_error_of_the_places_does_not_average_away_with_more_echoes_from_there() -> None:
+    measured = measured_m(np.random.default_rng(1), 1e-5)
+    sure, unsure = (joint(measured, sigma_m).fit.covariance_of(WALL) for sigma_m in (1e-5, SIGMA_PLACE_M))
+    # Of one range the variance is sigma^2, or sigma^2 + s^2: 3.8 times as much.
+    assert unsure[1, 1] > 2.5 * sure[1, 1]
