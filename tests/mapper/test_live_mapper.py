@@ -12,7 +12,7 @@ from system.processes import wait_until
 
 from mapper import room
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus
-from noctule_mapper.live.config import Window
+from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import from_message

@@ -273,3 +273,15 @@ class MapperConfig(_Model):
     cylinders: CylinderConfig = CylinderConfig()
     hough: HoughConfig = HoughConfig()
     refinement: RefinementConfig = RefinementConfig()
+
+
+class Window(_Model):
+    """Which sweeps the map rests on: what is too old, superseded or too many is taken out again."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
+    max_sweeps: int = Field(default=1_000, ge=1, le=20_000)
+    sweeps_per_place: int = Field(default=2, ge=1)  # of a unit's last visit there: one in each stepper direction
+    place_radius_m: float = Field(default=0.05, gt=0)  # well above the noise of poses, below the steps of a path
+    place_heading_rad: float = Field(default=math.radians(15.0), gt=0, le=math.tau)

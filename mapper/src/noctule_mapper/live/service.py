@@ -17,13 +17,14 @@ from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.follow import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
-from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
-from noctule_mapper.live.store import Identity, SweepStore
+from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.log import NoLog, RerunLog, SceneLog
+from noctule_mapper.window import Identity
 
 _log = logging.getLogger(__name__)
 
@@ -50,6 +51,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
     owner = Owner("mapper", keys.name(settings.site, "site"), keys.name(settings.service, "service name"))
     with ExitStack() as closing:
         closing.enter_context(FolderLock(settings.data, owner))
+        (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site) if settings.rerun_url else NoLog()

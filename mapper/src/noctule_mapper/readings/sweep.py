@@ -30,7 +30,13 @@ _BOUNDS = {
 
 
 class SweepError(NoctuleError):
-    """A sweep that can't be mapped; the message names the sweep, what is wrong and what to do."""
+    """A sweep that can't be mapped; the message names the sweep, what is wrong and what to do. ``kind`` is the same for
+    all sweeps with which the same is wrong.
+    """
+
+    def __init__(self, message: str, kind: str) -> None:
+        super().__init__(message)
+        self.kind = kind
 
 
 class StuckSensorError(SweepError):
@@ -63,7 +69,9 @@ class SweepReadings:
     def __post_init__(self) -> None:
         name, readings = _name(self.identity, self.unit), len(self.bearing_rad)
         if not readings == len(self.range_m) == len(self.no_echo) <= bounds.MAX_READINGS:
-            raise SweepError(f"{name} has {readings} readings: a sweep has {bounds.MAX_READINGS} at most; drop it")
+            raise SweepError(
+                f"{name} has {readings} readings: a sweep has {bounds.MAX_READINGS} at most; drop it", "readings"
+            )
         for field in ("time_s", "x_m", "y_m", "heading_rad", "sigma_position_m", "sigma_heading_rad", "bearing_rad"):
             _check(name, field, getattr(self, field))
         _check(name, "beam_width_rad", self.beam_width_rad)
@@ -98,7 +106,7 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
     """
     default, name = sensor or SensorConfig(), _name(identity_of(sweep), sweep.unit)
     if not sweep.HasField("pose"):
-        raise SweepError(f"{name} has no pose: give the unit a pose, a path or a pose key in the site file")
+        raise SweepError(f"{name} has no pose: give the unit a pose, a path or a pose key in the site file", "no pose")
     own = sweep.sensor if sweep.HasField("sensor") else messages_pb2.Sensor()
     bias_m = own.range_bias_m if own.HasField("range_bias_m") else default.range_bias_m
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
@@ -133,7 +141,10 @@ def _flights_s(sweep: messages_pb2.Sweep, name: str) -> np.ndarray:
     for index, reading in enumerate(sweep.readings):
         if reading.status in echo and reading.HasField("time_of_flight_s"):
             if not math.isfinite(reading.time_of_flight_s):
-                raise SweepError(f"{name}, reading {index}: time_of_flight_s is not finite; leave it out for no echo")
+                raise SweepError(
+                    f"{name}, reading {index}: time_of_flight_s is not finite; leave it out for no echo",
+                    "time of flight",
+                )
             flights_s[index] = reading.time_of_flight_s
     return flights_s
 
@@ -151,7 +162,8 @@ def _check_not_stuck(name: str, sweep: SweepReadings, told_m: np.ndarray) -> Non
         ranges = ", ".join(f"{one_m:.3f} m" for one_m in repeated)
         raise StuckSensorError(
             f"{name}: its sensor repeats {ranges} at nearly all of {listened} bearings, as no room answers; "
-            "check the sensor, its wiring and what hangs before it"
+            "check the sensor, its wiring and what hangs before it",
+            "stuck sensor",
         )
 
 
@@ -160,7 +172,7 @@ def _check(name: str, field: str, values: np.ndarray | float) -> None:
     bound, values = _BOUNDS[field], np.asarray(values, dtype=float)
     outside = values[~((values >= bound.least) & (values <= bound.most))]
     if outside.size:
-        raise SweepError(f"{name}: {field} {bound.fault(float(outside.flat[0]))}")
+        raise SweepError(f"{name}: {field} {bound.fault(float(outside.flat[0]))}", field)
 
 
 def _name(identity: tuple[str, int], unit: str) -> str:
