@@ -11,6 +11,7 @@ from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook, ContactChange, Identity
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.contour.contour import Contour, joined
+from noctule_mapper.contour.reasons import reason
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import contact_regions, free_space
 from noctule_mapper.paper.eht_lsm import eht_lsm
@@ -88,7 +89,9 @@ class Mapper:
     def contour(self) -> Contour:
         """The contour of all sweeps on the map, by the method that the configuration names."""
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
-        return replace(self._contour(), sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
+        found = self._contour()
+        note = reason(found, self._contacts.echoes(), self.sweeps(), self.config.refinement.limits)
+        return replace(found, sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method, note=note)
 
     def _contour(self) -> Contour:
         if not len(self._contacts.echoes()):

@@ -14,7 +14,7 @@ from noctule_mapper.left_out import LeftOut, because_of_errors, because_of_windo
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message
-from noctule_mapper.window import windowed
+from noctule_mapper.window import Reason, windowed
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def map_survey(
     mapper = Mapper(config)
     for number in held.held:
         mapper.register_sweep(usable[number].readings)
-    outside = [(usable[number].record, reason) for number, reason in held.left.items()]
+    outside: list[tuple[Record, Reason]] = [(usable[number].record, reason) for number, reason in held.left.items()]
     left_out = (*because_of_errors(failed), *because_of_window(outside, window or Window()))
     return SurveyMap(mapper, next(iter(sites), ""), left_out)
 

@@ -27,5 +27,7 @@ def export(
         f"{out}: walls {len(contour.walls)}, corners {len(contour.corners)}, cylinders {len(contour.cylinders)}; "
         "metres in the site's frame"
     )
+    if contour.note:
+        print(contour.note)
     for left_out in exported.left_out:
         typer.echo(str(left_out), err=True)
