@@ -281,7 +281,8 @@ class Window(_Model):
     model_config = ConfigDict(allow_inf_nan=False)
 
     max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
-    max_sweeps: int = Field(default=1_000, ge=1, le=20_000)
-    sweeps_per_place: int = Field(default=2, ge=1)  # of a unit's last visit there: one in each stepper direction
+    max_sweeps: int = Field(default=4_000, ge=1, le=20_000)
+    # Of a unit's last visit there, in both directions of the stepper: enough to tell who walks by from what changes.
+    sweeps_per_place: int = Field(default=8, ge=1)
     place_radius_m: float = Field(default=0.05, gt=0)  # well above the noise of poses, below the steps of a path
     place_heading_rad: float = Field(default=math.radians(15.0), gt=0, le=math.tau)

@@ -19,6 +19,7 @@ _LATE_M = 0.0043  # an echo may be heard a cycle late: 25 us of sound there and 
 _SAME_BEARING_STEPS = 0.5
 _NEXT_BEARING_STEPS = 1.3  # a reflector at the edge of the lobe answers now at this bearing and now at the next
 _LEAST_SHARE = 0.5  # of the sweeps that say something of an echo
+_WITNESSES = 8  # the newest sweeps judge all: a change is taken over in as many, however many are kept
 _NEWEST = 2  # of the sweeps are the newer half at least: one alone proves nothing
 
 
@@ -29,8 +30,9 @@ def lasting(sweeps: Sequence[SweepReadings], assumed_sigma_m: float) -> list[np.
         return heard
     bearing_rad = np.concatenate([sweep.bearing_rad[at] for sweep, at in zip(sweeps, heard, strict=True)])
     range_m = np.concatenate([sweep.range_m[at] for sweep, at in zip(sweeps, heard, strict=True)])
-    says = np.stack([_says(sweep, bearing_rad, range_m, assumed_sigma_m) for sweep in sweeps], axis=1)
-    newer = says[:, -max(_NEWEST, len(sweeps) // 2) :]
+    witnesses = sweeps[-_WITNESSES:]
+    says = np.stack([_says(sweep, bearing_rad, range_m, assumed_sigma_m) for sweep in witnesses], axis=1)
+    newer = says[:, -max(_NEWEST, len(witnesses) // 2) :]
     lasts = np.split(_agreed(says) & _agreed(newer), np.cumsum([at.sum() for at in heard])[:-1])
     return [_spread_over(at, one) for at, one in zip(heard, lasts, strict=True)]
 
