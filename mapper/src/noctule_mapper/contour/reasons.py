@@ -19,20 +19,17 @@ def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], li
         return "no sweeps"
     if not len(echoes):
         return _nothing_heard(sweeps)
-    places, empty = _places(echoes, limits), not (contour.walls or contour.cylinders)
-    wall_needs = limits.least_places - any(is_fine(sweep) for sweep in sweeps)
-    if places < wall_needs and not contour.walls:
-        needs = f"a wall needs {wall_needs}, a cylinder {limits.least_places}"
-        return f"{_from(places)}; {needs}{_poses_alike(sweeps, places)}"
+    places = _places(echoes, limits)
+    heard = f"echoes from {places} place{'' if places == 1 else 's'}"
     if places < limits.least_places:
-        return f"{_from(places)}; a cylinder needs {limits.least_places}{_poses_alike(sweeps, places)}"
-    if empty:
-        return f"{_from(places)}, but no wall and no cylinder explains enough of them: check the poses"
+        wall_needs = limits.least_places - any(is_fine(sweep) for sweep in sweeps)
+        wall = f"a wall needs {wall_needs}, " if places < wall_needs and not contour.walls else ""
+        return (
+            f"{heard}; {wall}a cylinder{'' if wall else ' needs'} {limits.least_places}{_poses_alike(sweeps, places)}"
+        )
+    if not (contour.walls or contour.cylinders):
+        return f"{heard}, but no wall and no cylinder explains enough of them: check the poses"
     return ""
-
-
-def _from(places: int) -> str:
-    return f"echoes from {places} place{'' if places == 1 else 's'}"
 
 
 def _nothing_heard(sweeps: Sequence[SweepReadings]) -> str:
@@ -44,8 +41,7 @@ def _nothing_heard(sweeps: Sequence[SweepReadings]) -> str:
 
 def _places(echoes: Echoes, limits: LimitConfig) -> int:
     """How many places the echoes are from: those nearer than ``same_place_m`` are one."""
-    cells = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / limits.same_place_m)
-    return len(np.unique(cells, axis=0))
+    return len(np.unique(np.rint(echoes.x_m / limits.same_place_m) + 1j * np.rint(echoes.y_m / limits.same_place_m)))
 
 
 def _poses_alike(sweeps: Sequence[SweepReadings], places: int) -> str:
