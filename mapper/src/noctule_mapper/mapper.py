@@ -135,7 +135,7 @@ class Mapper:
         """Which echoes last of the sweeps from one pose may have changed with the last sweep that came or went."""
         at = self._places[pose]
         sweeps = [self._sweeps[identity] for identity in at]
-        for sweep, lasts in zip(sweeps, lasting(sweeps, self.config.noise.assumed_sigma_m), strict=True):
+        for sweep, lasts in zip(sweeps, lasting(sweeps), strict=True):
             old = self._lasting[sweep.identity]
             if not np.array_equal(np.isfinite(old.range_m), lasts):
                 new = replace(sweep, range_m=np.where(lasts, sweep.range_m, np.nan))
