@@ -65,17 +65,22 @@ def survey_fixed(
 
 def survey_with_people(
     room: Room, poses: np.ndarray, rng: np.random.Generator, people: int, rounds: int = SWEEPS_EACH
-) -> list[LabelledSweep]:
-    """As survey_fixed(), with ``people`` who stand elsewhere in each round of the units; a label calls them false."""
+) -> tuple[list[LabelledSweep], np.ndarray]:
+    """As survey_fixed(), with ``people`` who stand elsewhere in each round of the units, and where they stood, (n, 2);
+    a label calls them false.
+    """
     surveyed: list[LabelledSweep] = []
+    stood: list[tuple[float, float, float]] = []
     for _ in range(rounds):
-        crowded = replace(room, cylinders=room.cylinders + tuple(_person(room, poses, rng) for _ in range(people)))
+        here = [_person(room, poses, rng) for _ in range(people)]
+        stood += here
+        crowded = replace(room, cylinders=(*room.cylinders, *here))
         for one in survey_labelled(crowded, poses, rng, FIXED, True, BEARINGS_RAD):
             number = len(surveyed)
             timed = replace(one, sweep=replace(one.sweep, time_s=3.0 * number))
             unit = _of_unit(timed, number, number % len(poses) + 1)
             surveyed.append(replace(unit, labels=tuple(_of_the_room(label, room) for label in one.labels)))
-    return surveyed
+    return surveyed, np.array(stood)[:, :2]
 
 
 PERSON_RADIUS_M = 0.2
