@@ -14,6 +14,7 @@ from mapper.label_fit import LabelFit, label_fit, variances
 from mapper.room import (
     HARD,
     LONGEST_M,
+    Label,
     LabelledSweep,
     Physics,
     Room,
@@ -60,6 +61,46 @@ def survey_fixed(
     rounds = np.tile(poses, (SWEEPS_EACH, 1))
     surveyed = survey_labelled(room, rounds, rng, physics, calibrated, BEARINGS_RAD)
     return [_of_unit(one, number, number % len(poses) + 1) for number, one in enumerate(surveyed)]
+
+
+def survey_with_people(
+    room: Room, poses: np.ndarray, rng: np.random.Generator, people: int, rounds: int = SWEEPS_EACH
+) -> tuple[list[LabelledSweep], np.ndarray]:
+    """As survey_fixed(), with ``people`` who stand elsewhere in each round of the units, and where they stood, (n, 2);
+    a label calls them false.
+    """
+    surveyed: list[LabelledSweep] = []
+    stood: list[tuple[float, float, float]] = []
+    for _ in range(rounds):
+        here = [_person(room, poses, rng) for _ in range(people)]
+        stood += here
+        crowded = replace(room, cylinders=(*room.cylinders, *here))
+        for one in survey_labelled(crowded, poses, rng, FIXED, True, BEARINGS_RAD):
+            number = len(surveyed)
+            timed = replace(one, sweep=replace(one.sweep, time_s=3.0 * number))
+            unit = _of_unit(timed, number, number % len(poses) + 1)
+            surveyed.append(replace(unit, labels=tuple(_of_the_room(label, room) for label in one.labels)))
+    return surveyed, np.array(stood)[:, :2]
+
+
+PERSON_RADIUS_M = 0.2
+
+
+def _person(room: Room, poses: np.ndarray, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Someone on their feet, clear of walls, cylinders and units."""
+    low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
+    while True:
+        point = rng.uniform(low, high)
+        clear = distance_to_sides_m(point, room.vertices).min() > PERSON_RADIUS_M + 0.05
+        clear &= bool(np.hypot(*(poses[:, :2] - point).T).min() > PERSON_RADIUS_M + CLEARANCE_M)
+        clear &= all(math.hypot(point[0] - x, point[1] - y) > r + PERSON_RADIUS_M for x, y, r in room.cylinders)
+        if clear and inside(point, room.vertices):
+            return float(point[0]), float(point[1]), PERSON_RADIUS_M
+
+
+def _of_the_room(label: Label, room: Room) -> Label:
+    person = label.kind == "cylinder" and label.index >= len(room.cylinders)
+    return Label("false") if person else label
 
 
 def judge_fixed(contour: Contour, room: Room, surveyed: Sequence[LabelledSweep]) -> Verdict:

@@ -51,15 +51,21 @@ def contacts_of(book: ContactBook, one: SweepReadings):
     return book.contacts().take(book.echoes().sweep == one.identity[1])
 
 
-@given(st.lists(st.tuples(st.booleans(), st.integers(0, 63)), min_size=10, max_size=60))
+@given(st.lists(st.tuples(st.sampled_from(["comes", "goes", "changes"]), st.integers(0, 63)), min_size=10, max_size=60))
 @settings(max_examples=40, derandomize=True, deadline=None)
 def test_after_any_comings_and_goings_the_votes_are_those_of_a_book_of_what_is_left(
-    steps: list[tuple[bool, int]],
+    steps: list[tuple[str, int]],
 ) -> None:
     lived, held = ContactBook(CONFIG), []
-    for number, (goes, which) in enumerate(steps):
-        if goes and held:
+    for number, (what, which) in enumerate(steps):
+        if what == "goes" and held:
             lived.remove(held.pop(which % len(held)).identity)
+        elif what == "changes" and held:
+            old = held[which % len(held)]
+            kept = np.random.default_rng(number).random(len(old.range_m)) < 0.7
+            new = replace(old, range_m=np.where(kept, old.range_m, np.nan))
+            held[which % len(held)] = new
+            lived.exchange(new.identity, echoes_of(new, new.identity[1], 0.003))
         else:
             held.append(sweep(number, PLACES[which % len(PLACES)], POSE_NOISE_M))
             put(lived, held[-1])

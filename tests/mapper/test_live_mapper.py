@@ -12,7 +12,7 @@ from system.processes import wait_until
 
 from mapper import room
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus
-from noctule_mapper.live.config import Window
+from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import from_message
@@ -88,17 +88,22 @@ def test_a_mapper_killed_in_mid_survey_ends_with_the_same_map_and_every_sweep(si
     store.close()
 
 
-def test_a_sweep_without_a_pose_is_counted_and_passed_over(site: LiveSite) -> None:
+def test_a_sweep_without_a_pose_is_counted_and_passed_over_and_the_status_says_what_is_lacking(site: LiveSite) -> None:
     survey = paper_survey()[:6]
     for sweep in survey[2:4]:
         sweep.ClearField("pose")
     site.start_mapper()
     statuses: list[ServiceStatus] = []
     site.client.on_service_status(statuses.append)
-    site.play(survey)
+    site.play(survey[:1])
+    lacking = "echoes from 1 place; a wall needs 3, a cylinder 3"
+    wait_until(lambda: statuses and statuses[-1].detail == lacking, "the status does not say why", within_s=20)
+    site.play(survey[1:])
     site.contour_of(4)
     wait_until(lambda: statuses and statuses[-1].counters["sweeps_taken"] == 6, "the status does not come", within_s=20)
     assert statuses[-1].counters["sweeps_unusable"] == 2
+    assert "2 sweeps of u1 left out, the last: sweep" in statuses[-1].detail
+    assert "has no pose" in statuses[-1].detail
     assert [cursor.log_sequence for cursor in statuses[-1].cursors] == [6]
     assert site.running.log("mapper").count("has no pose") == 1
 

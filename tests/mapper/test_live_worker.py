@@ -14,7 +14,8 @@ from system.processes import wait_until
 
 from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
-from noctule_mapper.live.config import LiveConfig, Pace, Window
+from noctule_mapper.config import Window
+from noctule_mapper.live.config import LiveConfig, Pace
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.troubles import Troubles

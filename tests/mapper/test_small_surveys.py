@@ -105,7 +105,7 @@ def test_a_map_with_nothing_on_it_is_printed_and_exported(tmp_path: Path, out: s
         survey.write([sweep(1, (0.0, 0.0), [(0.0, 1.0)])], stream)
     fitted = noctule_mapper("fit", source, "--contour", contour)
     assert (fitted.exit_code, fitted.complaint) == (0, "")
-    assert [line.split()[0] for line in fitted.output.split("\n") if line] == ["wall", "corner", "cylinder"]
+    assert [line.split()[0] for line in fitted.output.split("\n") if line] == ["wall", "corner", "cylinder", "echoes"]
     assert json_format.Parse(contour.read_text(), Contour()).sweeps == 1
     for given_ in (source, contour):
         exported = noctule_mapper("export", given_, tmp_path / out)

@@ -12,7 +12,7 @@ import pytest
 from mapper.room import paper_path
 
 from noctule.messages_pb2 import Cursor, Pose, Sweep
-from noctule_mapper.live.config import Window
+from noctule_mapper.config import Window
 from noctule_mapper.live.store import StoreError, SweepStore
 
 LOG = "8c1f"
@@ -290,7 +290,7 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from noctule.messages_pb2 import Cursor, Pose, Sweep
-from noctule_mapper.live.config import Window
+from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 
 store = SweepStore(Path(sys.argv[1]), Window())

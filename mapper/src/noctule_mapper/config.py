@@ -273,3 +273,16 @@ class MapperConfig(_Model):
     cylinders: CylinderConfig = CylinderConfig()
     hough: HoughConfig = HoughConfig()
     refinement: RefinementConfig = RefinementConfig()
+
+
+class Window(_Model):
+    """Which sweeps the map rests on: what is too old, superseded or too many is taken out again."""
+
+    model_config = ConfigDict(allow_inf_nan=False)
+
+    max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
+    max_sweeps: int = Field(default=4_000, ge=1, le=20_000)
+    # Of a unit's last visit there, in both directions of the stepper: enough to tell who walks by from what changes.
+    sweeps_per_place: int = Field(default=8, ge=1)
+    place_radius_m: float = Field(default=0.05, gt=0)  # well above the noise of poses, below the steps of a path
+    place_heading_rad: float = Field(default=math.radians(15.0), gt=0, le=math.tau)

@@ -7,18 +7,22 @@ sensor model -> contacts -> belief fusion on a sparse grid -> features -> walls,
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook, ContactChange, Identity
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.contour.contour import Contour, joined
+from noctule_mapper.contour.reasons import reason
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import contact_regions, free_space
 from noctule_mapper.paper.eht_lsm import eht_lsm
 from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
-from noctule_mapper.readings.echoes import echoes_of
-from noctule_mapper.readings.looks import looks_of
+from noctule_mapper.readings.echoes import Echoes, echoes_of
+from noctule_mapper.readings.looks import Pose, is_fine, looks_of, pose_of
 from noctule_mapper.readings.parts import parts_of
+from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
 
@@ -32,7 +36,10 @@ class Mapper:
         self.config = config or MapperConfig()
         self._grid: Grid | None = None  # until it is looked at
         self._contacts = ContactBook(self.config.contacts)
-        self._sweeps: dict[tuple[str, int], SweepReadings] = {}
+        self._sweeps: dict[Identity, SweepReadings] = {}
+        self._lasting: dict[Identity, SweepReadings] = {}  # with those echoes alone that last
+        self._places: dict[Pose, list[Identity]] = {}  # of units that stand still
+        self._numbers: dict[Identity, int] = {}
         self._registered = 0
         self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
         self._points: FeaturePoints | None = None  # likewise
@@ -42,20 +49,26 @@ class Mapper:
         """Put a sweep on the map; one that is there already changes nothing."""
         if sweep.identity in self._sweeps:
             return
-        self._sweeps[sweep.identity] = sweep
         self._registered += 1
-        echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
-        if self._grid is not None:
-            self._grid.add_free(free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
-        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))  # II.B: beside earlier positions
+        self._sweeps[sweep.identity], self._numbers[sweep.identity] = sweep, self._registered
+        self._lasting[sweep.identity] = sweep
+        self._free(sweep)
+        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, self._echoes(sweep)))  # II.B
+        if is_fine(sweep):
+            self._places.setdefault(pose_of(sweep), []).append(sweep.identity)
+            self._judge_again(pose_of(sweep))
 
-    def remove_sweep(self, identity: tuple[str, int]) -> None:
+    def remove_sweep(self, identity: Identity) -> None:
         """Take a sweep off the map; one that is not there changes nothing."""
         sweep = self._sweeps.pop(identity, None)
-        if sweep is not None:
-            if self._grid is not None:
-                self._grid.add_free(free_space(sweep, self.config.grid), sign=-1)
-            self._update(self._contacts.remove(identity))
+        if sweep is None:
+            return
+        self._free(self._lasting.pop(identity), sign=-1)
+        self._update(self._contacts.remove(identity))
+        del self._numbers[identity]
+        if is_fine(sweep):
+            self._places[pose_of(sweep)].remove(identity)
+            self._judge_again(pose_of(sweep))
 
     def sweeps(self) -> list[SweepReadings]:
         """The sweeps on the map, as they came."""
@@ -68,7 +81,7 @@ class Mapper:
         """
         if self._grid is None:
             grid = Grid(self.config.grid, self.config.rule)
-            for sweep in self._sweeps.values():
+            for sweep in self._lasting.values():
                 grid.add_free(free_space(sweep, self.config.grid))
             grid.add(contact_regions(self._contacts.echoes(), self._contacts.contacts(), self.config.grid))
             self._grid = grid
@@ -90,7 +103,9 @@ class Mapper:
     def contour(self) -> Contour:
         """The contour of all sweeps on the map, by the method that the configuration names."""
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
-        return replace(self._contour(), sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
+        found = self._contour()
+        note = reason(found, self._contacts.echoes(), self.sweeps(), self.config.refinement.limits)
+        return replace(found, sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method, note=note)
 
     def _contour(self) -> Contour:
         if not len(self._contacts.echoes()):
@@ -104,7 +119,7 @@ class Mapper:
     def _refined(self) -> Contour:
         """Each part of the site by itself; one whose sweeps are those of last time stays as it was."""
         parts = {}
-        for sweeps in parts_of(list(self._sweeps.values()), self.config.parts):
+        for sweeps in parts_of(list(self._lasting.values()), self.config.parts):
             of = [sweep.identity for sweep in sweeps]
             key = frozenset(of)
             parts[key] = self._parts.get(key) or self._refined_part(sweeps, of)
@@ -117,6 +132,30 @@ class Mapper:
             return Contour()
         looks = looks_of(sweeps, self.config.noise.assumed_sigma_m)
         return refine(echoes, self._contacts.contacts(of), looks, self.config)
+
+    def _judge_again(self, pose: Pose) -> None:
+        """Which echoes last of the sweeps from one pose may have changed with the last sweep that came or went."""
+        at = self._places[pose]
+        sweeps = [self._sweeps[identity] for identity in at]
+        for sweep, lasts in zip(sweeps, lasting(sweeps), strict=True):
+            old = self._lasting[sweep.identity]
+            if not np.array_equal(np.isfinite(old.range_m), lasts):
+                new = replace(sweep, range_m=np.where(lasts, sweep.range_m, np.nan))
+                self._lasting[sweep.identity] = new
+                self._free(old, sign=-1)
+                self._free(new)
+                for change in self._contacts.exchange(sweep.identity, self._echoes(new)):
+                    self._update(change)
+        if not at:
+            del self._places[pose]
+
+    def _echoes(self, sweep: SweepReadings) -> Echoes:
+        return echoes_of(sweep, self._numbers[sweep.identity], self.config.noise.assumed_sigma_m)
+
+    def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
+        """II.A, Eq. 5-8: what lies before the arcs."""
+        if self._grid is not None:
+            self._grid.add_free(free_space(sweep, self.config.grid), sign=sign)
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""

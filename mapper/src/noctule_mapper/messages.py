@@ -27,6 +27,7 @@ def contour_message(contour: Contour, site: str, mapper: str = "", version: int 
         time=timestamp(contour.time_s),
         method=contour.method,
         sweeps=contour.sweeps,
+        note=contour.note,
         walls=[_wall(wall) for wall in contour.walls],
         corners=[
             messages_pb2.Corner(

@@ -1,38 +1,86 @@
-"""A survey in, a contour out: what ``noctule-mapper fit`` computes."""
+"""A survey in, a contour out: what ``noctule-mapper fit`` computes. The survey is taken as the live mapper takes a log:
+sweeps that can't be mapped are left out, and the map rests on those of the window.
+"""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from time import time_ns
 
 from noctule import messages_pb2
-from noctule.errors import SurveyError
-from noctule_mapper.config import MapperConfig, SensorConfig
+from noctule.errors import NoctuleError, SurveyError
+from noctule.survey import Record
+from noctule_mapper.config import MapperConfig, SensorConfig, Window
+from noctule_mapper.left_out import LeftOut, because_of_errors, because_of_window
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
-from noctule_mapper.readings.sweep import from_message
+from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message
+from noctule_mapper.window import Reason, windowed
+
+
+@dataclass(frozen=True)
+class SurveyMap:
+    """The map of a survey of ``site``, "" where it has no sweeps, and what of it the map does not rest on."""
+
+    mapper: Mapper
+    site: str
+    left_out: tuple[LeftOut, ...]
+
+
+@dataclass(frozen=True)
+class _Usable:
+    record: Record
+    sweep: messages_pb2.Sweep
+    readings: SweepReadings
 
 
 def fit(
-    sweeps: Iterable[messages_pb2.Sweep], config: MapperConfig | None = None, sensor: SensorConfig | None = None
+    sweeps: Iterable[messages_pb2.Sweep],
+    config: MapperConfig | None = None,
+    sensor: SensorConfig | None = None,
+    window: Window | None = None,
 ) -> messages_pb2.Contour:
     """The contour of one site's survey; ``sensor`` stands in for what the sweeps do not say of theirs.
 
-    Raises SurveyError where the sweeps are of several sites, SweepError where one can't be mapped.
+    Raises SurveyError where the sweeps are of several sites, SweepError where none can be mapped.
     """
-    mapper, site = map_survey(sweeps, config, sensor)
-    return contour_message(mapper.contour(), site=site)
+    records = (Record("survey", number, sweep) for number, sweep in enumerate(sweeps, start=1))
+    surveyed = map_survey(records, config, sensor, window)
+    return contour_message(surveyed.mapper.contour(), site=surveyed.site)
 
 
 def map_survey(
-    sweeps: Iterable[messages_pb2.Sweep], config: MapperConfig | None = None, sensor: SensorConfig | None = None
-) -> tuple[Mapper, str]:
-    """The map of one site's survey and the site, "" where there are no sweeps; arguments and errors as of ``fit``."""
+    records: Iterable[Record],
+    config: MapperConfig | None = None,
+    sensor: SensorConfig | None = None,
+    window: Window | None = None,
+) -> SurveyMap:
+    """The map of one site's survey; arguments and errors as of ``fit``, and SurveyError where no sweep can be read."""
     config = config or MapperConfig()
+    usable, failed = _usable(records, sensor or config.sensor)
+    if failed and not usable:
+        raise failed[0][1]
+    sites = sorted({one.sweep.site for one in usable})
+    if len(sites) > 1:
+        raise SurveyError(f"the survey holds sweeps of several sites ({', '.join(sites)}); fit one site at a time")
+    held = windowed([one.sweep for one in usable], window or Window(), time_ns())
     mapper = Mapper(config)
-    sites: set[str] = set()
-    for sweep in sweeps:
-        sites.add(sweep.site)
-        if len(sites) > 1:
-            raise SurveyError(
-                f"the survey holds sweeps of several sites ({', '.join(sorted(sites))}); fit one site at a time"
-            )
-        mapper.register_sweep(from_message(sweep, sensor or config.sensor))
-    return mapper, next(iter(sites), "")
+    for number in held.held:
+        mapper.register_sweep(usable[number].readings)
+    outside: list[tuple[Record, Reason]] = [(usable[number].record, reason) for number, reason in held.left.items()]
+    left_out = (*because_of_errors(failed), *because_of_window(outside, window or Window()))
+    return SurveyMap(mapper, next(iter(sites), ""), left_out)
+
+
+def _usable(records: Iterable[Record], sensor: SensorConfig) -> tuple[list[_Usable], list[tuple[Record, NoctuleError]]]:
+    """The sweeps that can be mapped, and what is wrong with the others."""
+    usable: list[_Usable] = []
+    failed: list[tuple[Record, NoctuleError]] = []
+    for record in records:
+        if isinstance(record.sweep, SurveyError):
+            failed.append((record, record.sweep))
+            continue
+        try:
+            usable.append(_Usable(record, record.sweep, from_message(record.sweep, sensor)))
+        except SweepError as error:
+            failed.append((record, error))
+    return usable, failed

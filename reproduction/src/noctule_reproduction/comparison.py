@@ -39,6 +39,7 @@ class Comparison:
     cylinder: tuple[Spread, ...]
     missed: int
     surplus: int
+    notes: tuple[str, ...]  # why a contour has nothing, or no more
 
 
 def compare(runs: Sequence[Run], method: Method) -> Comparison:
@@ -60,6 +61,7 @@ def compare(runs: Sequence[Run], method: Method) -> Comparison:
         cylinder=_spreads(cylinders),
         missed=there - found,
         surplus=reported - found,
+        notes=tuple(dict.fromkeys(note for run in runs if (note := run.contours[method].note))),
     )
 
 

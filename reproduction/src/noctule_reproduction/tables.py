@@ -54,7 +54,8 @@ def table_3(ours: Mapping[Method, Comparison]) -> str:
 def counts(ours: Mapping[Method, Comparison]) -> str:
     """What each method missed and invented over all seeds."""
     rows = [[method, str(11 * one.seeds), str(one.missed), str(one.surplus)] for method, one in ours.items()]
-    return _table(["method", "walls, corners and cylinders there", "missed", "too many"], rows)
+    notes = [f"{method}: {note}." for method, one in ours.items() for note in one.notes]
+    return "\n\n".join([_table(["method", "walls, corners and cylinders there", "missed", "too many"], rows), *notes])
 
 
 def _heading(what: str, baseline: str, ours: Mapping[Method, Comparison]) -> list[str]:

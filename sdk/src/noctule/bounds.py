@@ -279,6 +279,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "corners": Many(10_000),
         "cylinders": Many(10_000),
         "sweeps": _NUMBER_53,
+        "note": _SENTENCES,
     },
     "FeaturePoint": {
         "x_m": _MAP_M,
@@ -321,6 +322,13 @@ def number(message: str, field: str) -> Number:
     """The bounds of a field that holds a number."""
     bound = BOUNDS[message][field]
     assert isinstance(bound, Number)
+    return bound
+
+
+def text(message: str, field: str) -> Text:
+    """The bounds of a field that holds text."""
+    bound = BOUNDS[message][field]
+    assert isinstance(bound, Text)
     return bound
 
 

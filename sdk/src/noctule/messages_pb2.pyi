@@ -369,7 +369,7 @@ class Cylinder(_message.Message):
     def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., radius_m: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., readings: _Optional[int] = ...) -> None: ...
 
 class Contour(_message.Message):
-    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps")
+    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "note")
     SITE_FIELD_NUMBER: _ClassVar[int]
     MAPPER_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
@@ -379,6 +379,7 @@ class Contour(_message.Message):
     CORNERS_FIELD_NUMBER: _ClassVar[int]
     CYLINDERS_FIELD_NUMBER: _ClassVar[int]
     SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    NOTE_FIELD_NUMBER: _ClassVar[int]
     site: str
     mapper: str
     version: int
@@ -388,7 +389,8 @@ class Contour(_message.Message):
     corners: _containers.RepeatedCompositeFieldContainer[Corner]
     cylinders: _containers.RepeatedCompositeFieldContainer[Cylinder]
     sweeps: int
-    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ...) -> None: ...
+    note: str
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., note: _Optional[str] = ...) -> None: ...
 
 class FeaturePoint(_message.Message):
     __slots__ = ("x_m", "y_m", "reliability", "kind")

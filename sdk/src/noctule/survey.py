@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 from google.protobuf import json_format
 from google.protobuf.message import Message
@@ -15,11 +15,27 @@ from noctule.messages_pb2 import Sweep
 MCAP_SUFFIX = ".mcap"
 
 
+class Record(NamedTuple):
+    """What a survey holds at one place: a sweep, or why there is none."""
+
+    source: str  # the file
+    number: int  # of its line, from 1; in MCAP of the sweep
+    sweep: Sweep | SurveyError
+
+
 def read(survey: Path | IO[str]) -> Iterator[Sweep]:
     """The sweeps of a file, or of an open text stream of JSON lines, in their order; empty lines are passed over.
 
     Raises SurveyError, naming the line and what is wrong with it, at the sweep that can't be read.
     """
+    for record in read_records(survey):
+        if isinstance(record.sweep, SurveyError):
+            raise record.sweep
+        yield record.sweep
+
+
+def read_records(survey: Path | IO[str]) -> Iterator[Record]:
+    """As read(), but a sweep that can't be read does not end it. Raises SurveyError where the file itself can't be."""
     if not isinstance(survey, Path):
         yield from _read_lines(survey, getattr(survey, "name", "survey"))
     elif survey.suffix == MCAP_SUFFIX:
@@ -27,7 +43,8 @@ def read(survey: Path | IO[str]) -> Iterator[Sweep]:
             from noctule import survey_mcap
         except ModuleNotFoundError as error:
             raise SurveyError(f"{survey} can't be read: MCAP needs noctule[cli], install it") from error
-        yield from survey_mcap.read(survey)
+        for number, sweep in enumerate(survey_mcap.read_each(survey), start=1):
+            yield Record(str(survey), number, sweep)
     else:
         try:
             with survey.open(encoding="utf-8") as lines:
@@ -73,10 +90,13 @@ def from_json(line: str, where: str) -> Sweep:
     return sweep
 
 
-def _read_lines(lines: Iterable[str], name: str) -> Iterator[Sweep]:
+def _read_lines(lines: Iterable[str], name: str) -> Iterator[Record]:
     for number, line in enumerate(lines, start=1):
         if line.strip():
-            yield from_json(line, f"{name}, line {number}")
+            try:
+                yield Record(name, number, from_json(line, f"{name}, line {number}"))
+            except SurveyError as error:
+                yield Record(name, number, error)
 
 
 def _reason(line: str, error: json_format.ParseError) -> str:

@@ -15,10 +15,11 @@ _SCHEMA = Sweep.DESCRIPTOR.full_name
 _ENCODING = "protobuf"
 
 
-def read(path: Path) -> Iterator[Sweep]:
-    """The sweeps of an MCAP file in the order in which they were written; other messages in it are passed over.
+def read_each(path: Path) -> Iterator[Sweep | SurveyError]:
+    """The sweeps of an MCAP file in the order in which they were written, an error in place of one with a value beyond
+    its bounds; other messages in it are passed over.
 
-    Raises SurveyError, also where the file was cut or a bit of it has changed.
+    Raises SurveyError where the file was cut or a bit of it has changed.
     """
     number = 0
     try:
@@ -26,14 +27,19 @@ def read(path: Path) -> Iterator[Sweep]:
             for schema, _, message in NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False):
                 if schema is not None and schema.name == _SCHEMA:
                     number += 1
-                    yield bounds.decode(Sweep, message.data)
+                    yield _decoded(message.data, f"{path}, sweep {number}")
     except OSError as error:
         raise SurveyError(f"{path} can't be read: {error.strerror}") from error
-    except BoundsError as error:
-        raise SurveyError(f"{path}, sweep {number}: {error}") from error
     except Exception as error:  # on broken data the library raises whatever its parts raise
         reason = str(error) or "it ends too early"
         raise SurveyError(f"{path} is not a whole MCAP file of sweeps: {reason}") from error
+
+
+def _decoded(payload: bytes, where: str) -> Sweep | SurveyError:
+    try:
+        return bounds.decode(Sweep, payload)
+    except BoundsError as error:
+        return SurveyError(f"{where}: {error}")
 
 
 def write(sweeps: Iterable[Sweep], stream: IO[bytes]) -> None:

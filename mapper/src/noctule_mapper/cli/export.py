@@ -14,13 +14,20 @@ def export(
     method: Annotated[Method | None, typer.Option(help="How a survey's walls and cylinders are found.")] = None,
     rule: Annotated[Rule | None, typer.Option(help="How the beliefs of a survey's grid are fused.")] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the survey's sensor.")] = None,
+    config: Annotated[Path | None, typer.Option(help="TOML file with [window] and [mapper], as for run.")] = None,
 ) -> None:
     """Export a contour to GeoJSON, DXF or a ROS map."""
     from noctule_mapper.export.files import export_file
-    from noctule_mapper.live.config import load_sensor
+    from noctule_mapper.live.config import in_force
 
-    contour = export_file(source, out, method, rule, load_sensor(sensor) if sensor else None)
+    parameters = in_force(config, method, rule, sensor) if method or rule or sensor or config else None
+    exported = export_file(source, out, parameters.mapper if parameters else None, parameters and parameters.window)
+    contour = exported.contour
     print(
         f"{out}: walls {len(contour.walls)}, corners {len(contour.corners)}, cylinders {len(contour.cylinders)}; "
         "metres in the site's frame"
     )
+    if contour.note:
+        print(contour.note)
+    for left_out in exported.left_out:
+        typer.echo(str(left_out), err=True)

@@ -11,9 +11,10 @@ from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 def fit(
     sweeps: Annotated[Path, typer.Argument(metavar="SURVEY", help="Sweeps as JSON lines, or MCAP by suffix.")],
     contour: Annotated[Path | None, typer.Option(help="Where the contour goes, as JSON.")] = None,
-    method: Annotated[Method, typer.Option(help="How walls and cylinders are found.")] = DEFAULT_METHOD,
-    rule: Annotated[Rule, typer.Option(help="How the grid's beliefs are fused.")] = DEFAULT_RULE,
+    method: Annotated[Method | None, typer.Option(help=f"How reflectors are found [{DEFAULT_METHOD}].")] = None,
+    rule: Annotated[Rule | None, typer.Option(help=f"How the grid's beliefs are fused [{DEFAULT_RULE}].")] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the sensor's calibration.")] = None,
+    config: Annotated[Path | None, typer.Option(help="TOML file with [window] and [mapper], as for run.")] = None,
     contacts: Annotated[
         Path | None, typer.Option(help="Where what each reading touched goes, as CSV: by tangent circle and by R2d.")
     ] = None,
@@ -23,21 +24,24 @@ def fit(
         bool, typer.Option("--view", help="Open the viewer on the recording, beside the survey if --rrd names none.")
     ] = False,
 ) -> None:
-    """Fit the contour of a survey, and print it."""
+    """Fit the contour of a survey, and print it; the parameters in force go beside it."""
     from noctule import survey
     from noctule_mapper.cli.drawings import draw
-    from noctule_mapper.config import MapperConfig
     from noctule_mapper.contour.table import contour_table
-    from noctule_mapper.live.config import load_sensor
+    from noctule_mapper.live.config import in_force, to_toml
     from noctule_mapper.messages import contour_message
     from noctule_mapper.survey_fit import map_survey
 
-    calibration = load_sensor(sensor) if sensor else None
-    mapper, site = map_survey(survey.read(sweeps), MapperConfig(method=method, rule=rule), calibration)
-    result = contour_message(mapper.contour(), site=site)
+    parameters = in_force(config, method, rule, sensor)
+    surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window)
+    result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:
         contour.write_text(survey.to_json(result) + "\n")
+        if contour.is_file():  # and not a device
+            contour.with_suffix(".config.toml").write_text(to_toml(parameters))
     if contacts:
-        contacts.write_text(mapper.contact_report().csv())
+        contacts.write_text(surveyed.mapper.contact_report().csv())
     print(contour_table(result))
-    draw(mapper, result, svg, rrd or (sweeps.with_suffix(".rrd") if view else None), view)
+    for left_out in surveyed.left_out:
+        typer.echo(str(left_out), err=True)
+    draw(surveyed.mapper, result, svg, rrd or (sweeps.with_suffix(".rrd") if view else None), view)

@@ -92,6 +92,18 @@ class ContactBook:
         del self._pages[identity]
         return self._reread(touched)
 
+    def exchange(self, identity: Identity, echoes: Echoes) -> tuple[ContactChange, ContactChange]:
+        """Give a sweep other echoes, at its place and in its turn; what this does to the old echoes and to the new."""
+        page = self._pages[identity]
+        voters, hearers = list(page.voters.values()), sorted(page.hearers)
+        self._unheard(identity, hearers)
+        none = contacts(page.echoes, self._no_votes(page.echoes), self._config)
+        gone = ContactChange(page.echoes, page.contacts, none)
+        page.echoes, page.contacts = echoes, contacts(echoes, self._no_votes(echoes), self._config)
+        self._heard(identity, hearers)
+        self._hear(identity, voters)
+        return gone, self._reread([page, *(self._pages[one] for one in hearers)])
+
     def echoes(self, of: Sequence[Identity] | None = None) -> Echoes:
         """The echoes ``of`` some sweeps, or of all as they came."""
         return join([self._pages[identity].echoes for identity in of or self._pages])

@@ -98,6 +98,7 @@ class Contour:
     time_s: float = 0.0
     method: str = ""
     range_sigma_m: float = field(default=float("nan"))  # the spread of a range that the fit went by
+    note: str = ""  # why there is nothing, or no more
 
     def outlines(self) -> list[Outline]:
         """The walls that meet, as rings and open chains of points."""

@@ -11,12 +11,12 @@ _CYLINDER_HEAD = ("cylinder", "x_m", "y_m", "±mm", "radius_m", "±mm", "reading
 
 
 def contour_table(contour: Contour) -> str:
-    """A table of walls, one of corners and one of cylinders; what is numbered counts from 1."""
+    """A table of walls, one of corners and one of cylinders, what is numbered counts from 1; and the contour's note."""
     walls = [_wall(number, wall) for number, wall in enumerate(contour.walls, 1)]
     corners = [_corner(number, corner) for number, corner in enumerate(contour.corners, 1)]
     cylinders = [_cylinder(number, cylinder) for number, cylinder in enumerate(contour.cylinders, 1)]
     tables = ((_WALL_HEAD, walls), (_CORNER_HEAD, corners), (_CYLINDER_HEAD, cylinders))
-    return "\n\n".join(_aligned([head, *rows]) for head, rows in tables)
+    return "\n\n".join([*(_aligned([head, *rows]) for head, rows in tables), *filter(None, [contour.note])])
 
 
 def _wall(number: int, wall: Wall) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -11,10 +12,10 @@ from google.protobuf import json_format
 from noctule import bounds, survey
 from noctule.errors import BoundsError, NoctuleError
 from noctule.messages_pb2 import Contour
-from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
-from noctule_mapper.config import MapperConfig, SensorConfig
+from noctule_mapper.config import MapperConfig, Window
 from noctule_mapper.export.atomic_write import write_whole
 from noctule_mapper.export.ros_map import OccupancyMap, occupancy_map, outline_map, pgm, yaml
+from noctule_mapper.left_out import LeftOut
 from noctule_mapper.messages import contour_message
 from noctule_mapper.survey_fit import map_survey
 
@@ -27,31 +28,38 @@ class ExportError(NoctuleError):
     """An export that was asked for in a way that can't be."""
 
 
-def export_file(
-    source: Path, out: Path, method: Method | None = None, rule: Rule | None = None, sensor: SensorConfig | None = None
-) -> Contour:
-    """Write ``source`` to ``out`` in the format that its suffix names; the contour that is in it.
+@dataclass(frozen=True)
+class Exported:
+    """The contour that was exported, and the sweeps of its survey that it does not rest on."""
+
+    contour: Contour
+    left_out: tuple[LeftOut, ...]
+
+
+def export_file(source: Path, out: Path, config: MapperConfig | None = None, window: Window | None = None) -> Exported:
+    """Write ``source`` to ``out`` in the format that its suffix names.
 
     Raises ExportError where the suffix is of no format, or where a contour comes with what only a survey is fitted by.
     """
     if out.suffix not in _SUFFIXES:
         raise ExportError(f"{out} has the suffix {out.suffix!r}: name it by its format, {', '.join(_SUFFIXES)}")
-    config = MapperConfig(method=method or DEFAULT_METHOD, rule=rule or DEFAULT_RULE)
-    contour = _contour(source)
+    contour, left_out = _contour(source), ()
     if contour is None:
-        sweeps = list(survey.read(source))
-        mapper, site = map_survey(sweeps, config, sensor)
-        contour = contour_message(mapper.contour(), site=site)
-        places_m = np.array([(sweep.pose.x_m, sweep.pose.y_m) for sweep in sweeps]).reshape(-1, 2)
+        surveyed = map_survey(survey.read_records(source), config, window=window)
+        mapper, left_out = surveyed.mapper, surveyed.left_out
+        contour = contour_message(mapper.contour(), site=surveyed.site)
+        places_m = np.array([(sweep.x_m, sweep.y_m) for sweep in mapper.sweeps()]).reshape(-1, 2)
 
         def ros_map() -> OccupancyMap:
-            return occupancy_map(contour, mapper.grid.tiles(), places_m, config.grid)
-    elif method or rule or sensor:
-        raise ExportError(f"{source} is fitted already: leave out --method, --rule and --sensor, or give its survey")
+            return occupancy_map(contour, mapper.grid.tiles(), places_m, mapper.config.grid)
+    elif config or window:
+        raise ExportError(
+            f"{source} is fitted already: leave out --method, --rule, --sensor and --config, or give its survey"
+        )
     else:
-        ros_map = partial(outline_map, contour, config.grid.cell_m)
+        ros_map = partial(outline_map, contour, MapperConfig().grid.cell_m)
     write_whole(_files(contour, ros_map, out))
-    return contour
+    return Exported(contour, left_out)
 
 
 def _files(contour: Contour, ros_map: Callable[[], OccupancyMap], out: Path) -> Mapping[Path, bytes]:

@@ -5,10 +5,12 @@ import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
+import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from noctule.errors import NoctuleError
-from noctule_mapper.config import MapperConfig, SensorConfig
+from noctule_mapper.choices import Method, Rule
+from noctule_mapper.config import MapperConfig, SensorConfig, Window
 
 _M = TypeVar("_M", bound=BaseModel)
 
@@ -19,16 +21,6 @@ class ConfigFileError(NoctuleError):
 
 class _Model(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Window(_Model):
-    """Which sweeps the map rests on: what is too old, superseded or too many is taken out again."""
-
-    max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
-    max_sweeps: int = Field(default=1_000, ge=1, le=20_000)
-    sweeps_per_place: int = Field(default=2, ge=1)  # of a unit's last visit there: one in each stepper direction
-    place_radius_m: float = Field(default=0.05, gt=0)  # well above the noise of poses, below the steps of a path
-    place_heading_rad: float = Field(default=math.radians(15.0), gt=0, le=math.tau)
 
 
 class Pace(_Model):
@@ -49,6 +41,23 @@ class LiveConfig(_Model):
 def load_live(path: Path) -> LiveConfig:
     """Parameters from tables [window], [pace] and [mapper...], each with its default. Raises ConfigFileError."""
     return _validated(path, LiveConfig, _read(path))
+
+
+def in_force(
+    config: Path | None, method: Method | None = None, rule: Rule | None = None, sensor: Path | None = None
+) -> LiveConfig:
+    """The parameters of the file ``config``, or the defaults, with what a command line sets in their place. Raises
+    ConfigFileError.
+    """
+    given = {"method": method, "rule": rule, "sensor": load_sensor(sensor) if sensor else None}
+    loaded = load_live(config) if config else LiveConfig()
+    update = {name: value for name, value in given.items() if value is not None}
+    return loaded.model_copy(update={"mapper": loaded.mapper.model_copy(update=update)})
+
+
+def to_toml(config: LiveConfig) -> str:
+    """Every parameter, as load_live() reads it."""
+    return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def load_sensor(path: Path) -> SensorConfig:

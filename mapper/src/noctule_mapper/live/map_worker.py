@@ -8,11 +8,11 @@ from time import monotonic
 
 from noctule.messages_pb2 import Contour, Features, GridTile
 from noctule_mapper.live.config import LiveConfig
-from noctule_mapper.live.store import Identity
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message, features_message, tile_message
 from noctule_mapper.readings.sweep import SweepReadings
+from noctule_mapper.window import Identity
 
 _log = logging.getLogger(__name__)
 _FIT = "fit"

@@ -1,6 +1,7 @@
 """The live mapper: follows a site's sweeps, keeps its map, and shows it on the bus and to those who watch."""
 
 import logging
+import re
 import threading
 from collections import Counter
 from collections.abc import Sequence
@@ -11,23 +12,26 @@ from pathlib import Path
 
 import zenoh
 
-from noctule import bus, keys
+from noctule import bounds, bus, keys
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.follow import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
-from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
-from noctule_mapper.live.store import Identity, SweepStore
+from noctule_mapper.live.refused import RefusedSweeps
+from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.log import RerunLog
+from noctule_mapper.window import Identity
 
 _log = logging.getLogger(__name__)
 
 _STATUS_INTERVAL_S = 1.0
+_LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
     owner = Owner("mapper", keys.name(settings.site, "site"), keys.name(settings.service, "service name"))
     with ExitStack() as closing:
         closing.enter_context(FolderLock(settings.data, owner))
+        (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site)
@@ -84,8 +89,8 @@ class LiveMapper:
             self._troubles,
         )
         self._follower = LogFollower(client, self.deliver, store.cursors())
-        self._counts = Counter(sweeps_taken=0, sweeps_unusable=0, sweeps_set_aside=len(store.sweeps_set_aside()))
-        self._told_unusable: set[str] = set()
+        self._counts = Counter(sweeps_taken=0, sweeps_set_aside=len(store.sweeps_set_aside()))
+        self._refused = RefusedSweeps(log.show_event)
         self._contour = Contour()
 
     def start(self) -> None:
@@ -125,7 +130,7 @@ class LiveMapper:
             version=version("noctule-mapper"),
             counters=self.counters(),
             cursors=self._store.cursors().values(),
-            detail=self._troubles.detail(),
+            detail=self._detail(),
         )
         status.time.GetCurrentTime()
         self._publisher.publish_status(status)
@@ -135,7 +140,8 @@ class LiveMapper:
         """What became of sweeps, contours, and what was to be shown."""
         follower = {f"log_{name}": count for name, count in self._follower.counters().items()}
         bus_ = {f"bus_{name}": count for name, count in self._client.counters().items()}
-        return dict(self._counts) | self._worker.counters() | follower | bus_ | self._log.counters()
+        counts = dict(self._counts) | {"sweeps_unusable": self._refused.count()}
+        return counts | self._worker.counters() | follower | bus_ | self._log.counters()
 
     def close(self) -> None:
         """Take in no more; what was taken in is in the store."""
@@ -144,18 +150,19 @@ class LiveMapper:
         self._publisher.close()
         self._schemas.undeclare()
 
+    def _detail(self) -> str:
+        """What is wrong, and what the contour lacks, as long as a status may be."""
+        told = "; ".join(filter(None, [self._troubles.detail(), self._refused.detail(), self._contour.note]))
+        return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
+
     def _readings(self, sweep: Sweep) -> SweepReadings | None:
-        """The sweep's readings; None, and told once per unit and trouble, if it can't be mapped."""
+        """The sweep's readings; None if it can't be mapped."""
         try:
             readings = from_message(sweep, self._settings.config.mapper.sensor)
         except SweepError as error:
-            self._counts["sweeps_unusable"] += 1
-            if sweep.unit not in self._told_unusable:
-                self._told_unusable.add(sweep.unit)
-                _log.warning("%s; it is left out, and so are others of its kind", error)
-                self._log.show_event(str(error), "WARN")
+            self._refused.refuse(sweep.unit, error)
             return None
-        self._told_unusable.discard(sweep.unit)
+        self._refused.accept(sweep.unit)
         return readings
 
     def _set_aside(self, readings: SweepReadings, error: Exception) -> None:
@@ -181,6 +188,9 @@ class LiveMapper:
         if _objects(state.contour) != _objects(self._contour):
             _log.info("%s", summary(state.contour))
             self._log.show_event(summary(state.contour))
+        if _kind(state.contour.note) != _kind(self._contour.note):
+            _log.info("%s", state.contour.note or "the contour lacks nothing any more")
+            self._log.show_event(state.contour.note or "the contour lacks nothing any more")
         self._contour = state.contour
 
     def _tell_alive(self, unit: str, alive: bool) -> None:
@@ -210,6 +220,11 @@ def summary(contour: Contour) -> str:
     """A contour in a line: ``5 walls, 5 corners, 1 cylinder from 44 sweeps``."""
     counted = [f"{count} {noun}{'' if count == 1 else 's'}" for noun, count in _objects(contour).items()]
     return f"{', '.join(counted)} from {contour.sweeps} sweep{'' if contour.sweeps == 1 else 's'}"
+
+
+def _kind(note: str) -> str:
+    """A note without its numbers, which may change with every sweep."""
+    return re.sub(r"\d+", "", note)
 
 
 def _objects(contour: Contour) -> dict[str, int]:

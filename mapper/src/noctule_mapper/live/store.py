@@ -5,28 +5,16 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import tau
 from pathlib import Path
 from time import time_ns
-from typing import Any
 
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, Sweep
-from noctule_mapper.live.config import Window
+from noctule_mapper.config import Window
 from noctule_mapper.readings.sweep import identity_of
-
-Identity = tuple[str, int]
-"""As from identity_of(); a log_id is drawn at random, so it names its unit too."""
+from noctule_mapper.window import Identity, SweepWindow
 
 _SCHEMA = """
-CREATE TABLE IF NOT EXISTS sweep (
-    unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
-    start_ns INTEGER NOT NULL, visit INTEGER NOT NULL,
-    place_x_m REAL NOT NULL, place_y_m REAL NOT NULL, place_heading_rad REAL NOT NULL,
-    record BLOB NOT NULL,
-    PRIMARY KEY (unit, log_id, log_sequence));
-CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
-CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad);
 CREATE TABLE IF NOT EXISTS cursor (unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL);
 CREATE TABLE IF NOT EXISTS set_aside (
     log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, unit TEXT NOT NULL, at_ns INTEGER NOT NULL,
@@ -36,53 +24,13 @@ CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL);
 INSERT INTO contour SELECT 0 WHERE NOT EXISTS (SELECT * FROM contour);
 """
 _VERSION = 2
-_CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the mapper's host
-
-# Age goes by the newest sweep's time, but for times that the host's clock has not come to: one wrong clock must not
-# empty the window. The newest of all is the one that came last, for a clock may be set back.
-_TOO_OLD = """
-DELETE FROM sweep WHERE start_ns < (SELECT max(start_ns) FROM sweep WHERE start_ns <= :now_ns) - :max_age_ns
-RETURNING log_id, log_sequence
-"""
-
-# A visit is a stay of one unit at one place, named after the log_sequence of its first sweep, whose pose is the place:
-# places so keep their distance from one another, and noise in the poses makes no new ones.
-_NEAR = """
-unit = :unit AND place_x_m BETWEEN :x_m - :radius_m AND :x_m + :radius_m
-AND (place_x_m - :x_m) * (place_x_m - :x_m) + (place_y_m - :y_m) * (place_y_m - :y_m) <= :radius_m * :radius_m
-AND min(abs(place_heading_rad - :heading_rad), :full_turn_rad - abs(place_heading_rad - :heading_rad)) <= :turn_rad
-"""
-_VISIT_BEFORE = f"""
-SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
-    SELECT * FROM sweep WHERE unit = :unit AND log_id = :log_id AND log_sequence < :log_sequence
-    ORDER BY log_sequence DESC LIMIT 1)
-WHERE {_NEAR}
-"""
-_ENTER = """
-INSERT OR IGNORE INTO sweep
-SELECT :unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record
-WHERE NOT EXISTS (SELECT * FROM set_aside WHERE log_id = :log_id AND log_sequence = :log_sequence)
-"""
-# Of a place, the newest sweeps of its newest visit stay. What came in another log is older.
-_SUPERSEDED = f"""
-WITH here AS (SELECT rowid AS id, log_id, log_sequence, visit FROM sweep WHERE {_NEAR}),
-own AS (SELECT * FROM here WHERE log_id = :log_id)
-DELETE FROM sweep WHERE rowid IN (SELECT id FROM here) AND rowid NOT IN (
-    SELECT id FROM own WHERE visit = (SELECT max(visit) FROM own)
-    ORDER BY log_sequence DESC LIMIT :sweeps_per_place)
-RETURNING log_id, log_sequence
-"""
-_TOO_MANY = """
-DELETE FROM sweep WHERE rowid IN (
-    SELECT rowid FROM sweep ORDER BY rowid DESC LIMIT -1 OFFSET :max_sweeps)
-RETURNING log_id, log_sequence
-"""
 # Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
 # have been in it.
 _SET_ASIDE = """
 INSERT OR REPLACE INTO set_aside SELECT log_id, log_sequence, unit, :now_ns, :reason, record FROM sweep
 WHERE log_id = :log_id AND log_sequence = :log_sequence
 """
+_IS_SET_ASIDE = "SELECT 1 FROM set_aside WHERE log_id = ? AND log_sequence = ?"
 _TAKE_OUT = "DELETE FROM sweep WHERE log_id = :log_id AND log_sequence = :log_sequence"
 _FORGET = """
 DELETE FROM set_aside WHERE at_ns < :now_ns - :max_age_ns OR rowid NOT IN (
@@ -123,15 +71,15 @@ class SweepStore:
             entered: dict[Identity, Sweep] = {}
             left: set[Identity] = set()
             for sweep in sweeps:
-                row = self._row(database, sweep)
-                if database.execute(_ENTER, row).rowcount == 1:
+                superseded = self._enter(database, sweep)
+                if superseded is not None:
                     entered[identity_of(sweep)] = sweep
-                    left.update(database.execute(_SUPERSEDED, row).fetchall())
+                    left.update(superseded)
             database.executemany(
                 "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?)",
                 [(cursor.unit, cursor.log_id, cursor.log_sequence) for cursor in cursors],
             )
-            left |= self._shrink(database)
+            left |= self._shrink()
         return Change(
             entered=tuple(sweep for identity, sweep in entered.items() if identity not in left),
             left=tuple(identity for identity in left if identity not in entered),
@@ -181,6 +129,7 @@ class SweepStore:
         if version not in (0, _VERSION):
             raise StoreError(f"{path} has format {version}, this mapper reads {_VERSION}: {_begin_again(path)}")
         self._database.executescript(_SCHEMA)
+        self._rows = SweepWindow(self._database, self._window)
         self._database.execute(f"PRAGMA user_version = {_VERSION}")
 
     @contextmanager
@@ -194,33 +143,15 @@ class SweepStore:
                 raise
             self._database.execute("COMMIT")
 
-    def _row(self, database: sqlite3.Connection, sweep: Sweep) -> dict[str, Any]:
-        """A sweep's row: it belongs to the visit of the sweep before it in its log, or begins a visit where it is."""
-        log_id, log_sequence = identity_of(sweep)
-        row = {
-            "unit": sweep.unit,
-            "log_id": log_id,
-            "log_sequence": log_sequence,
-            "start_ns": sweep.start.ToNanoseconds(),
-            "visit": log_sequence,
-            "x_m": sweep.pose.x_m,
-            "y_m": sweep.pose.y_m,
-            "heading_rad": sweep.pose.heading_rad % tau,
-            "record": sweep.SerializeToString(),
-            "radius_m": self._window.place_radius_m,
-            "turn_rad": self._window.place_heading_rad,
-            "full_turn_rad": tau,
-            "sweeps_per_place": self._window.sweeps_per_place,
-        }
-        before = database.execute(_VISIT_BEFORE, row).fetchone()
-        return row | dict(zip(("visit", "x_m", "y_m", "heading_rad"), before or (), strict=False))
+    def _enter(self, database: sqlite3.Connection, sweep: Sweep) -> list[Identity] | None:
+        """What the sweep supersedes; None if it is there already or set aside."""
+        if database.execute(_IS_SET_ASIDE, identity_of(sweep)).fetchone():
+            return None
+        return self._rows.enter(sweep, sweep.SerializeToString())
 
-    def _shrink(self, database: sqlite3.Connection) -> set[Identity]:
+    def _shrink(self) -> set[Identity]:
         """Take out what is too old or too many."""
-        age = {"max_age_ns": int(self._window.max_age_s * 1e9), "now_ns": self._now_ns() + _CLOCKS_DIFFER_NS}
-        left = set(database.execute(_TOO_OLD, age).fetchall())
-        left.update(database.execute(_TOO_MANY, {"max_sweeps": self._window.max_sweeps}).fetchall())
-        return left
+        return {*self._rows.too_old(self._now_ns()), *self._rows.too_many()}
 
 
 def _begin_again(path: Path) -> str:

@@ -28,6 +28,15 @@ class Looks:
     weight: np.ndarray
 
 
+Pose = tuple[str, float, float, float]
+"""Of a unit that stands still, by its name."""
+
+
+def pose_of(sweep: SweepReadings) -> Pose:
+    """Where the sweep was made, and by which unit."""
+    return sweep.unit, sweep.x_m, sweep.y_m, sweep.heading_rad
+
+
 def is_fine(sweep: SweepReadings) -> bool:
     """Whether a reflector answers several of the sweep's bearings."""
     return step_rad(sweep.bearing_rad) < sweep.beam_width_rad / 2
@@ -35,10 +44,10 @@ def is_fine(sweep: SweepReadings) -> bool:
 
 def looks_of(sweeps: Iterable[SweepReadings], assumed_sigma_m: float) -> Looks | None:
     """The looks of the fine ones among ``sweeps``, None where there are none."""
-    by_place: dict[tuple[str, float, float, float], list[SweepReadings]] = {}
+    by_place: dict[Pose, list[SweepReadings]] = {}
     for sweep in sweeps:
         if is_fine(sweep):
-            by_place.setdefault((sweep.unit, sweep.x_m, sweep.y_m, sweep.heading_rad), []).append(sweep)
+            by_place.setdefault(pose_of(sweep), []).append(sweep)
     parts = []
     for held in by_place.values():
         newest = held[-_SWEEPS_OF_A_PLACE:]

@@ -9,6 +9,7 @@ from noctule import bounds, messages_pb2
 from noctule.air import speed_of_sound_m_s
 from noctule.errors import NoctuleError
 from noctule_mapper.config import LONGEST_RANGE_M, SHORTEST_RANGE_M, SensorConfig
+from noctule_mapper.readings.stuck import repeated_ranges_m
 
 # The bounds of a message hold for what is made of it too: the mathematics is right within them, and takes neither time
 # nor memory without bound.
@@ -29,7 +30,17 @@ _BOUNDS = {
 
 
 class SweepError(NoctuleError):
-    """A sweep that can't be mapped; the message names the sweep, what is wrong and what to do."""
+    """A sweep that can't be mapped; the message names the sweep, what is wrong and what to do. ``kind`` is the same for
+    all sweeps with which the same is wrong.
+    """
+
+    def __init__(self, message: str, kind: str) -> None:
+        super().__init__(message)
+        self.kind = kind
+
+
+class StuckSensorError(SweepError):
+    """A sweep whose sensor repeats what it says instead of measuring."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +69,9 @@ class SweepReadings:
     def __post_init__(self) -> None:
         name, readings = _name(self.identity, self.unit), len(self.bearing_rad)
         if not readings == len(self.range_m) == len(self.no_echo) <= bounds.MAX_READINGS:
-            raise SweepError(f"{name} has {readings} readings: a sweep has {bounds.MAX_READINGS} at most; drop it")
+            raise SweepError(
+                f"{name} has {readings} readings: a sweep has {bounds.MAX_READINGS} at most; drop it", "readings"
+            )
         for field in ("time_s", "x_m", "y_m", "heading_rad", "sigma_position_m", "sigma_heading_rad", "bearing_rad"):
             _check(name, field, getattr(self, field))
         _check(name, "beam_width_rad", self.beam_width_rad)
@@ -88,20 +101,21 @@ def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:
 def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) -> SweepReadings:
     """The sweep's readings as arrays; ``sensor`` stands in for what the sweep does not say of its own.
 
-    Raises SweepError where there is no pose or a number is one that no sweep has.
+    Raises SweepError where there is no pose or a number is one that no sweep has, StuckSensorError where the sensor
+    only repeats itself.
     """
     default, name = sensor or SensorConfig(), _name(identity_of(sweep), sweep.unit)
     if not sweep.HasField("pose"):
-        raise SweepError(f"{name} has no pose: give the unit a pose, a path or a pose key in the site file")
+        raise SweepError(f"{name} has no pose: give the unit a pose, a path or a pose key in the site file", "no pose")
     own = sweep.sensor if sweep.HasField("sensor") else messages_pb2.Sensor()
     bias_m = own.range_bias_m if own.HasField("range_bias_m") else default.range_bias_m
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
     _check(name, "range_bias_m", bias_m)
     _check(name, "air_temperature_c", celsius)
     with np.errstate(over="ignore"):  # beyond all numbers is beyond the longest range
-        range_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m
-    range_m[(range_m < default.shortest_range_m) | (range_m > default.longest_range_m)] = np.nan
-    return SweepReadings(
+        told_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m
+    usable = (told_m >= default.shortest_range_m) & (told_m <= default.longest_range_m)
+    readings = SweepReadings(
         identity=identity_of(sweep),
         unit=sweep.unit,
         time_s=sweep.start.seconds + sweep.start.nanos * 1e-9,
@@ -111,11 +125,13 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
         sigma_position_m=sweep.pose.sigma_position_m,
         sigma_heading_rad=sweep.pose.sigma_heading_rad,
         bearing_rad=np.array([reading.bearing_rad for reading in sweep.readings], dtype=float),
-        range_m=range_m,
+        range_m=np.where(usable, told_m, np.nan),
         no_echo=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
         beam_width_rad=own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad,
         range_sigma_m=own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m,
     )
+    _check_not_stuck(name, readings, told_m)
+    return readings
 
 
 def _flights_s(sweep: messages_pb2.Sweep, name: str) -> np.ndarray:
@@ -125,7 +141,10 @@ def _flights_s(sweep: messages_pb2.Sweep, name: str) -> np.ndarray:
     for index, reading in enumerate(sweep.readings):
         if reading.status in echo and reading.HasField("time_of_flight_s"):
             if not math.isfinite(reading.time_of_flight_s):
-                raise SweepError(f"{name}, reading {index}: time_of_flight_s is not finite; leave it out for no echo")
+                raise SweepError(
+                    f"{name}, reading {index}: time_of_flight_s is not finite; leave it out for no echo",
+                    "time of flight",
+                )
             flights_s[index] = reading.time_of_flight_s
     return flights_s
 
@@ -135,12 +154,25 @@ def _heard_nothing(reading: messages_pb2.Reading) -> bool:
     return unsaid or reading.status == messages_pb2.READING_STATUS_NO_ECHO
 
 
+def _check_not_stuck(name: str, sweep: SweepReadings, told_m: np.ndarray) -> None:
+    """Raise StuckSensorError where the ranges (n,), before any is left out as too short or too long, only repeat."""
+    heard = np.isfinite(told_m)
+    listened = int(heard.sum() + sweep.no_echo.sum())
+    if repeated := repeated_ranges_m(sweep.bearing_rad[heard], told_m[heard], sweep.beam_width_rad, listened):
+        ranges = ", ".join(f"{one_m:.3f} m" for one_m in repeated)
+        raise StuckSensorError(
+            f"{name}: its sensor repeats {ranges} at nearly all of {listened} bearings, as no room answers; "
+            "check the sensor, its wiring and what hangs before it",
+            "stuck sensor",
+        )
+
+
 def _check(name: str, field: str, values: np.ndarray | float) -> None:
     """Raise SweepError where a value of ``field`` of the sweep called ``name`` lies outside its bounds, or is NaN."""
     bound, values = _BOUNDS[field], np.asarray(values, dtype=float)
     outside = values[~((values >= bound.least) & (values <= bound.most))]
     if outside.size:
-        raise SweepError(f"{name}: {field} {bound.fault(float(outside.flat[0]))}")
+        raise SweepError(f"{name}: {field} {bound.fault(float(outside.flat[0]))}", field)
 
 
 def _name(identity: tuple[str, int], unit: str) -> str:

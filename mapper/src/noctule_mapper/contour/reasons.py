@@ -1,0 +1,52 @@
+"""Why a contour has nothing, or no more: one plain line for the operator."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from noctule_mapper.config import LimitConfig
+from noctule_mapper.contour.contour import Contour
+from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.looks import is_fine
+from noctule_mapper.readings.sweep import SweepReadings
+
+
+def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], limits: LimitConfig) -> str:
+    """What the ``sweeps`` and their ``echoes`` lack for more than there is in ``contour``; "" where they lack nothing
+    that a line could tell.
+    """
+    if not sweeps:
+        return "no sweeps"
+    if not len(echoes):
+        return _nothing_heard(sweeps)
+    places = _places(echoes, limits)
+    heard = f"echoes from {places} place{'' if places == 1 else 's'}"
+    if places < limits.least_places:
+        wall_needs = limits.least_places - any(is_fine(sweep) for sweep in sweeps)
+        wall = f"a wall needs {wall_needs}, " if places < wall_needs and not contour.walls else ""
+        return (
+            f"{heard}; {wall}a cylinder{'' if wall else ' needs'} {limits.least_places}{_poses_alike(sweeps, places)}"
+        )
+    if not (contour.walls or contour.cylinders):
+        return f"{heard}, but no wall and no cylinder explains enough of them: check the poses"
+    return ""
+
+
+def _nothing_heard(sweeps: Sequence[SweepReadings]) -> str:
+    count = f"{len(sweeps)} sweep{'' if len(sweeps) == 1 else 's'}"
+    if any(sweep.no_echo.any() for sweep in sweeps):
+        return f"no echo anywhere in {count}"
+    return f"no usable reading in {count}: see the states of the units"
+
+
+def _places(echoes: Echoes, limits: LimitConfig) -> int:
+    """How many places the echoes are from: those nearer than ``same_place_m`` are one."""
+    return len(np.unique(np.rint(echoes.x_m / limits.same_place_m) + 1j * np.rint(echoes.y_m / limits.same_place_m)))
+
+
+def _poses_alike(sweeps: Sequence[SweepReadings], places: int) -> str:
+    """That several units stand at one place, which they can't."""
+    units = {sweep.unit for sweep in sweeps}
+    if places > 1 or len(units) == 1:
+        return ""
+    return f". {len(units)} units state the same pose: give each its own in the site file"

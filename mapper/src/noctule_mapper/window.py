@@ -1,0 +1,148 @@
+"""The window: which sweeps the map rests on, of a log that goes on for ever and of a file alike.
+
+What is too old, superseded at its place or too many leaves it. It stands in a table of SQLite, since a live mapper
+keeps it over a restart; for a file it stands in memory.
+"""
+
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import tau
+from typing import Any, Literal
+
+from noctule.messages_pb2 import Sweep
+from noctule_mapper.config import Window
+from noctule_mapper.readings.sweep import identity_of
+
+Identity = tuple[str, int]
+"""As from identity_of(); a log_id is drawn at random, so it names its unit too."""
+
+Reason = Literal["repeated", "superseded", "too old", "too many"]
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS sweep (
+    unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
+    start_ns INTEGER NOT NULL, visit INTEGER NOT NULL,
+    place_x_m REAL NOT NULL, place_y_m REAL NOT NULL, place_heading_rad REAL NOT NULL,
+    record BLOB NOT NULL,
+    PRIMARY KEY (unit, log_id, log_sequence));
+CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
+CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad);
+"""
+_CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the host that reads it
+
+# Age goes by the newest sweep's time, but for times that the host's clock has not come to: one wrong clock must not
+# empty the window. The newest of all is the one that came last, for a clock may be set back. A sweep without a time
+# has no age.
+_TOO_OLD = """
+DELETE FROM sweep
+WHERE start_ns > 0 AND start_ns < (SELECT max(start_ns) FROM sweep WHERE start_ns <= :now_ns) - :max_age_ns
+RETURNING log_id, log_sequence
+"""
+
+# A visit is a stay of one unit at one place, named after the log_sequence of its first sweep, whose pose is the place:
+# places so keep their distance from one another, and noise in the poses makes no new ones.
+_NEAR = """
+unit = :unit AND place_x_m BETWEEN :x_m - :radius_m AND :x_m + :radius_m
+AND (place_x_m - :x_m) * (place_x_m - :x_m) + (place_y_m - :y_m) * (place_y_m - :y_m) <= :radius_m * :radius_m
+AND min(abs(place_heading_rad - :heading_rad), :full_turn_rad - abs(place_heading_rad - :heading_rad)) <= :turn_rad
+"""
+_VISIT_BEFORE = f"""
+SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
+    SELECT * FROM sweep WHERE unit = :unit AND log_id = :log_id AND log_sequence < :log_sequence
+    ORDER BY log_sequence DESC LIMIT 1)
+WHERE {_NEAR}
+"""
+_ENTER = """
+INSERT OR IGNORE INTO sweep
+VALUES (:unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record)
+"""
+# Of a place, the newest sweeps of its newest visit stay. What came in another log is older.
+_SUPERSEDED = f"""
+WITH here AS (SELECT rowid AS id, log_id, log_sequence, visit FROM sweep WHERE {_NEAR}),
+own AS (SELECT * FROM here WHERE log_id = :log_id)
+DELETE FROM sweep WHERE rowid IN (SELECT id FROM here) AND rowid NOT IN (
+    SELECT id FROM own WHERE visit = (SELECT max(visit) FROM own)
+    ORDER BY log_sequence DESC LIMIT :sweeps_per_place)
+RETURNING log_id, log_sequence
+"""
+_TOO_MANY = """
+DELETE FROM sweep WHERE rowid IN (
+    SELECT rowid FROM sweep ORDER BY rowid DESC LIMIT -1 OFFSET :max_sweeps)
+RETURNING log_id, log_sequence
+"""
+
+
+class SweepWindow:
+    """The window in a database that is its caller's, who begins and ends the transactions."""
+
+    def __init__(self, database: sqlite3.Connection, window: Window) -> None:
+        self._database, self._window = database, window
+        database.executescript(_SCHEMA)
+
+    def enter(self, sweep: Sweep, record: bytes) -> list[Identity] | None:
+        """Take a sweep in, with what is to be kept of it; those that it supersedes, perhaps itself. None if it is there
+        already.
+        """
+        row = self._row(sweep) | {"record": record}
+        if self._database.execute(_ENTER, row).rowcount != 1:
+            return None
+        return self._database.execute(_SUPERSEDED, row).fetchall()
+
+    def too_old(self, now_ns: int) -> list[Identity]:
+        """Take out what is too old at ``now_ns`` of the host's clock."""
+        age = {"max_age_ns": int(self._window.max_age_s * 1e9), "now_ns": now_ns + _CLOCKS_DIFFER_NS}
+        return self._database.execute(_TOO_OLD, age).fetchall()
+
+    def too_many(self) -> list[Identity]:
+        """Take out what is too many."""
+        return self._database.execute(_TOO_MANY, {"max_sweeps": self._window.max_sweeps}).fetchall()
+
+    def _row(self, sweep: Sweep) -> dict[str, Any]:
+        """A sweep's row: it belongs to the visit of the sweep before it in its log, or begins a visit where it is."""
+        log_id, log_sequence = identity_of(sweep)
+        row = {
+            "unit": sweep.unit,
+            "log_id": log_id,
+            "log_sequence": log_sequence,
+            "start_ns": sweep.start.ToNanoseconds(),
+            "visit": log_sequence,
+            "x_m": sweep.pose.x_m,
+            "y_m": sweep.pose.y_m,
+            "heading_rad": sweep.pose.heading_rad % tau,
+            "radius_m": self._window.place_radius_m,
+            "turn_rad": self._window.place_heading_rad,
+            "full_turn_rad": tau,
+            "sweeps_per_place": self._window.sweeps_per_place,
+        }
+        before = self._database.execute(_VISIT_BEFORE, row).fetchone()
+        return row | dict(zip(("visit", "x_m", "y_m", "heading_rad"), before or (), strict=False))
+
+
+@dataclass(frozen=True)
+class Windowed:
+    """Numbers of the sweeps that a window holds, and of those that it does not, with the reason; in their order."""
+
+    held: list[int]
+    left: dict[int, Reason]
+
+
+def windowed(sweeps: Sequence[Sweep], window: Window, now_ns: int) -> Windowed:
+    """Which of ``sweeps``, in the order in which they were made, are in the window after the last of them, at
+    ``now_ns`` of the host's clock.
+    """
+    database = sqlite3.connect(":memory:", isolation_level=None)
+    try:
+        rows, numbers, left = SweepWindow(database, window), dict[Identity, int](), dict[int, Reason]()
+        for number, sweep in enumerate(sweeps):
+            if identity_of(sweep) in numbers:
+                left[number] = "repeated"
+                continue
+            numbers[identity_of(sweep)] = number
+            superseded = rows.enter(sweep, b"") or []
+            left.update((numbers[one], "superseded") for one in superseded)
+        left.update((numbers[one], "too old") for one in rows.too_old(now_ns))
+        left.update((numbers[one], "too many") for one in rows.too_many())
+    finally:
+        database.close()
+    return Windowed([number for number in range(len(sweeps)) if number not in left], dict(sorted(left.items())))
