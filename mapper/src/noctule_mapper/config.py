@@ -16,7 +16,10 @@ class _Model(BaseModel):
 
 
 class SensorConfig(_Model):
-    """What stands in where a sweep tells nothing of its sensor: the HC-SR04 of Liu et al. 2019, II.A and V.A."""
+    """What stands in where a sweep tells nothing of its sensor: the HC-SR04 of Liu et al. 2019, II.A and V.A.
+
+    Who gives ``range_bias_m`` or ``air_temperature_c`` has measured it; a value that only stands in has an error.
+    """
 
     beam_width_rad: float = Field(default=math.radians(22.5), gt=0, le=math.pi)  # full width
     range_bias_m: float = 0.0023
@@ -24,6 +27,21 @@ class SensorConfig(_Model):
     shortest_range_m: float = Field(default=0.02, ge=SHORTEST_RANGE_M, le=LONGEST_RANGE_M)
     longest_range_m: float = Field(default=4.0, ge=SHORTEST_RANGE_M, le=LONGEST_RANGE_M)
     air_temperature_c: float = 20.0
+    assumed_bias_sigma_m: float = Field(default=0.003, ge=0)
+    assumed_temperature_sigma_k: float = Field(default=5.0, ge=0)
+    # From the axis about which the unit turns to the sensor's face.
+    face_offset_m: float = Field(default=0.0, ge=-0.2, le=0.2)
+    face_offset_sigma_m: float = Field(default=0.0, ge=0)
+
+    @property
+    def bias_sigma_m(self) -> float:
+        """Of ``range_bias_m``."""
+        return 0.0 if "range_bias_m" in self.model_fields_set else self.assumed_bias_sigma_m
+
+    @property
+    def temperature_sigma_k(self) -> float:
+        """Of ``air_temperature_c``."""
+        return 0.0 if "air_temperature_c" in self.model_fields_set else self.assumed_temperature_sigma_k
 
 
 class NoiseConfig(_Model):

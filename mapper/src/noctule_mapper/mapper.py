@@ -44,6 +44,7 @@ class Mapper:
         self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
         self._points: FeaturePoints | None = None  # likewise
         self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour
+        self._units: dict[str, int] = {}  # a number for each unit
 
     def register_sweep(self, sweep: SweepReadings) -> None:
         """Put a sweep on the map; one that is there already changes nothing."""
@@ -130,8 +131,8 @@ class Mapper:
         echoes = self._contacts.echoes(of)
         if not len(echoes):
             return Contour()
-        looks = looks_of(sweeps, self.config.noise.assumed_sigma_m)
-        return refine(echoes, self._contacts.contacts(of), looks, self.config)
+        looks = looks_of(sweeps, self.config.noise.assumed_sigma_m, self._units)
+        return refine(echoes, self._contacts.contacts(of), looks, self.config, list(self._units))
 
     def _judge_again(self, pose: Pose) -> None:
         """Which echoes last of the sweeps from one pose may have changed with the last sweep that came or went."""
@@ -150,7 +151,8 @@ class Mapper:
             del self._places[pose]
 
     def _echoes(self, sweep: SweepReadings) -> Echoes:
-        return echoes_of(sweep, self._numbers[sweep.identity], self.config.noise.assumed_sigma_m)
+        unit = self._units.setdefault(sweep.unit, len(self._units))
+        return echoes_of(sweep, self._numbers[sweep.identity], self.config.noise.assumed_sigma_m, unit)
 
     def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
         """II.A, Eq. 5-8: what lies before the arcs."""

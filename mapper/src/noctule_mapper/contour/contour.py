@@ -55,7 +55,7 @@ class PoseState(Enum):
     """What the room says of a unit's stated pose."""
 
     FITTED = "fitted"  # the stated pose is right to within its stated error; the fit knows it better
-    OPEN = "open"  # the room cannot tell: the pose is the stated one, with the stated error
+    OPEN = "open"  # in some direction the room tells less than was stated; there the pose is as stated
     WRONG = "wrong"  # off by more than the stated error allows; the pose is where the unit seems to be
 
 
@@ -137,7 +137,8 @@ def joined(contours: Sequence[Contour]) -> Contour:
         cylinders += one.cylinders
     spreads_m = [one.range_sigma_m for one in contours if np.isfinite(one.range_sigma_m)]
     spread_m = float(np.median(spreads_m)) if spreads_m else float("nan")
-    return Contour(tuple(walls), tuple(corners), tuple(cylinders), range_sigma_m=spread_m)
+    poses = tuple(pose for one in contours for pose in one.poses)
+    return Contour(tuple(walls), tuple(corners), tuple(cylinders), poses, range_sigma_m=spread_m)
 
 
 def _shifted(wall: Wall, x_m: float, y_m: float) -> Wall:

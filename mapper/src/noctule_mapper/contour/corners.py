@@ -35,16 +35,27 @@ def crossing(objects: Sequence[Reflector], link: Link) -> Crossing:
 
 @dataclass(frozen=True)
 class Fit:
-    """The objects after the fit, and the covariance of all their parameters, those of object i from offsets[i] on."""
+    """The objects after the fit, and the covariance of all their parameters, those of object i from offsets[i] on;
+    ``held`` is the same if the site's frame were exactly known, which tells how well the objects fit one another.
+    """
 
     objects: list[Reflector]
     covariance: np.ndarray
+    held: np.ndarray
     offsets: np.ndarray
 
     def covariance_of(self, *indices: int) -> np.ndarray:
         """Joint covariance of the parameters of some objects."""
-        rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in indices])
+        rows = self._rows(indices)
         return self.covariance[np.ix_(rows, rows)]
+
+    def held_covariance_of(self, *indices: int) -> np.ndarray:
+        """The same if the site's frame were exactly known."""
+        rows = self._rows(indices)
+        return self.held[np.ix_(rows, rows)]
+
+    def _rows(self, indices: Sequence[int]) -> np.ndarray:
+        return np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in indices])
 
 
 def link_ends(
@@ -170,8 +181,9 @@ def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config:
     for link in links:
         crossing = Crossing(lines[link.first], lines[link.second])
         slopes = crossing.point_slopes()
-        covariance = slopes @ fit.covariance_of(link.first, link.second) @ slopes.T
-        if np.sqrt(np.trace(covariance)) < config.limits.most_corner_sigma_m:
+        held = slopes @ fit.held_covariance_of(link.first, link.second) @ slopes.T
+        if np.sqrt(np.trace(held)) < config.limits.most_corner_sigma_m:
+            covariance = slopes @ fit.covariance_of(link.first, link.second) @ slopes.T
             x, y = (float(coordinate) for coordinate in crossing.point)
             corners.append(Corner(x, y, covariance, (order.index(link.first), order.index(link.second))))
             ends[link.first] = (ends[link.first][0], crossing.point)

@@ -76,6 +76,10 @@ class Line:
         """Derivatives of the directions by the parameters, (n, 2)."""
         return np.tile([1.0, 0.0], (len(echoes), 1))
 
+    def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the places of the echoes, (n, 2)."""
+        return np.zeros((len(echoes), 2))
+
 
 @dataclass(frozen=True)
 class Circle:
@@ -111,6 +115,10 @@ class Circle:
         """Derivatives of the directions by the parameters, (n, 3)."""
         return np.column_stack([_swing(self.x_m, self.y_m, echoes), np.zeros(len(echoes))])
 
+    def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the places of the echoes, (n, 2)."""
+        return -_swing(self.x_m, self.y_m, echoes)
+
 
 @dataclass(frozen=True)
 class Spot:
@@ -144,6 +152,10 @@ class Spot:
     def direction_slopes(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the directions by the parameters, (n, 2)."""
         return _swing(self.x_m, self.y_m, echoes)
+
+    def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the places of the echoes, (n, 2)."""
+        return -_swing(self.x_m, self.y_m, echoes)
 
 
 Reflector = Line | Circle | Spot
@@ -212,6 +224,11 @@ class Crossing:
         """Derivatives of the directions by (theta, rho) of the first wall and of the second, (n, 4)."""
         x, y = self.point
         return _swing(x, y, echoes) @ self.point_slopes()
+
+    def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the directions by the places of the echoes, (n, 2)."""
+        x, y = self.point
+        return -_swing(x, y, echoes)
 
     @property
     def _acute(self) -> bool:

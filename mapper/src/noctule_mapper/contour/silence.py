@@ -65,9 +65,12 @@ def _price(
     looks = data.looks.echoes
     predicted_m = one.ranges(looks)
     off_axis = np.abs(wrapped(one.directions(looks) - looks.axis_rad))
-    sure = off_axis <= looks.half_beam_rad * np.interp(predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS)
+    sure = off_axis + looks.sigma_heading_rad <= looks.half_beam_rad * np.interp(
+        predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS
+    )
     sure &= (predicted_m > _NEAREST_M) & (predicted_m < _FARTHEST_SHARE * data.span_m)
-    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * looks.sigma_m + config.beam.behind_m
+    sigma_m = np.hypot(looks.sigma_m, looks.shared_sigma_m)
+    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * sigma_m + config.beam.behind_m
     at = np.nonzero(sure if chosen is None else sure & chosen)[0]
     if not len(at):
         return 0.0

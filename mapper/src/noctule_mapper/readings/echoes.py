@@ -24,20 +24,39 @@ class Echoes:
     sigma_position_m: np.ndarray
     sigma_heading_rad: np.ndarray
     step_rad: np.ndarray  # from one bearing of the sweep to the next
+    unit: np.ndarray  # a number that the echoes of one unit share
+    heading_rad: np.ndarray  # of the unit
+    sigma_bias_m: np.ndarray  # of the mean error that all ranges of the unit share
+    sigma_scale: np.ndarray  # of the share by which all ranges of the unit are too long: the air's speed of sound
 
     def __len__(self) -> int:
         return len(self.range_m)
 
+    @property
+    def is_fine(self) -> np.ndarray:
+        """Which are of sweeps so fine that a reflector answers several bearings, bool (n,)."""
+        return self.step_rad < self.half_beam_rad
+
+    @property
+    def shared_sigma_m(self) -> np.ndarray:
+        """Of a range, by what all ranges of the unit may have wrong together: its place and, of fine sweeps, which no
+        short baselines relate, its sensor; (n,).
+        """
+        sensor_m = np.where(self.is_fine, np.hypot(self.sigma_bias_m, self.sigma_scale * self.range_m), 0.0)
+        return np.hypot(self.sigma_position_m, sensor_m)
+
     take = arrays.take
 
 
-def echoes_of(sweep: SweepReadings, number: int, assumed_sigma_m: float) -> Echoes:
-    """The echoes of one sweep, numbered ``number``; ``assumed_sigma_m`` stands in for a sensor not calibrated."""
-    return rows_of(sweep, np.isfinite(sweep.range_m), sweep.range_m, number, assumed_sigma_m)
+def echoes_of(sweep: SweepReadings, number: int, assumed_sigma_m: float, unit: int = 0) -> Echoes:
+    """The echoes of one sweep, numbered ``number``, of the unit numbered ``unit``; ``assumed_sigma_m`` stands in for a
+    sensor not calibrated.
+    """
+    return rows_of(sweep, np.isfinite(sweep.range_m), sweep.range_m, number, assumed_sigma_m, unit)
 
 
 def rows_of(
-    sweep: SweepReadings, chosen: np.ndarray, range_m: np.ndarray, number: int, assumed_sigma_m: float
+    sweep: SweepReadings, chosen: np.ndarray, range_m: np.ndarray, number: int, assumed_sigma_m: float, unit: int
 ) -> Echoes:
     """The readings ``chosen``, bool (n,), as if they had the ranges ``range_m`` (n,)."""
     alike = np.ones(int(chosen.sum()))
@@ -53,6 +72,10 @@ def rows_of(
         sigma_position_m=alike * sweep.sigma_position_m,
         sigma_heading_rad=alike * sweep.sigma_heading_rad,
         step_rad=alike * step_rad(sweep.bearing_rad),
+        unit=np.full(len(alike), unit),
+        heading_rad=alike * sweep.heading_rad,
+        sigma_bias_m=alike * sweep.sigma_bias_m,
+        sigma_scale=alike * sweep.sigma_scale,
     )
 
 
@@ -72,5 +95,15 @@ def join(parts: Sequence[Echoes]) -> Echoes:
 
 _NONE = np.zeros(0)
 _NO_ECHOES = Echoes(
-    _NONE.astype(int), _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE.astype(bool), _NONE, _NONE, _NONE
+    _NONE.astype(int),
+    _NONE,
+    _NONE,
+    _NONE,
+    _NONE,
+    _NONE,
+    _NONE,
+    _NONE.astype(bool),
+    *[_NONE] * 3,
+    _NONE.astype(int),
+    *[_NONE] * 3,
 )

@@ -10,6 +10,7 @@ from noctule_mapper.readings import arrays
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.looks import Looks
+from noctule_mapper.readings.stands import Stands, moved, stands_of
 
 
 @dataclass(frozen=True)
@@ -20,15 +21,30 @@ class Evidence:
     range_sigma_m: np.ndarray  # of a range from a place that is exactly known
     place: np.ndarray  # a number that the echoes from one place share
     span_m: float = field(metadata=arrays.SHARED)  # ranges that an echo of nothing may have
-    direction_sigma_rad: np.ndarray  # of the axis as a direction; infinite where only the beam tells it
+    direction_sigma_rad: np.ndarray  # of the axis as a direction from the unit; infinite where only the beam tells it
+    stand: np.ndarray  # a number that the echoes of one stand share
+    stands: Stands = field(metadata=arrays.SHARED)
     looks: Looks | None = field(default=None, metadata=arrays.SHARED)  # what fine sweeps say of where nothing was heard
+    look_stand: np.ndarray | None = field(default=None, metadata=arrays.SHARED)  # the stand of each look
 
     take = arrays.take
 
     @cached_property
     def sigma_m(self) -> np.ndarray:
-        """Of a range, the place's error in it, (n,)."""
-        return np.hypot(self.range_sigma_m, self.echoes.sigma_position_m)
+        """Of a range, the errors that it shares with others in it, (n,)."""
+        return np.hypot(self.range_sigma_m, self.echoes.shared_sigma_m)
+
+    @cached_property
+    def own_sigma_m(self) -> np.ndarray:
+        """Of a range of a fine sweep beside the others from there, (n,): the fit will find what they have wrong
+        together, so that is no reason to think less of an echo that obeys. Of a coarse sweep, as ``sigma_m``.
+        """
+        return np.where(self.echoes.is_fine, self.range_sigma_m, self.sigma_m)
+
+    @cached_property
+    def turn_sigma_rad(self) -> np.ndarray:
+        """Of an axis as a direction, the heading's error in it, (n,)."""
+        return np.hypot(self.direction_sigma_rad, self.echoes.sigma_heading_rad)
 
     def respread(self, factor: np.ndarray | float) -> "Evidence":
         """The same with ``factor`` times the spread of ranges."""
@@ -38,34 +54,47 @@ class Evidence:
         """Gain in nats of residuals (..., m) of the echoes ``at`` (all of them if not told); negative where the outlier
         model explains an echo better.
         """
-        sigma_m = self.sigma_m[at]
-        return np.log(self.span_m / (sigma_m * np.sqrt(2 * np.pi))) - 0.5 * (residual_m / sigma_m) ** 2
+        most = np.log(self.span_m / (self.own_sigma_m[at] * np.sqrt(2 * np.pi)))
+        return most - 0.5 * (residual_m / self.sigma_m[at]) ** 2
 
     def direction_gain(self, direction_rad: np.ndarray, at: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Gain in nats of the directions of the echoes ``at``, if their reflectors lie in ``direction_rad``, over any
         direction; 0 where only the beam tells it. A few are far off: a neighbour's plateau ran into theirs.
         """
         known = np.isfinite(self.direction_sigma_rad[at])
-        sigma_rad = np.where(known, self.direction_sigma_rad[at], 1.0)
+        sigma_rad, own_rad = (np.where(known, of[at], 1.0) for of in (self.turn_sigma_rad, self.direction_sigma_rad))
         square = (wrapped(direction_rad - self.echoes.axis_rad[at]) / sigma_rad) ** 2
         shape = _SHARP_SHARE * np.exp(-0.5 * square) + (1 - _SHARP_SHARE) / _BLUNT * np.exp(-0.5 * square / _BLUNT**2)
-        return np.where(known, np.log(np.sqrt(2 * np.pi) / sigma_rad * np.maximum(shape, _LEAST_SHAPE)), 0.0)
+        return np.where(known, np.log(np.sqrt(2 * np.pi) / own_rad * np.maximum(shape, _LEAST_SHAPE)), 0.0)
 
 
 _SHARP_SHARE, _BLUNT = 0.85, 3.0  # the others' directions err so many times as far
 _LEAST_SHAPE = 1e-12
 
 
-def evidence(echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: RefinementConfig) -> Evidence:
-    """Evidence of ``echoes`` whose ranges have the spread ``sigma_m``, (n,), in a span of ``span_m``."""
+def evidence(
+    echoes: Echoes, sigma_m: np.ndarray, span_m: float, config: RefinementConfig, looks: Looks | None = None
+) -> Evidence:
+    """Evidence of ``echoes`` whose ranges have the spread ``sigma_m``, (n,), in a span of ``span_m``, and of looks."""
     cell = np.rint(np.stack([echoes.x_m, echoes.y_m], axis=1) / config.limits.same_place_m).astype(int)
     _, place = np.unique(cell, axis=0, return_inverse=True)
-    return Evidence(echoes, sigma_m, place.ravel(), span_m, np.full(len(echoes), np.inf))
+    stands, stand = stands_of(arrays.join([echoes, looks.echoes]) if looks is not None else echoes)
+    of_echo, of_look = np.split(stand, [len(echoes)])
+    anywhere = np.full(len(echoes), np.inf)
+    return Evidence(echoes, sigma_m, place.ravel(), span_m, anywhere, of_echo, stands, looks, of_look)
 
 
 def joined(first: Evidence, second: Evidence) -> Evidence:
     """Both, one after the other; their places are numbered alike, and the looks are those of the first."""
     return arrays.join([first, second])
+
+
+def with_stands(data: Evidence, stands: Stands) -> Evidence:
+    """The evidence, its looks too, with the poses and the sensors of ``stands``."""
+    echoes, looks = moved(data.echoes, data.stand, data.stands, stands), data.looks
+    if looks is not None and data.look_stand is not None:
+        looks = replace(looks, echoes=moved(looks.echoes, data.look_stand, data.stands, stands))
+    return replace(data, echoes=echoes, stands=stands, looks=looks)
 
 
 def newest_of_each_beam(data: Evidence) -> np.ndarray:

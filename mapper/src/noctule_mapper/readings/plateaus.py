@@ -25,7 +25,7 @@ _LEAST_ECHOES = 2  # one echo alone may be from anywhere
 
 def of_fine_sweeps(data: Evidence) -> np.ndarray:
     """Which echoes are of sweeps so fine that a reflector answers several bearings, bool (n,)."""
-    return data.echoes.step_rad < data.echoes.half_beam_rad
+    return data.echoes.is_fine
 
 
 def plateaus(data: Evidence, config: RefinementConfig) -> Evidence:
@@ -80,15 +80,13 @@ def _of_place(data: Evidence, at: np.ndarray, config: RefinementConfig) -> Itera
         range_m = float(np.median(echoes.range_m[rows]))
         low_rad, high_rad = first_rad + along_rad.min(), first_rad + along_rad.max()
         lowest_rad, highest_rad = _middles(data, echoes, low_rad, high_rad, range_m, step_rad, config)
-        closed_rad = np.hypot(
-            np.hypot(config.plateaus.middle_share * step_rad, config.plateaus.least_middle_sigma_rad),
-            echoes.sigma_heading_rad[rows[0]],
-        )
+        closed_rad = np.hypot(config.plateaus.middle_share * step_rad, config.plateaus.least_middle_sigma_rad)
+        turned_rad = np.hypot(closed_rad, echoes.sigma_heading_rad[rows[0]])
         yield _Plateau(
             newest=int(at[rows.max()]),
             direction_rad=(lowest_rad + highest_rad) / 2,
             direction_sigma_rad=float(np.hypot((highest_rad - lowest_rad) / np.sqrt(12), closed_rad)),
-            half_width_rad=float((highest_rad - lowest_rad) / 2 + config.beam.gate_sigmas * closed_rad),
+            half_width_rad=float((highest_rad - lowest_rad) / 2 + config.beam.gate_sigmas * turned_rad),
             range_m=range_m,
             # Not below half: neighbours share their errors.
             range_sigma_m=sigma_m * max(1 / np.sqrt(len(rows)), 0.5),

@@ -45,8 +45,8 @@ class StuckSensorError(SweepError):
 
 @dataclass(frozen=True)
 class SweepReadings:
-    """One sweep. Arrays are (n,); a range is free of bias and of the air's temperature, NaN where there is no usable
-    echo.
+    """One sweep. Arrays are (n,); a range is counted from the axis about which the unit turns, free of bias and of the
+    air's temperature, NaN where there is no usable echo.
 
     Raises SweepError where a number is one that no sweep has: none that could overflow, or take time or memory without
     bound, comes to the map.
@@ -65,6 +65,8 @@ class SweepReadings:
     no_echo: np.ndarray  # bool: the sensor listened and heard nothing
     beam_width_rad: float
     range_sigma_m: float | None  # None: not calibrated
+    sigma_bias_m: float = 0.0  # of the mean error of the sensor's ranges, where nobody has measured it
+    sigma_scale: float = 0.0  # of the speed of sound as a share of it, where nobody has measured the air
 
     def __post_init__(self) -> None:
         name, readings = _name(self.identity, self.unit), len(self.bearing_rad)
@@ -110,10 +112,12 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
     own = sweep.sensor if sweep.HasField("sensor") else messages_pb2.Sensor()
     bias_m = own.range_bias_m if own.HasField("range_bias_m") else default.range_bias_m
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
+    sigma_bias_m = 0.0 if own.HasField("range_bias_m") else default.bias_sigma_m
+    sigma_k = 0.0 if sweep.HasField("air_temperature_c") else default.temperature_sigma_k
     _check(name, "range_bias_m", bias_m)
     _check(name, "air_temperature_c", celsius)
     with np.errstate(over="ignore"):  # beyond all numbers is beyond the longest range
-        told_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m
+        told_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m + default.face_offset_m
     usable = (told_m >= default.shortest_range_m) & (told_m <= default.longest_range_m)
     readings = SweepReadings(
         identity=identity_of(sweep),
@@ -129,6 +133,8 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
         no_echo=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
         beam_width_rad=own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad,
         range_sigma_m=own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m,
+        sigma_bias_m=math.hypot(sigma_bias_m, default.face_offset_sigma_m),
+        sigma_scale=speed_of_sound_m_s(celsius + sigma_k) / speed_of_sound_m_s(celsius) - 1,
     )
     _check_not_stuck(name, readings, told_m)
     return readings

@@ -275,8 +275,9 @@ def _gains(
     possible = (np.abs(wrapped(direction - axis)) <= widest) & (predicted > 0)
     # A candidate from two or three echoes is itself uncertain, so it is weighed at twice the spread.
     sigma = 2 * data.sigma_m.astype(np.float32)
+    own = 2 * data.own_sigma_m.astype(np.float32)
     gain = (
-        np.log(data.span_m / (sigma * np.sqrt(2 * np.pi, dtype=np.float32))) - 0.5 * ((ranges - predicted) / sigma) ** 2
+        np.log(data.span_m / (own * np.sqrt(2 * np.pi, dtype=np.float32))) - 0.5 * ((ranges - predicted) / sigma) ** 2
     )
     if np.isfinite(data.direction_sigma_rad).any():
         gain = gain + data.direction_gain(direction).astype(np.float32)

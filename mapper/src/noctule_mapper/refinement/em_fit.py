@@ -13,19 +13,33 @@ import numpy as np
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.corners import Fit, Link
 from noctule_mapper.contour.reflectors import Reflector
-from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.association import Claims, explain
-from noctule_mapper.refinement.joint_fit import Turns, linearise, moved, offsets_of, places_of, solve
+from noctule_mapper.refinement.joint_fit import (
+    Normal,
+    Shared,
+    linearise,
+    moved,
+    offsets_of,
+    rows_of,
+    shared_by,
+    solve,
+)
+from noctule_mapper.refinement.pose_errors import Errors, errors_of, with_sensors_left
 
 
 @dataclass(frozen=True)
 class Settled:
-    """The fit, the share of each claim in its echo (claims,), and the spread of each range that it went by (n,)."""
+    """The fit, the share of each claim in its echo (claims,), the spread of each range that it went by (n,), what the
+    echoes share as fitted, and the normal equations behind the covariance with the errors of the poses.
+    """
 
     fit: Fit
     share: np.ndarray
     range_sigma_m: np.ndarray
+    shared: Shared
+    normal: Normal
+    errors: Errors
 
 
 @dataclass(frozen=True)
@@ -50,28 +64,29 @@ def settle(
 
     With ``estimate_sigma`` the spread of sensors that nobody has calibrated is fitted as well.
     """
-    places, parameters = places_of(data.echoes), int(offsets_of(objects)[-1])
+    shared, parameters = shared_by(data), int(offsets_of(objects)[-1])
     objects, echo = list(objects), claims.echo
     late_share, leverage = config.beam.late_share, 0.0
     for iteration in range(iterations):
         linear = linearise(objects, links, claims.maker, echo, data.echoes)
-        residual = data.echoes.range_m[echo] - linear.predicted_m + places.along(linear.direction_rad, echo)
+        rows = rows_of(linear, echo, data.echoes, shared, parameters)
+        residual = rows.residual_m
         sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]  # places shift from the first step on
         score = _score(residual, sigma_m, late_share, leverage, data.span_m, config)
         share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
-        turns = Turns(
-            wrapped(data.echoes.axis_rad[echo] - linear.direction_rad), share / data.direction_sigma_rad[echo] ** 2
-        )
-        normal = solve(linear, score.mean_m, share / sigma_m**2, echo, places, parameters, turns)
-        objects, places = moved(objects, normal.step), replace(places, shift_m=normal.shift_m)
+        turns = share / data.direction_sigma_rad[echo] ** 2
+        normal = solve(rows, score.mean_m, share / sigma_m**2, turns, echo, shared, parameters)
+        objects, shared = moved(objects, normal.step), replace(shared, shift=normal.shift, error=normal.error)
         leverage = min(normal.freedom / max(float(share.sum()), 1.0), _MOST_LEVERAGE)
         late_share = _late_share(residual, sigma_m, share, leverage, config)
         if estimate_sigma:
             data = _respread(data, echo, share, score, normal.freedom)
     unsure = (1 - share) * score.mean_m**2 + score.variance_m2
     information = share / sigma_m**2 * np.clip(1 - unsure / sigma_m**2, 0, 1)
-    covariance = solve(linear, score.mean_m, information, echo, places, parameters, turns).covariance
-    return Settled(Fit(objects, covariance, offsets_of(objects)), share, data.range_sigma_m)
+    normal = solve(rows, score.mean_m, information, turns, echo, shared, parameters)
+    errors, covariance = errors_of(normal, data.stands, parameters), with_sensors_left(normal, shared, parameters)
+    fit = Fit(objects, covariance, errors.held_objects(covariance), offsets_of(objects))
+    return Settled(fit, share, data.range_sigma_m, shared, normal, errors)
 
 
 def _score(

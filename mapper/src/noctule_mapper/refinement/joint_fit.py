@@ -1,8 +1,23 @@
-"""The joint fit: a step of all objects at once to the raw ranges, each place's own error fitted along.
+"""The joint fit: one Gauss-Newton step of all objects to the raw ranges and directions, with what the echoes share.
 
-An error of a place moves all ranges from there together, be they of one sweep or of many by a unit that stands still.
-It is two more unknowns for each place, known beforehand to within s, and taken out of the normal equations place by
-place (Schur complement): among the echoes from there that is the covariance sigma^2 I + s^2 N N^T, N their directions.
+Beside the objects' parameters t the fit has those of the sensors, q = (mean error b, share s by which ranges are too
+long) of a unit, and of each place where echoes came from p = (dx, dy, dheading). An echo of range R and axis z, of a
+reflector that lies in direction f of its place at the range r, all linearised, obeys
+
+    R = r(t) - u(f) . (dx, dy) + b + s r                 u(f) the unit vector in direction f
+    z = f(t) + f'(dx, dy) - dheading                     only where the sweep is fine: else the beam alone tells
+
+and of q and p it is known beforehand to within which sigma they are what is stated. An error of a place moves all that
+is heard there together, and one of a sensor all that its unit hears, so however many echoes there are, it stays. With
+the weights W of the rows, the normal equations in (t, q) and p are
+
+    [A   B ] [step in (t, q)]   [g]      A = sum W a a^T + priors    a the slopes by (t, q)
+    [B^T C ] [step in p     ] = [h]      B = sum W a c^T             c the slopes by p
+                                         C = sum W c c^T + priors    in blocks of 3, one for each place
+
+C costs nothing to invert, so p is taken out place by place (Schur complement): S = A - B C^-1 B^T is the information in
+(t, q), S^-1 their covariance, and p = C^-1 (h - B^T (t, q)). Of one place this is the same as to give its ranges the
+covariance sigma^2 I + s^2 N N^T, N their directions.
 """
 
 from collections.abc import Sequence
@@ -12,37 +27,61 @@ import numpy as np
 
 from noctule_mapper.contour.corners import Link, crossing
 from noctule_mapper.contour.reflectors import Reflector
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.readings.stands import deviation
 
 _WEAK_PRIOR = 1e-2  # per square metre or radian: keeps what no echo determines where it is
+_SURE = 1e-6  # metres or radians: a place stated as exact
 
 
 @dataclass(frozen=True)
-class Places:
-    """Where the echoes came from: ``of`` (n,) numbers the places, ``sigma_m`` (places,) is how well each is known, and
-    ``shift_m`` (places, 2) how far from the stated place the fit has it.
+class Shared:
+    """What echoes share: ``place`` (n,) numbers the places, ``sensor`` (n,) the sensors that nobody has measured, -1
+    for others.
+
+    Of places (places, 3) and of sensors (sensors, 2), as the equations of the module have them: what is known of them
+    beforehand, ``stated`` and ``sigma``, and what the fit has, ``shift`` and ``error``.
     """
 
-    of: np.ndarray
-    sigma_m: np.ndarray
-    shift_m: np.ndarray
+    place: np.ndarray
+    stated: np.ndarray
+    sigma: np.ndarray
+    shift: np.ndarray
+    sensor: np.ndarray
+    sensor_stated: np.ndarray
+    sensor_sigma: np.ndarray
+    error: np.ndarray
 
-    def along(self, direction_rad: np.ndarray, echo: np.ndarray) -> np.ndarray:
-        """How far the places of echoes number ``echo`` (m,) lie towards ``direction_rad`` of where they are stated."""
-        shift = self.shift_m[self.of[echo]]
-        return shift[:, 0] * np.cos(direction_rad) + shift[:, 1] * np.sin(direction_rad)
+    @property
+    def is_exact(self) -> bool:
+        """Whether every place is where it is stated."""
+        return not np.any(self.sigma > 0)
 
 
-def places_of(echoes: Echoes) -> Places:
-    """The places of ``echoes``, where they are stated to be; echoes of the very same place share it."""
-    _, first, of = np.unique(echoes.x_m + 1j * echoes.y_m, return_index=True, return_inverse=True)
-    return Places(of.ravel(), echoes.sigma_position_m[first], np.zeros((len(first), 2)))
+def shared_by(data: Evidence) -> Shared:
+    """What the echoes of ``data`` share, before any fit."""
+    stands = data.stands
+    measured = np.any(stands.sensor_sigma > 0, axis=1)
+    number = np.where(measured, np.cumsum(measured) - 1, -1)
+    return Shared(
+        place=data.stand,
+        stated=deviation(stands),
+        sigma=stands.prior_sigma,
+        shift=np.zeros_like(stands.sigma),
+        sensor=number[data.echoes.unit],
+        sensor_stated=-stands.sensor_now[measured],
+        sensor_sigma=stands.sensor_sigma[measured],
+        error=np.zeros((int(measured.sum()), 2)),
+    )
 
 
 @dataclass(frozen=True)
 class Linear:
     """Claims linearised about the objects: rows (claims,) of slopes by the parameters in ``columns``, both (claims, 4)
-    padded with zero slopes, predicted ranges, the directions of the echoes and their slopes by the same ``columns``.
+    padded with zero slopes, predicted ranges, the directions of the echoes and their slopes by the same ``columns`` and
+    by the place, (claims, 2).
     """
 
     slopes: np.ndarray
@@ -50,6 +89,7 @@ class Linear:
     predicted_m: np.ndarray
     direction_rad: np.ndarray
     direction_slopes: np.ndarray
+    direction_slopes_by_place: np.ndarray
 
 
 def offsets_of(objects: Sequence[Reflector]) -> np.ndarray:
@@ -64,7 +104,7 @@ def linearise(
     offsets = offsets_of(objects)
     slopes, columns = np.zeros((len(maker), 4)), np.zeros((len(maker), 4), int)
     predicted, direction = np.zeros(len(maker)), np.zeros(len(maker))
-    turning = np.zeros((len(maker), 4))
+    turning, by_place = np.zeros((len(maker), 4)), np.zeros((len(maker), 2))
     order = np.argsort(maker, kind="stable")
     for rows in np.split(order, np.nonzero(np.diff(maker[order]))[0] + 1) if len(order) else []:
         number = int(maker[rows[0]])
@@ -78,78 +118,146 @@ def linearise(
         slopes[rows, : len(own)], columns[rows, : len(own)] = model.slopes(heard), own
         predicted[rows], direction[rows] = model.ranges(heard), model.directions(heard)
         turning[rows, : len(own)] = model.direction_slopes(heard)
-    return Linear(slopes, columns, predicted, direction, turning)
+        by_place[rows] = model.direction_slopes_by_place(heard)
+    return Linear(slopes, columns, predicted, direction, turning, by_place)
 
 
 @dataclass(frozen=True)
-class Turns:
-    """How far the echoes' directions are from their claims' (claims,), and the information that each is, per radian
-    squared; 0 where only the beam tells the direction.
+class Rows:
+    """The rows of one step: residuals of ranges and of directions, (claims,); their slopes by ``columns`` (claims, k)
+    and by the place, (claims, 3).
     """
 
-    residual_rad: np.ndarray
-    information: np.ndarray
+    columns: np.ndarray
+    residual_m: np.ndarray
+    slopes: np.ndarray
+    by_place: np.ndarray
+    turn_rad: np.ndarray
+    turn_slopes: np.ndarray
+    turn_by_place: np.ndarray
+
+
+def rows_of(linear: Linear, echo: np.ndarray, echoes: Echoes, shared: Shared, parameters: int) -> Rows:
+    """The rows of claims on echoes number ``echo`` (claims,); the sensors' columns come after the objects'."""
+    place = shared.place[echo]
+    none = np.zeros(len(echo))
+    away = np.column_stack([-np.cos(linear.direction_rad), -np.sin(linear.direction_rad), none])
+    turn_away = np.column_stack([linear.direction_slopes_by_place, none - 1])
+    residual = echoes.range_m[echo] - linear.predicted_m - (away * shared.shift[place]).sum(axis=1)
+    turn = wrapped(echoes.axis_rad[echo] - linear.direction_rad - (turn_away * shared.shift[place]).sum(axis=1))
+    columns, slopes, turn_slopes = linear.columns, linear.slopes, linear.direction_slopes
+    if len(shared.error):
+        sensor = shared.sensor[echo]
+        by_sensor = np.where(sensor[:, None] >= 0, np.column_stack([none + 1, linear.predicted_m]), 0.0)
+        at = np.maximum(sensor, 0)
+        residual = residual - (by_sensor * shared.error[at]).sum(axis=1)
+        columns = np.column_stack([columns, parameters + 2 * at, parameters + 2 * at + 1])
+        slopes, turn_slopes = np.column_stack([slopes, by_sensor]), np.column_stack([turn_slopes, 0 * by_sensor])
+    return Rows(columns, residual, slopes, away, turn, turn_slopes, turn_away)
 
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of one step: the objects' and the places' steps, the covariance of the objects' parameters, and
-    how many parameters the echoes have determined, the places' shares counted.
+    """Normal equations of one step: its ``step`` in the objects and the sensors, what the fit then has of places and
+    sensors, the covariance of objects and sensors, how many parameters the echoes have determined, the places' shares
+    counted, and A, B and C of the module's equations.
     """
 
     step: np.ndarray
-    shift_m: np.ndarray
+    shift: np.ndarray
+    error: np.ndarray
     covariance: np.ndarray
     freedom: float
+    own: np.ndarray
+    between: np.ndarray
+    theirs: np.ndarray
 
 
 def solve(
-    linear: Linear,
+    rows: Rows,
     residual_m: np.ndarray,
     information: np.ndarray,
+    turn_information: np.ndarray,
     echo: np.ndarray,
-    places: Places,
+    shared: Shared,
     parameters: int,
-    turns: Turns,
 ) -> Normal:
     """Weighted least squares for ``residual_m`` (claims,), each of ``information`` (claims,) per square metre, and for
-    ``turns``.
-
-    A place's shift along a direction shortens the range as much, hence its slopes are minus the direction's.
+    the directions that ``turn_information`` (claims,), per radian squared, says anything of.
     """
-    weighted = linear.slopes * information[:, None]
-    own = _WEAK_PRIOR * np.eye(parameters)
-    np.add.at(
-        own, (linear.columns[:, :, None], linear.columns[:, None, :]), weighted[:, :, None] * linear.slopes[:, None, :]
-    )
-    pull = np.zeros(parameters)
-    np.add.at(pull, linear.columns, weighted * residual_m[:, None])
-    at = np.nonzero(turns.information)[0]
-    columns, slopes = linear.columns[at], linear.direction_slopes[at]
-    turned = slopes * turns.information[at, None]
-    np.add.at(own, (columns[:, :, None], columns[:, None, :]), turned[:, :, None] * slopes[:, None, :])
-    np.add.at(pull, columns, turned * turns.residual_rad[at, None])
-    if not np.any(places.sigma_m > 0):
+    own, pull = _objects_and_sensors(rows, residual_m, information, turn_information, shared, parameters)
+    if shared.is_exact:
         covariance = np.linalg.inv(own)
-        return Normal(covariance @ pull, places.shift_m, covariance, float(parameters))
-    away = -np.stack([np.cos(linear.direction_rad), np.sin(linear.direction_rad)], axis=1)
-    of, known = places.of[echo], 1 / np.maximum(places.sigma_m, _SURE_M) ** 2
-    shared = np.zeros((parameters, len(known), 2))
-    np.add.at(shared, (linear.columns, of[:, None]), weighted[:, :, None] * away[:, None, :])
-    theirs = known[:, None, None] * np.eye(2)
-    np.add.at(theirs, of, information[:, None, None] * away[:, :, None] * away[:, None, :])
-    tug = -known[:, None] * places.shift_m
-    np.add.at(tug, of, (information * residual_m)[:, None] * away)
+        step = covariance @ pull
+        error = shared.error + step[parameters:].reshape(-1, 2)
+        between, theirs = np.zeros((len(own), 0, 3)), np.zeros((0, 3, 3))
+        return Normal(step, shared.shift, error, covariance, float(parameters), own, between, theirs)
+    between, theirs, tug, known = _places(rows, residual_m, information, turn_information, echo, shared, len(own))
     spread = np.linalg.inv(theirs)
-    through = np.einsum("pgi,gij->pgj", shared, spread)
-    covariance = np.linalg.inv(own - np.einsum("pgi,qgi->pq", through, shared))
+    through = np.einsum("pgi,gij->pgj", between, spread)
+    covariance = np.linalg.inv(own - np.einsum("pgi,qgi->pq", through, between))
     step = covariance @ (pull - np.einsum("pgi,gi->p", through, tug))
-    shift = places.shift_m + np.einsum("gij,gj->gi", spread, tug - np.einsum("pgi,p->gi", shared, step))
-    left = np.einsum("gii->g", spread) + np.einsum("pgi,pq,qgi->g", through, covariance, through)
-    return Normal(step, shift, covariance, float(parameters + (2 - known * left).sum()))
+    shift = shared.shift + np.einsum("gij,gj->gi", spread, tug - np.einsum("pgi,p->gi", between, step))
+    error = shared.error + step[parameters:].reshape(-1, 2)
+    variance = np.einsum("gii->gi", spread) + np.einsum("pgi,pq,qgi->gi", through, covariance, through)
+    freedom = float(parameters + (1 - known * variance).sum())
+    return Normal(step, shift, error, covariance, freedom, own, between, theirs)
 
 
-_SURE_M = 1e-6  # a place stated as exact
+def _objects_and_sensors(
+    rows: Rows,
+    residual_m: np.ndarray,
+    information: np.ndarray,
+    turn_information: np.ndarray,
+    shared: Shared,
+    parameters: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """A and g."""
+    known = 1 / np.maximum(shared.sensor_sigma.ravel(), _SURE) ** 2
+    own = np.diag(np.concatenate([np.full(parameters, _WEAK_PRIOR), known]))
+    pull = np.concatenate([np.zeros(parameters), known * (shared.sensor_stated - shared.error).ravel()])
+    at = np.nonzero(turn_information)[0]
+    for columns, slopes, weight, residual in (
+        (rows.columns, rows.slopes, information, residual_m),
+        (rows.columns[at], rows.turn_slopes[at], turn_information[at], rows.turn_rad[at]),
+    ):
+        weighted = slopes * weight[:, None]
+        np.add.at(own, (columns[:, :, None], columns[:, None, :]), weighted[:, :, None] * slopes[:, None, :])
+        np.add.at(pull, columns, weighted * residual[:, None])
+    return own, pull
+
+
+def _places(
+    rows: Rows,
+    residual_m: np.ndarray,
+    information: np.ndarray,
+    turn_information: np.ndarray,
+    echo: np.ndarray,
+    shared: Shared,
+    width: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """B, C and h, and the priors in C, (places, 3)."""
+    known = 1 / np.maximum(shared.sigma, _SURE) ** 2
+    between = np.zeros((width, len(known), 3))
+    theirs = known[:, :, None] * np.eye(3)
+    tug = known * (shared.stated - shared.shift)
+    at, place = np.nonzero(turn_information)[0], shared.place[echo]
+    for of, columns, slopes, by_place, weight, residual in (
+        (place, rows.columns, rows.slopes, rows.by_place, information, residual_m),
+        (
+            place[at],
+            rows.columns[at],
+            rows.turn_slopes[at],
+            rows.turn_by_place[at],
+            turn_information[at],
+            rows.turn_rad[at],
+        ),
+    ):
+        weighted = by_place * weight[:, None]
+        np.add.at(between, (columns, of[:, None]), slopes[:, :, None] * weighted[:, None, :])
+        np.add.at(theirs, of, weighted[:, :, None] * by_place[:, None, :])
+        np.add.at(tug, of, weighted * residual[:, None])
+    return between, theirs, tug, known
 
 
 def moved(objects: Sequence[Reflector], step: np.ndarray) -> list[Reflector]:

@@ -90,7 +90,7 @@ def _stepped(tried: Reflector, used: Evidence) -> tuple[Reflector, np.ndarray]:
     weight = 1 / (1 + np.exp(-used.gain(residual))) / used.sigma_m**2
     turn = wrapped(used.echoes.axis_rad - tried.directions(used.echoes))
     turning = tried.direction_slopes(used.echoes)
-    sure = weight * used.sigma_m**2 / used.direction_sigma_rad**2
+    sure = weight * used.sigma_m**2 / used.turn_sigma_rad**2
     information = slopes.T @ (weight[:, None] * slopes) + turning.T @ (sure[:, None] * turning)
     covariance = np.linalg.inv(information + _WEAK_PRIOR * np.eye(slopes.shape[1]))
     return tried.moved(covariance @ (slopes.T @ (weight * residual) + turning.T @ (sure * turn))), covariance

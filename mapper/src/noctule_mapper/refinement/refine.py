@@ -19,24 +19,29 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
+from noctule_mapper.refinement.pose_rounds import Final, posed
+from noctule_mapper.refinement.poses import unit_poses
 
 
-def refine(echoes: Echoes, found: Contacts, looks: Looks | None, config: MapperConfig) -> Contour:
-    """The contour that explains the echoes best; ``found`` are their contacts, ``looks`` those of fine sweeps.
+def refine(
+    echoes: Echoes, found: Contacts, looks: Looks | None, config: MapperConfig, units: Sequence[str] = ()
+) -> Contour:
+    """The contour that explains the echoes best; ``found`` are their contacts, ``looks`` those of fine sweeps,
+    ``units`` the names of the units by their numbers.
 
     Worked out about the middle of the echoes' places: far from the origin theta and rho would be nearly one.
     """
     x_m, y_m = float(np.median(echoes.x_m)), float(np.median(echoes.y_m))
     middle = _about(echoes, x_m, y_m)
-    data = evidence(middle, middle.sigma_m, config.sensor.longest_range_m, config.refinement)
     if looks is not None:
-        data = replace(data, looks=replace(looks, echoes=_about(looks.echoes, x_m, y_m)))
+        looks = replace(looks, echoes=_about(looks.echoes, x_m, y_m))
+    data = evidence(middle, middle.sigma_m, config.sensor.longest_range_m, config.refinement, looks)
     if echoes.calibrated.all():
-        return _refined(data, found, config)[0].shifted(x_m, y_m)
+        return _refined(data, found, config, units)[0].shifted(x_m, y_m)
     sigma_m = estimate_sigma_m(middle.take(newest_of_each_beam(data)), config.noise)
     for _ in range(_MOST_GUESSES):
         data = replace(data, range_sigma_m=np.where(echoes.calibrated, middle.sigma_m, sigma_m))
-        contour, spread_m = _refined(data, found, config)
+        contour, spread_m = _refined(data, found, config, units)
         guessed_m, sigma_m = sigma_m, float(np.median(spread_m[~echoes.calibrated]))
         if abs(sigma_m / guessed_m - 1) < _GOOD_GUESS:
             break
@@ -47,8 +52,20 @@ _MOST_GUESSES = 2  # of an unknown spread: the first knows no objects yet
 _GOOD_GUESS = 0.25  # how far off a guess may be for the choice of objects to stand
 
 
-def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Contour, np.ndarray]:
+def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Sequence[str]) -> tuple[Contour, np.ndarray]:
     """The contour, and the spread of each range that it went by, which is fitted where nobody has calibrated it."""
+    data, final = posed(data, lambda moved: _fitted(moved, found, config))
+    last, claims, objects = final.last, final.claims, final.last.fit.objects
+    read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
+    readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
+    contour = contour_of(last.fit, final.links, [int(count) for count in readings], config.refinement)
+    spread_m = last.range_sigma_m[: len(data.echoes)]
+    poses = unit_poses(data, last, units)
+    return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
+
+
+def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
+    """The objects that explain the evidence, fitted to all of it, with the poses where the evidence has them."""
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
     best, scene = _explain(weighed, contacts, config), Scene(joined(data, _directions(weighed)), settings)
@@ -60,13 +77,8 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Con
         )
         sure = _determined(last, claims, scene, config)
         if len(sure) == len(objects):
-            break
+            return Final(last, scene.data, weighed, claims, links, best.worth)
         objects, links = sure, _links(sure, scene, config)
-    read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
-    readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
-    contour = contour_of(last.fit, links, [int(count) for count in readings], settings)
-    spread_m = last.range_sigma_m[: len(data.echoes)]
-    return replace(contour, range_sigma_m=float(np.median(spread_m))), spread_m
 
 
 def _about(echoes: Echoes, x_m: float, y_m: float) -> Echoes:
@@ -103,7 +115,7 @@ def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfi
     return [
         one
         for number, one in enumerate(last.fit.objects)
-        if determined(one, last.fit.covariance_of(number), places[number], scene.data, config)
+        if determined(one, last.fit.held_covariance_of(number), places[number], scene.data, config)
     ]
 
 
