@@ -7,10 +7,11 @@ of two due walls when it is known to 4 cm; a cylinder when its radius is known t
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from mapper.judge import NEAR_M, alike, corner_errors_m, false_objects, true_wall
-from mapper.label_fit import LabelFit, label_fit, variances
+from mapper.label_fit import LabelFit, label_fit, variances, wall_lines
 from mapper.room import (
     HARD,
     LONGEST_M,
@@ -25,6 +26,7 @@ from mapper.room import (
 )
 
 from noctule_mapper.contour.contour import Contour
+from noctule_mapper.readings.angles import wrapped
 
 BEARINGS_RAD = np.radians(np.linspace(-135, 135, 61))
 SWEEPS_EACH = 4
@@ -32,6 +34,7 @@ CLEARANCE_M = 0.15  # of a unit from walls and cylinders
 # The lobe's half-width in degrees by range in metres, as an HC-SR04's; shares of false, lost and late echoes as HARD's.
 LOBE = ((0.0, 20.0), (0.2, 20.0), (0.5, 10.5), (1.5, 9.5), (3.0, 7.0), (LONGEST_M, 5.0))
 FIXED = replace(HARD, lobe=LOBE, sigma_position_m=0.0, sigma_heading_rad=0.0)
+TAPE_M, TAPE_RAD = 0.03, math.radians(3)  # what a tape measure and the eye err by
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,111 @@ def _person(room: Room, poses: np.ndarray, rng: np.random.Generator) -> tuple[fl
 def _of_the_room(label: Label, room: Room) -> Label:
     person = label.kind == "cylinder" and label.index >= len(room.cylinders)
     return Label("false") if person else label
+
+
+def stated_by_tape(surveyed: Sequence[LabelledSweep], poses: np.ndarray) -> list[LabelledSweep]:
+    """The survey with the units stated to be at ``poses`` (units, 3), to within a tape measure's error."""
+    return [
+        replace(
+            one,
+            sweep=replace(
+                one.sweep,
+                x_m=float(x_m),
+                y_m=float(y_m),
+                heading_rad=float(heading_rad),
+                sigma_position_m=TAPE_M,
+                sigma_heading_rad=TAPE_RAD,
+            ),
+        )
+        for one in surveyed
+        for x_m, y_m, heading_rad in [poses[int(one.sweep.unit[1:]) - 1]]
+    ]
+
+
+def taped_room(rng: np.random.Generator, units: int | None = None) -> tuple[Room, np.ndarray, list[LabelledSweep]]:
+    """A random room, the true poses of its units (units, 3) and their sweeps, with poses stated by tape measure."""
+    room, stated = fixed_room(rng, units)
+    true = stated + rng.normal(0, 1, stated.shape) * (TAPE_M, TAPE_M, TAPE_RAD)
+    return room, true, stated_by_tape(survey_fixed(room, true, rng), stated)
+
+
+def room_can_tell(room: Room, surveyed: Sequence[LabelledSweep], wrong: set[str]) -> bool:
+    """Whether each of the ``wrong`` units hears three walls, not all parallel, that right ones hear, and two walls each
+    of at least two of these.
+    """
+    heard: dict[str, set[int]] = {}
+    for one in surveyed:
+        walls = {label.index for label in one.labels if label.kind == "wall"}
+        heard[one.sweep.unit] = heard.get(one.sweep.unit, set()) | walls
+    theta = wall_lines(room)[:, 0]
+    right = [heard[unit] for unit in heard if unit not in wrong]
+    for unit in wrong:
+        shared = sorted(heard[unit] & set().union(*right))
+        turned = max((abs(math.sin(theta[i] - theta[j])) for i in shared for j in shared), default=0.0)
+        if len(shared) < 3 or turned < 0.3 or sum(len(heard[unit] & each) >= 2 for each in right) < 2:
+            return False
+    return True
+
+
+def aligned(contour: Contour, room: Room, true: np.ndarray) -> Contour:
+    """The contour moved as a whole so that it fits ``room`` best: the frame of poses stated by tape measure is nowhere
+    exact. It begins with the ``true`` poses (units, 3) of the units.
+    """
+    lines = wall_lines(room)
+    for gate_m in (0.5, 0.3, 0.15, 0.1, NEAR_M, NEAR_M):
+        rows, off = [], []
+
+        def fits(x: float, y: float, normal: tuple[float, float], target_m: float, weight: float = 1.0) -> None:
+            """The point, moved, lies at ``target_m`` along ``normal``."""
+            rows.append(weight * np.array([*normal, normal[1] * x - normal[0] * y]))  # noqa: B023
+            off.append(weight * (target_m - normal[0] * x - normal[1] * y))  # noqa: B023
+
+        for corner in contour.corners:
+            away_m = np.hypot(*(room.vertices - (corner.x_m, corner.y_m)).T)
+            if away_m.min() < gate_m:
+                x_m, y_m = room.vertices[away_m.argmin()]
+                fits(corner.x_m, corner.y_m, (1.0, 0.0), x_m)
+                fits(corner.x_m, corner.y_m, (0.0, 1.0), y_m)
+        for wall in contour.walls:
+            away_m = np.maximum(*(distance_to_sides_m(np.array(end), room.vertices) for end in (wall.start, wall.end)))
+            if away_m.min() < gate_m:
+                theta, rho_m = lines[away_m.argmin()]
+                for x_m, y_m in (wall.start, wall.end):
+                    fits(x_m, y_m, (math.cos(theta), math.sin(theta)), rho_m)
+        weight = 1.0 if gate_m == 0.5 else 0.1
+        for pose in contour.poses:
+            x_m, y_m, heading_rad = true[int(pose.unit[1:]) - 1]
+            if not pose.is_wrong:
+                fits(pose.x_m, pose.y_m, (1.0, 0.0), x_m, weight)
+                fits(pose.x_m, pose.y_m, (0.0, 1.0), y_m, weight)
+                rows.append(np.array([0.0, 0.0, weight]))
+                off.append(weight * float(wrapped(np.array(heading_rad - pose.heading_rad))))
+        dx_m, dy_m, turn_rad = np.linalg.lstsq(np.array(rows), np.array(off), rcond=None)[0]
+        contour = turned(contour, turn_rad).shifted(dx_m, dy_m)
+    return contour
+
+
+def turned(contour: Contour, turn_rad: float) -> Contour:
+    """The contour turned about the origin; covariances stay as they are."""
+    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+
+    def point(x_m: float, y_m: float) -> tuple[float, float]:
+        return cosine * x_m - sine * y_m, sine * x_m + cosine * y_m
+
+    def placed(one: Any) -> Any:
+        x_m, y_m = point(one.x_m, one.y_m)
+        return replace(one, x_m=x_m, y_m=y_m)
+
+    return replace(
+        contour,
+        walls=tuple(
+            replace(one, theta_rad=one.theta_rad + turn_rad, start=point(*one.start), end=point(*one.end))
+            for one in contour.walls
+        ),
+        corners=tuple(map(placed, contour.corners)),
+        cylinders=tuple(map(placed, contour.cylinders)),
+        poses=tuple(replace(placed(one), heading_rad=one.heading_rad + turn_rad) for one in contour.poses),
+    )
 
 
 def judge_fixed(contour: Contour, room: Room, surveyed: Sequence[LabelledSweep]) -> Verdict:

@@ -191,6 +191,10 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
         sigma_position_m=0 * one,
         sigma_heading_rad=0 * one,
         step_rad=one * np.radians(22.5),
+        unit=(0 * one).astype(int),
+        heading_rad=0 * one,
+        sigma_bias_m=0 * one,
+        sigma_scale=0 * one,
     )
     return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one)
 

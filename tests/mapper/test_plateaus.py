@@ -21,15 +21,7 @@ CLEAN = Physics(sigma_m=0.0032, lobe=FIXED.lobe)
 
 def heard(surveyed: list[LabelledSweep]) -> Evidence:
     echoes = join([echoes_of(one.sweep, number, 0.0032) for number, one in enumerate(surveyed)])
-    data = evidence(echoes, echoes.sigma_m, 4.0, CONFIG)
-    return Evidence(
-        data.echoes,
-        data.range_sigma_m,
-        data.place,
-        data.span_m,
-        data.direction_sigma_rad,
-        looks_of([one.sweep for one in surveyed], 0.0032),
-    )
+    return evidence(echoes, echoes.sigma_m, 4.0, CONFIG, looks_of([one.sweep for one in surveyed], 0.0032))
 
 
 def from_the_middle(heading_rad: float, physics: Physics, seed: int = 1) -> Evidence:

@@ -1,5 +1,7 @@
 """Every derivative of every reflector against a central difference of what it is the derivative of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,9 @@ PLACES = np.array([(0.3, -0.2), (-1.1, 0.4), (0.8, 1.3), (-0.5, -1.7)])
 def echoes() -> Echoes:
     some = np.ones(len(PLACES))
     x_m, y_m = PLACES.T
-    return Echoes(np.arange(4), x_m, y_m, 0 * some, some, some, some, some > 0, 0 * some, 0 * some, some)
+    none = 0 * some
+    number = np.arange(4)
+    return Echoes(number, x_m, y_m, none, some, some, some, some > 0, none, none, some, 0 * number, none, none, none)
 
 
 REFLECTORS = [Line(0.4, 2.5), Line(-2.9, 3.0), Circle(2.5, 1.0, 0.3), Spot(-2.0, 2.2)]
@@ -47,6 +51,15 @@ def test_slopes_of_a_corner_are_the_derivatives_by_both_walls(corner: Crossing, 
         for step in STEP * np.eye(4)
     ]
     assert getattr(corner, slopes)(echoes()) == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
+
+
+@pytest.mark.parametrize("one", [*REFLECTORS, *CROSSINGS])
+def test_directions_turn_with_the_place_as_their_slopes_say(one: Reflector | Crossing) -> None:
+    heard, numeric = echoes(), []
+    for dx_m, dy_m in STEP * np.eye(2):
+        ahead, behind = (replace(heard, x_m=heard.x_m + sign * dx_m, y_m=heard.y_m + sign * dy_m) for sign in (1, -1))
+        numeric.append((one.directions(ahead) - one.directions(behind)) / (2 * STEP))
+    assert one.direction_slopes_by_place(heard) == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
 
 
 @pytest.mark.parametrize("corner", CROSSINGS)

@@ -36,6 +36,10 @@ def echoes(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> Ech
         sigma_position_m=one * 0,
         sigma_heading_rad=one * 0,
         step_rad=one * np.radians(22.5),
+        unit=(0 * one).astype(int),
+        heading_rad=0 * one,
+        sigma_bias_m=0 * one,
+        sigma_scale=0 * one,
     )
 
 
