@@ -29,6 +29,8 @@ def readings(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> l
             sigma_position_m=one * 0,
             sigma_heading_rad=one * 0,
             step_rad=one * np.radians(22.5),
+            unit=one * 0,
+            sense=one * 0,
         )
         for number, (place, to_reflector, axis) in enumerate(zip(places, range_m, axis_rad, strict=True))
     ]

@@ -191,6 +191,8 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
         sigma_position_m=0 * one,
         sigma_heading_rad=0 * one,
         step_rad=one * np.radians(22.5),
+        unit=one * 0,
+        sense=one * 0,
     )
     return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one)
 

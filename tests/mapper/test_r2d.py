@@ -32,6 +32,8 @@ def in_a_row(x_m: np.ndarray, range_m: np.ndarray) -> Echoes:
         sigma_position_m=one * 0,
         sigma_heading_rad=one * 0,
         step_rad=one * np.radians(22.5),
+        unit=one * 0,
+        sense=one * 0,
     )
 
 

@@ -15,7 +15,8 @@ PLACES = np.array([(0.3, -0.2), (-1.1, 0.4), (0.8, 1.3), (-0.5, -1.7)])
 def echoes() -> Echoes:
     some = np.ones(len(PLACES))
     x_m, y_m = PLACES.T
-    return Echoes(np.arange(4), x_m, y_m, 0 * some, some, some, some, some > 0, 0 * some, 0 * some, some)
+    none = 0 * some
+    return Echoes(np.arange(4), x_m, y_m, none, some, some, some, some > 0, none, none, some, none, none)
 
 
 REFLECTORS = [Line(0.4, 2.5), Line(-2.9, 3.0), Circle(2.5, 1.0, 0.3), Spot(-2.0, 2.2)]

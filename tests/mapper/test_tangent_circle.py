@@ -36,6 +36,8 @@ def echoes(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> Ech
         sigma_position_m=one * 0,
         sigma_heading_rad=one * 0,
         step_rad=one * np.radians(22.5),
+        unit=one * 0,
+        sense=one * 0,
     )
 
 

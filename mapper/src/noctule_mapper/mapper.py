@@ -34,6 +34,7 @@ class Mapper:
         self._contacts = ContactBook(self.config.contacts)
         self._sweeps: dict[tuple[str, int], SweepReadings] = {}
         self._registered = 0
+        self._units: dict[str, int] = {}  # a number for each unit
         self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
         self._points: FeaturePoints | None = None  # likewise
         self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour
@@ -44,7 +45,8 @@ class Mapper:
             return
         self._sweeps[sweep.identity] = sweep
         self._registered += 1
-        echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
+        unit = self._units.setdefault(sweep.unit, len(self._units))
+        echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m, unit)
         if self._grid is not None:
             self._grid.add_free(free_space(sweep, self.config.grid))  # II.A, Eq. 5-8: before the arcs
         self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes))  # II.B: beside earlier positions
@@ -115,8 +117,8 @@ class Mapper:
         echoes = self._contacts.echoes(of)
         if not len(echoes):
             return Contour()
-        looks = looks_of(sweeps, self.config.noise.assumed_sigma_m)
-        return refine(echoes, self._contacts.contacts(of), looks, self.config)
+        looks = looks_of(sweeps, self.config.noise.assumed_sigma_m, self._units)
+        return refine(echoes, self._contacts.contacts(of), looks, self.config, list(self._units))
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""

@@ -1,4 +1,4 @@
-"""The contour as the mapper knows it: walls, corners, cylinders and poses of units, each with its covariance."""
+"""The contour as the mapper knows it: walls, corners, cylinders, touches and poses of units, each with its covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +23,9 @@ class Wall:
     end: tuple[float, float]
     covariance: np.ndarray
     readings: int
+    # That it is a wall at all: 1 where two places determined it; below 1 for one that a single place heard and that a
+    # right-angled frame tells from a corner and a cylinder.
+    chance: float = 1.0
 
     @property
     def normal(self) -> np.ndarray:
@@ -87,6 +90,24 @@ class UnitPose:
 
 
 @dataclass(frozen=True)
+class Touch:
+    """Where ``unit`` touched a reflector whose kind one place cannot tell: the foot of the echo and its covariance in
+    (x_m, y_m); it answered over ``width_rad`` of the unit's turning.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: np.ndarray
+    unit: str
+    readings: int
+    width_rad: float
+    direction_rad: float  # from the unit
+    chance_wall: float  # the three sum to 1
+    chance_corner: float
+    chance_cylinder: float
+
+
+@dataclass(frozen=True)
 class Contour:
     """A site's contour from ``sweeps`` sweeps, the newest of ``time_s`` (since 1970 UTC)."""
 
@@ -94,6 +115,7 @@ class Contour:
     corners: tuple[Corner, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
     poses: tuple[UnitPose, ...] = ()  # of the units that stand still and sweep finely
+    touches: tuple[Touch, ...] = ()
     sweeps: int = 0
     time_s: float = 0.0
     method: str = ""
@@ -123,6 +145,7 @@ class Contour:
                 )
                 for one in self.poses
             ),
+            touches=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.touches),
         )
 
 

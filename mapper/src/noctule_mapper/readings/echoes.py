@@ -24,6 +24,8 @@ class Echoes:
     sigma_position_m: np.ndarray
     sigma_heading_rad: np.ndarray
     step_rad: np.ndarray  # from one bearing of the sweep to the next
+    unit: np.ndarray  # a number that the echoes of one unit share
+    sense: np.ndarray  # of the unit's turning: 1 anticlockwise, -1 clockwise, 0 where nobody knows
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -31,13 +33,15 @@ class Echoes:
     take = arrays.take
 
 
-def echoes_of(sweep: SweepReadings, number: int, assumed_sigma_m: float) -> Echoes:
-    """The echoes of one sweep, numbered ``number``; ``assumed_sigma_m`` stands in for a sensor not calibrated."""
-    return rows_of(sweep, np.isfinite(sweep.range_m), sweep.range_m, number, assumed_sigma_m)
+def echoes_of(sweep: SweepReadings, number: int, assumed_sigma_m: float, unit: int = 0) -> Echoes:
+    """The echoes of one sweep, numbered ``number``, of the unit numbered ``unit``; ``assumed_sigma_m`` stands in for a
+    sensor not calibrated.
+    """
+    return rows_of(sweep, np.isfinite(sweep.range_m), sweep.range_m, number, assumed_sigma_m, unit)
 
 
 def rows_of(
-    sweep: SweepReadings, chosen: np.ndarray, range_m: np.ndarray, number: int, assumed_sigma_m: float
+    sweep: SweepReadings, chosen: np.ndarray, range_m: np.ndarray, number: int, assumed_sigma_m: float, unit: int
 ) -> Echoes:
     """The readings ``chosen``, bool (n,), as if they had the ranges ``range_m`` (n,)."""
     alike = np.ones(int(chosen.sum()))
@@ -53,7 +57,15 @@ def rows_of(
         sigma_position_m=alike * sweep.sigma_position_m,
         sigma_heading_rad=alike * sweep.sigma_heading_rad,
         step_rad=alike * step_rad(sweep.bearing_rad),
+        unit=np.full(len(alike), unit),
+        sense=np.full(len(alike), _sense(sweep.bearing_rad)),
     )
+
+
+def _sense(bearing_rad: np.ndarray) -> int:
+    """In which sense a unit turned that took its bearings (n,) in this order."""
+    signs = np.unique(np.sign(np.diff(bearing_rad)))
+    return int(signs[0]) if len(signs) == 1 else 0
 
 
 def step_rad(bearing_rad: np.ndarray) -> float:
@@ -70,7 +82,19 @@ def join(parts: Sequence[Echoes]) -> Echoes:
     return arrays.join(parts or [_NO_ECHOES])
 
 
-_NONE = np.zeros(0)
+_NONE, _NO_NUMBERS = np.zeros(0), np.zeros(0, int)
 _NO_ECHOES = Echoes(
-    _NONE.astype(int), _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE.astype(bool), _NONE, _NONE, _NONE
+    sweep=_NO_NUMBERS,
+    x_m=_NONE,
+    y_m=_NONE,
+    axis_rad=_NONE,
+    half_beam_rad=_NONE,
+    range_m=_NONE,
+    sigma_m=_NONE,
+    calibrated=_NONE.astype(bool),
+    sigma_position_m=_NONE,
+    sigma_heading_rad=_NONE,
+    step_rad=_NONE,
+    unit=_NO_NUMBERS,
+    sense=_NO_NUMBERS,
 )

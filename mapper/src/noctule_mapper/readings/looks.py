@@ -3,7 +3,7 @@
 A gap is evidence only where somebody looked. Coarse sweeps look past most of what is there, so they have no looks.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,8 +33,10 @@ def is_fine(sweep: SweepReadings) -> bool:
     return step_rad(sweep.bearing_rad) < sweep.beam_width_rad / 2
 
 
-def looks_of(sweeps: Iterable[SweepReadings], assumed_sigma_m: float) -> Looks | None:
-    """The looks of the fine ones among ``sweeps``, None where there are none."""
+def looks_of(
+    sweeps: Iterable[SweepReadings], assumed_sigma_m: float, units: Mapping[str, int] | None = None
+) -> Looks | None:
+    """The looks of the fine ones among ``sweeps``, None where there are none; ``units`` numbers the units."""
     by_place: dict[tuple[str, float, float, float], list[SweepReadings]] = {}
     for sweep in sweeps:
         if is_fine(sweep):
@@ -42,9 +44,10 @@ def looks_of(sweeps: Iterable[SweepReadings], assumed_sigma_m: float) -> Looks |
     parts = []
     for held in by_place.values():
         newest = held[-_SWEEPS_OF_A_PLACE:]
+        number = units[newest[0].unit] if units else 0
         for sweep in newest:
             heard = np.isfinite(sweep.range_m)
             range_m = np.where(heard, sweep.range_m, _NOTHING_M)
-            rows = rows_of(sweep, heard | sweep.no_echo, range_m, 0, assumed_sigma_m)
+            rows = rows_of(sweep, heard | sweep.no_echo, range_m, 0, assumed_sigma_m, number)
             parts.append(Looks(rows, np.full(len(rows), 1 / len(newest))))
     return arrays.join(parts) if parts else None

@@ -15,14 +15,19 @@ from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
+from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
+from noctule_mapper.refinement.touches import with_touches
 
 
-def refine(echoes: Echoes, found: Contacts, looks: Looks | None, config: MapperConfig) -> Contour:
-    """The contour that explains the echoes best; ``found`` are their contacts, ``looks`` those of fine sweeps.
+def refine(
+    echoes: Echoes, found: Contacts, looks: Looks | None, config: MapperConfig, units: Sequence[str] = ()
+) -> Contour:
+    """The contour that explains the echoes best; ``found`` are their contacts, ``looks`` those of fine sweeps,
+    ``units`` the names of the units that they number.
 
     Worked out about the middle of the echoes' places: far from the origin theta and rho would be nearly one.
     """
@@ -31,12 +36,14 @@ def refine(echoes: Echoes, found: Contacts, looks: Looks | None, config: MapperC
     data = evidence(middle, middle.sigma_m, config.sensor.longest_range_m, config.refinement)
     if looks is not None:
         data = replace(data, looks=replace(looks, echoes=_about(looks.echoes, x_m, y_m)))
+        data = reconciled(data, config.refinement)
+        middle = data.echoes
     if echoes.calibrated.all():
-        return _refined(data, found, config)[0].shifted(x_m, y_m)
+        return _refined(data, found, config, units)[0].shifted(x_m, y_m)
     sigma_m = estimate_sigma_m(middle.take(newest_of_each_beam(data)), config.noise)
     for _ in range(_MOST_GUESSES):
         data = replace(data, range_sigma_m=np.where(echoes.calibrated, middle.sigma_m, sigma_m))
-        contour, spread_m = _refined(data, found, config)
+        contour, spread_m = _refined(data, found, config, units)
         guessed_m, sigma_m = sigma_m, float(np.median(spread_m[~echoes.calibrated]))
         if abs(sigma_m / guessed_m - 1) < _GOOD_GUESS:
             break
@@ -47,7 +54,7 @@ _MOST_GUESSES = 2  # of an unknown spread: the first knows no objects yet
 _GOOD_GUESS = 0.25  # how far off a guess may be for the choice of objects to stand
 
 
-def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Contour, np.ndarray]:
+def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Sequence[str]) -> tuple[Contour, np.ndarray]:
     """The contour, and the spread of each range that it went by, which is fitted where nobody has calibrated it."""
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
@@ -66,6 +73,7 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig) -> tuple[Con
     readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
     contour = contour_of(last.fit, links, [int(count) for count in readings], settings)
     spread_m = last.range_sigma_m[: len(data.echoes)]
+    contour = with_touches(contour, last.fit.objects, links, replace(data, range_sigma_m=spread_m), units, settings)
     return replace(contour, range_sigma_m=float(np.median(spread_m))), spread_m
 
 
