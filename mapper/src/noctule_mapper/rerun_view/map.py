@@ -16,6 +16,7 @@ from noctule.messages_pb2 import (
     Contour,
     Features,
     GridTile,
+    Touch,
 )
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.link import Entries
@@ -25,6 +26,7 @@ Colour = tuple[int, int, int]
 _WALL: Colour = (236, 240, 245)
 _CYLINDER: Colour = (255, 140, 66)
 _CORNER: Colour = (255, 214, 102)
+_TOUCH: Colour = (205, 148, 255)
 _FREE: Colour = (54, 78, 104)
 _OCCUPIED: Colour = (120, 205, 190)
 _KINDS = {
@@ -37,6 +39,7 @@ _UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (2
 
 _NO_ECHO_LENGTH_M = 0.25
 _ARROW_LENGTH_M = 0.2
+_LEAST_TOUCH_M = 0.03  # half of the bar of a touch that is known exactly
 # What is drawn later lies on top.
 _GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER, _CONTOUR_ORDER, _UNIT_ORDER = -10.0, 10.0, 20.0, 30.0, 40.0
 # Rerun draws one of several images of full opacity without its alpha: unknown cells would be black.
@@ -60,7 +63,9 @@ def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) 
 
 
 def draw_contour(contour: Contour) -> Entries:
-    """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii."""
+    """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii,
+    touches as short bars across the echo's direction, as long as their error, that bear what they most likely are.
+    """
     yield from _walls(contour)
     corners = rr.Points2D(
         [(corner.x_m, corner.y_m) for corner in contour.corners],
@@ -70,6 +75,7 @@ def draw_contour(contour: Contour) -> Entries:
     )
     yield scene.CORNERS, corners
     yield from _cylinders(contour)
+    yield from _touches(contour)
 
 
 def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
@@ -152,7 +158,10 @@ def _walls(contour: Contour) -> Entries:
         ends_m,
         colors=[_WALL],
         radii=rr.Radius.ui_points(3.0),
-        labels=[f"{length_m:.2f} m" for length_m in lengths_m],
+        labels=[
+            f"{length_m:.2f} m, {100 * wall.chance:.1f} %" if wall.HasField("chance") else f"{length_m:.2f} m"
+            for length_m, wall in zip(lengths_m, contour.walls, strict=True)
+        ],
         show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
@@ -179,6 +188,34 @@ def _cylinders(contour: Contour) -> Entries:
         draw_order=_CONTOUR_ORDER,
     )
     yield scene.CYLINDERS, centres
+
+
+def _touches(contour: Contour) -> Entries:
+    bars = [_bar(touch) for touch in contour.touches]
+    touches = rr.LineStrips2D(
+        bars,
+        colors=[_TOUCH],
+        radii=rr.Radius.ui_points(2.0),
+        labels=[touch_label(touch) for touch in contour.touches],
+        show_labels=True,
+        draw_order=_CONTOUR_ORDER,
+    )
+    yield scene.TOUCHES, touches
+
+
+def touch_label(touch: Touch) -> str:
+    """What a touch most likely is, and the chance of that."""
+    kinds = {"wall": touch.chance_wall, "corner": touch.chance_corner, "cylinder": touch.chance_cylinder}
+    kind = max(kinds, key=lambda one: kinds[one])
+    return f"{kind}? {100 * kinds[kind]:.0f} %"
+
+
+def _bar(touch: Touch) -> list[tuple[float, float]]:
+    """Across the direction, one standard deviation to either side."""
+    across = np.array([-sin(touch.direction_rad), cos(touch.direction_rad)])
+    sigma_m = float(np.sqrt(across @ np.reshape(touch.covariance, (2, 2)) @ across)) if touch.covariance else 0.0
+    half = across * max(sigma_m, _LEAST_TOUCH_M)
+    return [(touch.x_m - half[0], touch.y_m - half[1]), (touch.x_m + half[0], touch.y_m + half[1])]
 
 
 def _png(tile: GridTile) -> bytes:
