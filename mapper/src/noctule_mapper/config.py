@@ -252,8 +252,10 @@ class TouchConfig(_Model):
 
     # How often a reflector at one metre is a corner, or a cylinder, for each time that it is a wall: rooms have as many
     # corners as walls and few posts, and what is a point lies more often far away than near.
-    corners_per_wall: float = Field(default=0.5, gt=0)
-    cylinders_per_wall: float = Field(default=0.4, gt=0)
+    corners_per_wall: float = Field(default=0.65, gt=0)
+    cylinders_per_wall: float = Field(default=0.6, gt=0)
+    # Here the last posts fall silent, the slimmest at cylinder_reach_m.
+    cylinders_fade_m: float = Field(default=2.2, gt=0)
     # A room is right-angled about as often as not; the rest makes up for what a frame's evidence leaves out.
     frame_nats: float = Field(default=4.0, ge=0)
     # A side of a frame that nothing answers for, though the sweep passed it: beyond reach, or hidden.

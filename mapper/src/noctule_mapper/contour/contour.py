@@ -1,4 +1,4 @@
-"""The contour as the mapper knows it: walls, corners, cylinders, touches and poses of units, each with its covariance."""
+"""The contour as the mapper knows it: walls, corners, cylinders, touches and units' poses, each with its covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -114,8 +114,8 @@ class Contour:
     walls: tuple[Wall, ...] = ()
     corners: tuple[Corner, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
-    poses: tuple[UnitPose, ...] = ()  # of the units that stand still and sweep finely
     touches: tuple[Touch, ...] = ()
+    poses: tuple[UnitPose, ...] = ()  # of the units that stand still and sweep finely
     sweeps: int = 0
     time_s: float = 0.0
     method: str = ""
@@ -151,15 +151,16 @@ class Contour:
 
 def joined(contours: Sequence[Contour]) -> Contour:
     """The contours of a site's parts as one, the spread of a range the median of theirs."""
-    walls, corners, cylinders = [], [], []
+    walls, corners, cylinders, touches = [], [], [], []
     for one in contours:
         first = len(walls)
         corners += [replace(corner, walls=(corner.walls[0] + first, corner.walls[1] + first)) for corner in one.corners]
         walls += one.walls
         cylinders += one.cylinders
+        touches += one.touches
     spreads_m = [one.range_sigma_m for one in contours if np.isfinite(one.range_sigma_m)]
     spread_m = float(np.median(spreads_m)) if spreads_m else float("nan")
-    return Contour(tuple(walls), tuple(corners), tuple(cylinders), range_sigma_m=spread_m)
+    return Contour(tuple(walls), tuple(corners), tuple(cylinders), tuple(touches), range_sigma_m=spread_m)
 
 
 def _shifted(wall: Wall, x_m: float, y_m: float) -> Wall:

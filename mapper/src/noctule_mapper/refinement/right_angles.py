@@ -126,11 +126,11 @@ def _frame(heard: Heard, sides: Sequence[_Option]) -> Frame | None:
         return None
     turn_rad, nats = _mean(heard, claims)
     nats -= _mean(heard, [claim for claim in claims if heard.known[claim[0]]])[1]
-    count = max(_LEAST_COUNT, int((~heard.known).sum()))
+    plateaus = int((~heard.known).sum())
+    count = max(_LEAST_COUNT, plateaus)
     nats += range_nats - (len(own) - (not anchored)) * np.log(count)
     if not anchored:
-        left = int((~heard.known).sum()) - len(own)
-        nats += count - _OTHERS + left * np.log(_OTHERS / count)
+        nats += plateaus - _OTHERS + (plateaus - len(own)) * np.log(_OTHERS / count)
     return Frame(turn_rad, walls, corners, np.array([side.distance_m for side in sides]), nats)
 
 

@@ -13,8 +13,7 @@ import numpy as np
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.contour import Contour, Touch, Wall
 from noctule_mapper.contour.corners import Link
-from noctule_mapper.contour.likelihood import reach
-from noctule_mapper.contour.reflectors import Circle, Reflector, Spot
+from noctule_mapper.contour.reflectors import Reflector, Spot
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.readings.plateaus import Plateaus, of_fine_sweeps, plateaus_as_heard
 from noctule_mapper.refinement.association import Scene
@@ -128,8 +127,9 @@ def _touch(
 
 def kind_chances(range_m: float, config: RefinementConfig) -> np.ndarray:
     """Chance of wall, corner and cylinder by the range alone, (3,): what is there, and what answers from there."""
-    at = np.array([range_m])
-    post, beam = float(reach(Circle(0, 0, 1), at, config)[0]), config.beam
+    beam = config.beam
+    fades_m = (beam.cylinder_reach_m, config.touches.cylinders_fade_m)
+    post = float(np.interp(range_m, fades_m, (beam.wall_chance, beam.faint_chance)))
     weight = np.array(
         [
             beam.wall_chance,
