@@ -30,8 +30,8 @@ def chances(plateaus: Heard) -> tuple[np.ndarray, np.ndarray]:
     return wall, corner
 
 
-# 1.5 m and 2 m at right angles: the corner is 2.5 m away, 53.13 degrees from the nearer wall. The third wall is opposite
-# the first, and its corner with the second as far away.
+# 1.5 m and 2 m at right angles: the corner is 2.5 m away, 53.13 degrees from the nearer wall. The third wall is across
+# from the first, and its corner with the second as far away.
 ROOM = ((20.0, 1.5), (110.0, 2.0), (20 + 53.1301, 2.5), (200.0, 1.5), (200 - 53.1301, 2.5))
 
 

@@ -16,8 +16,8 @@ from noctule.messages_pb2 import (
     Contour,
     Features,
     GridTile,
-    Touch,
 )
+from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.link import Entries
 
@@ -39,7 +39,6 @@ _UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (2
 
 _NO_ECHO_LENGTH_M = 0.25
 _ARROW_LENGTH_M = 0.2
-_LEAST_TOUCH_M = 0.03  # half of the bar of a touch that is known exactly
 # What is drawn later lies on top.
 _GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER, _CONTOUR_ORDER, _UNIT_ORDER = -10.0, 10.0, 20.0, 30.0, 40.0
 # Rerun draws one of several images of full opacity without its alpha: unknown cells would be black.
@@ -191,31 +190,15 @@ def _cylinders(contour: Contour) -> Entries:
 
 
 def _touches(contour: Contour) -> Entries:
-    bars = [_bar(touch) for touch in contour.touches]
     touches = rr.LineStrips2D(
-        bars,
+        [touch_marks.bar_m(touch) for touch in contour.touches],
         colors=[_TOUCH],
         radii=rr.Radius.ui_points(2.0),
-        labels=[touch_label(touch) for touch in contour.touches],
+        labels=[touch_marks.label(touch) for touch in contour.touches],
         show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
     yield scene.TOUCHES, touches
-
-
-def touch_label(touch: Touch) -> str:
-    """What a touch most likely is, and the chance of that."""
-    kinds = {"wall": touch.chance_wall, "corner": touch.chance_corner, "cylinder": touch.chance_cylinder}
-    kind = max(kinds, key=lambda one: kinds[one])
-    return f"{kind}? {100 * kinds[kind]:.0f} %"
-
-
-def _bar(touch: Touch) -> list[tuple[float, float]]:
-    """Across the direction, one standard deviation to either side."""
-    across = np.array([-sin(touch.direction_rad), cos(touch.direction_rad)])
-    sigma_m = float(np.sqrt(across @ np.reshape(touch.covariance, (2, 2)) @ across)) if touch.covariance else 0.0
-    half = across * max(sigma_m, _LEAST_TOUCH_M)
-    return [(touch.x_m - half[0], touch.y_m - half[1]), (touch.x_m + half[0], touch.y_m + half[1])]
 
 
 def _png(tile: GridTile) -> bytes:
