@@ -283,6 +283,6 @@ def test_replay_refuses_a_speed_that_is_none(noctule, survey_file, speed):
 
 def test_the_example_of_an_extra_service_tells_of_walls_and_sweeps(site, start, endpoint):
     process = start(sys.executable, str(EXAMPLE), "room", endpoint)
-    assert line_with(process, "wall") == "walls [1.5] m away\n"
+    assert line_with(process, "wall") == "walls [1.5, 2.0] m away\n"
     site.run(sweeps(1), None)
     assert line_with(process, "u1") == "u1: 2 readings\n"
