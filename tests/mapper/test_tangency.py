@@ -18,7 +18,7 @@ def heard_m(ranges_m: tuple[float, ...], places_m: np.ndarray = PLACES_M) -> Ech
     x_m, y_m = places_m.T
     one = np.ones(len(ranges_m))
     sure = np.ones(len(one), bool)
-    return Echoes(sure, x_m, y_m, 0 * one, one, np.array(ranges_m), one, sure, one, one, one)
+    return Echoes(sure, x_m, y_m, 0 * one, one, np.array(ranges_m), one, sure, one, one, one, one, one)
 
 
 def both(echoes: Echoes, curvature_per_m: float) -> list[tuple[float, float]]:
