@@ -1,7 +1,8 @@
 """Rooms with units that stand still, metres apart, each sweeping the fine plan from its place; and what they must find.
 
 A wall is due when two units hear it and a fit that knows every label determines its direction to 1.5 degrees; a corner
-of two due walls when it is known to 4 cm; a cylinder when its radius is known to a quarter.
+of two due walls when it is known to 4 cm; a cylinder when its radius is known to a quarter. Of a unit that is alone in
+a rectangular room each wall is due whose foot lies inside its sweep and within 3.5 m.
 """
 
 import math
@@ -25,7 +26,7 @@ from mapper.room import (
     survey_labelled,
 )
 
-from noctule_mapper.contour.contour import Contour
+from noctule_mapper.contour.contour import Contour, Wall
 from noctule_mapper.readings.angles import wrapped
 
 BEARINGS_RAD = np.radians(np.linspace(-135, 135, 61))
@@ -33,6 +34,8 @@ SWEEPS_EACH = 4
 CLEARANCE_M = 0.15  # of a unit from walls and cylinders
 # The lobe's half-width in degrees by range in metres, as an HC-SR04's; shares of false, lost and late echoes as HARD's.
 LOBE = ((0.0, 20.0), (0.2, 20.0), (0.5, 10.5), (1.5, 9.5), (3.0, 7.0), (LONGEST_M, 5.0))
+ALONE_REACH_M = 3.5  # of a unit that is alone: the wall of a farther foot is not due
+ALONE_NORMAL_RAD, ALONE_DISTANCE_M = math.radians(2), 0.01  # how well it must know a wall
 FIXED = replace(HARD, lobe=LOBE, sigma_position_m=0.0, sigma_heading_rad=0.0)
 TAPE_M, TAPE_RAD = 0.03, math.radians(3)  # what a tape measure and the eye err by
 
@@ -55,6 +58,63 @@ def fixed_room(rng: np.random.Generator, units: int | None = None) -> tuple[Room
     room, _ = random_room(rng)
     count = int(rng.integers(2, 7)) if units is None else units
     return room, np.array([_pose(room, rng) for _ in range(count)])
+
+
+def rectangular_room(rng: np.random.Generator) -> tuple[Room, np.ndarray]:
+    """A rectangular room of 3 to 5 m, turned at random, and the pose of one unit anywhere in it, (1, 3)."""
+    width, depth = rng.uniform(3, 5, 2)
+    turn, centre = rng.uniform(-np.pi, np.pi), rng.uniform(-2, 2, 2)
+    turned = np.array([(math.cos(turn), math.sin(turn)), (-math.sin(turn), math.cos(turn))])
+    room = Room(np.array([(0, 0), (width, 0), (width, depth), (0, depth)]) @ turned + centre)
+    return room, np.array([_pose(room, rng)])
+
+
+def survey_to_and_fro(
+    room: Room, pose: np.ndarray, rng: np.random.Generator, play_rad: float, physics: Physics = FIXED
+) -> list[LabelledSweep]:
+    """The sweeps of one unit, ``pose`` (1, 3), whose gears have some play: they alternate, the first anticlockwise. A
+    bearing that is reached anticlockwise is stated too large by half of the play, else too small by as much.
+    """
+    sweeps = []
+    for number in range(SWEEPS_EACH):
+        sense = 1 if number % 2 == 0 else -1
+        true = pose - (0, 0, sense * play_rad / 2)
+        (one,) = survey_labelled(room, true, rng, physics, True, BEARINGS_RAD)
+        sweep = replace(one.sweep, heading_rad=float(pose[0, 2]))
+        if sense < 0:
+            backwards = {name: getattr(sweep, name)[::-1] for name in ("bearing_rad", "range_m", "no_echo")}
+            sweep = replace(sweep, **backwards)
+        sweeps.append(_of_unit(replace(one, sweep=sweep, labels=one.labels[::sense]), number, 1))
+    return sweeps
+
+
+def due_alone(room: Room, pose: np.ndarray) -> dict[int, tuple[float, float]]:
+    """Which walls are due to a unit alone at ``pose`` (3,): direction and distance of each."""
+    due = {}
+    for number, (start, end) in enumerate(zip(room.vertices, room.ends, strict=True)):
+        along = (end - start) / np.hypot(*(end - start))
+        normal_rad = math.atan2(-along[0], along[1])  # out of the room
+        distance_m = float((start - pose[:2]) @ (along[1], -along[0]))
+        foot_is_on_it = 0 <= (pose[:2] - start) @ along <= np.hypot(*(end - start))
+        in_sweep = abs(wrapped(np.array(normal_rad - pose[2]))) <= BEARINGS_RAD[-1]
+        if foot_is_on_it and in_sweep and distance_m <= ALONE_REACH_M:
+            due[number] = (normal_rad, distance_m)
+    return due
+
+
+def found_alone(contour: Contour, room: Room, pose: np.ndarray) -> list[int]:
+    """Which of the walls that are due to a unit alone its contour has, well enough."""
+    return [
+        number
+        for number, (normal_rad, distance_m) in due_alone(room, pose).items()
+        if any(_good_alone(wall, normal_rad, distance_m, pose) for wall in contour.walls)
+    ]
+
+
+def _good_alone(wall: Wall, normal_rad: float, distance_m: float, pose: np.ndarray) -> bool:
+    off_rad = abs(wrapped(np.array(wall.theta_rad - normal_rad)))
+    off_m = abs(wall.rho_m - wall.normal @ pose[:2] - distance_m)
+    return bool(off_rad <= ALONE_NORMAL_RAD and off_m <= ALONE_DISTANCE_M)
 
 
 def survey_fixed(

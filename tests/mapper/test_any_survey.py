@@ -117,7 +117,7 @@ def test_any_log_is_mapped_live_as_it_comes_and_goes(made: list[Sweep], most: in
     assert {sweep.identity for sweep in mapper.sweeps()} == {from_message(sweep).identity for sweep in held}
     contour = mapper.contour()
     bounds.check(contour_message(contour, "s"))
-    bounds.check(features_message(mapper.feature_points, "s"))
+    bounds.check(features_message(mapper.feature_points(), "s"))
     for tile in mapper.grid.changed():
         bounds.check(tile_message(tile, "s"))
     for sweep in mapper.sweeps():

@@ -103,7 +103,7 @@ def test_a_drawing_is_to_scale_with_y_upwards() -> None:
 @pytest.mark.parametrize("sweeps", [[], [sweep([np.nan] * 3)]])
 def test_nothing_found_is_a_drawing_too(sweeps: list[SweepReadings]) -> None:
     groups = drawn(svg(Contour(), sweeps))
-    assert set(groups) == {"echoes", "cylinders", "walls", "corners", "units", "lengths", "scale"}
+    assert set(groups) == {"echoes", "cylinders", "walls", "touches", "corners", "units", "lengths", "scale"}
     assert groups["walls"] == Counter()
 
 

@@ -17,7 +17,7 @@ from mapper.live_site import paper_survey
 from PIL import Image
 
 from noctule import survey
-from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Wall
+from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Touch, Wall
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in a nav_msgs/OccupancyGrid
 
@@ -123,6 +123,25 @@ def test_a_pillars_outline_is_anticlockwise_too(tmp_path):
     outlines = features(tmp_path / "c.geojson")["outline"]
     assert [polygon.area for polygon, _ in outlines] == pytest.approx([4.0, 0.16])
     assert all(polygon.exterior.is_ccw for polygon, _ in outlines), "RFC 7946, section 3.1.6"
+
+
+def test_touches_are_points_with_their_chances_and_walls_bear_theirs(tmp_path):
+    contour = Contour(
+        walls=[Wall(end=Point(x_m=1.0), chance=0.997), Wall(start=Point(y_m=1.0), end=Point(x_m=1.0, y_m=1.0))],
+        touches=[Touch(x_m=0.5, y_m=2.0, unit="u1", chance_wall=0.6, chance_corner=0.3, chance_cylinder=0.1)],
+    )
+    source = write(tmp_path / "contour.json", contour)
+    for out in ("touches.geojson", "touches.dxf"):
+        result = export(source, tmp_path / out)
+        assert result.exit_code == 0, result.complaint
+    found = features(tmp_path / "touches.geojson")
+    ((point, row),) = found["touch"]
+    assert (point.x, point.y) == (0.5, 2.0)
+    assert (row["unit"], row["chance_wall"], row["chance_corner"], row["chance_cylinder"]) == ("u1", 0.6, 0.3, 0.1)
+    assert [row["chance"] for _, row in found["wall"]] == [0.997, 1.0]
+    drawing = ezdxf.readfile(tmp_path / "touches.dxf")  # pyright: ignore[reportPrivateImportUsage]
+    (mark,) = drawing.modelspace().query("POINT[layer=='TOUCHES']")
+    assert tuple(mark.dxf.location)[:2] == (0.5, 2.0)
 
 
 # ---- DXF, read by ezdxf and by GDAL

@@ -19,7 +19,9 @@ def echoes() -> Echoes:
     x_m, y_m = PLACES.T
     none = 0 * some
     number = np.arange(4)
-    return Echoes(number, x_m, y_m, none, some, some, some, some > 0, none, none, some, 0 * number, none, none, none)
+    return Echoes(
+        number, x_m, y_m, none, some, some, some, some > 0, none, none, some, 0 * number, none, none, none, 0 * number
+    )
 
 
 REFLECTORS = [Line(0.4, 2.5), Line(-2.9, 3.0), Circle(2.5, 1.0, 0.3), Spot(-2.0, 2.2)]

@@ -9,7 +9,7 @@ import pytest
 from mapper.rerun_relay import Viewer, relay, viewer
 
 from noctule import scene
-from noctule.messages_pb2 import Contour, Cylinder, GridTile, Point, ServiceStatus, UnitStatus, Wall
+from noctule.messages_pb2 import Contour, Cylinder, GridTile, Point, ServiceStatus, Touch, UnitStatus, Wall
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.log import RerunLog
 
@@ -63,6 +63,17 @@ def test_walls_bear_their_lengths_and_cylinders_their_radii(shown: tuple[RerunLo
     assert watching.values(scene.WALLS, "LineStrips2D:labels") == [["5.00 m"]]
     assert watching.values(scene.CYLINDERS, "Points2D:labels") == [["r 0.45 m"]]
     assert watching.values(scene.CYLINDERS, "Ellipses2D:half_sizes") == [[pytest.approx([0.448, 0.448])]]
+
+
+def test_a_touch_is_a_bar_across_its_direction_that_bears_what_it_may_be(shown: tuple[RerunLog, Viewer]) -> None:
+    log, watching = shown
+    # Heard towards +x: 5 cm of error across, 2 mm along.
+    touch = Touch(x_m=2.0, y_m=1.0, covariance=[4e-6, 0, 0, 25e-4], chance_wall=0.5, chance_corner=0.3)
+    log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0), chance=0.997)], touches=[touch]))
+    ((bar,),) = watching.values(scene.TOUCHES, "LineStrips2D:strips")
+    assert bar == [pytest.approx([2.0, 0.95]), pytest.approx([2.0, 1.05])]
+    assert watching.values(scene.TOUCHES, "LineStrips2D:labels") == [["wall? 50 %"]]
+    assert watching.values(scene.WALLS, "LineStrips2D:labels") == [["1.00 m, 99.7 %"]]
 
 
 def test_a_contour_without_objects_takes_away_what_was_shown(shown: tuple[RerunLog, Viewer]) -> None:

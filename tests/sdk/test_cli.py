@@ -21,6 +21,7 @@ from noctule.messages_pb2 import (
     ServiceStatus,
     Sweep,
     SweepPlan,
+    Touch,
     Wall,
 )
 from noctule.replay import Replay
@@ -50,7 +51,11 @@ def site(far):
     """A site with one unit that has swept three times, and a contour."""
     schemas = bus.declare_schemas(far.session)
     contour = bus.StatePublisher(far.session, keys.contour("room"), Contour)
-    contour.put(Contour(site="room", version=1, walls=[Wall(rho_m=1.5)], sweeps=3))
+    contour.put(
+        Contour(
+            site="room", version=1, walls=[Wall(rho_m=1.5), Wall(rho_m=2, chance=0.997)], touches=[Touch()], sweeps=3
+        )
+    )
     replay = Replay(far.session, "room")
     replay.run(sweeps(), None)
     yield replay
@@ -185,7 +190,7 @@ def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_sessio
 def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site, noctule):
     process = noctule("watch", "room")
     line_with(process, "u1       sweeping, log at 3")
-    line_with(process, "contour  1: 1 walls, 0 cylinders, 3 sweeps")
+    line_with(process, "contour  1: 2 walls (1 from one place), 0 cylinders, 1 touches, 3 sweeps")
     site.run(sweeps(1), None)
     assert "1 echoes of 2 readings" in line_with(process, "u1       sweep 4")
     process.send_signal(signal.SIGTERM)
@@ -278,6 +283,6 @@ def test_replay_refuses_a_speed_that_is_none(noctule, survey_file, speed):
 
 def test_the_example_of_an_extra_service_tells_of_walls_and_sweeps(site, start, endpoint):
     process = start(sys.executable, str(EXAMPLE), "room", endpoint)
-    assert line_with(process, "wall") == "walls [1.5] m away\n"
+    assert line_with(process, "wall") == "walls [1.5, 2.0] m away\n"
     site.run(sweeps(1), None)
     assert line_with(process, "u1") == "u1: 2 readings\n"

@@ -265,6 +265,29 @@ class PlateauConfig(_Model):
     least_middle_sigma_rad: float = Field(default=math.radians(0.7), gt=0)
 
 
+class TouchConfig(_Model):
+    """What one place alone tells: touches, and when a right-angled frame makes walls of them."""
+
+    # How often a reflector at one metre is a corner, or a cylinder, for each time that it is a wall: rooms have as many
+    # corners as walls and few posts, and what is a point lies more often far away than near.
+    corners_per_wall: float = Field(default=0.65, gt=0)
+    cylinders_per_wall: float = Field(default=0.6, gt=0)
+    # Here the last posts fall silent, the slimmest at cylinder_reach_m.
+    cylinders_fade_m: float = Field(default=2.2, gt=0)
+    # A room is right-angled about as often as not; the rest makes up for what a frame's evidence leaves out.
+    frame_nats: float = Field(default=4.0, ge=0)
+    # A side of a frame that nothing answers for, though the sweep passed it: beyond reach, or hidden.
+    silent_side_nats: float = Field(default=1.2, ge=0)
+    # What a corner's silence may cost: something that the frame knows nothing of may stand before it.
+    most_silent_corner_nats: float = Field(default=6.0, ge=0)
+    # The chance from which a touch is a wall.
+    least_wall_chance: float = Field(default=0.995, gt=0.5, lt=1)
+    # How well a corner, or an end of a wall, must be known.
+    most_end_sigma_m: float = Field(default=0.015, gt=0)
+    # Half the length of a wall of which only the foot has been heard.
+    foot_m: float = Field(default=0.03, gt=0)
+
+
 class RefinementConfig(_Model):
     """Model selection and the joint fit on the raw ranges."""
 
@@ -274,6 +297,7 @@ class RefinementConfig(_Model):
     limits: LimitConfig = LimitConfig()
     search: SearchConfig = SearchConfig()
     plateaus: PlateauConfig = PlateauConfig()
+    touches: TouchConfig = TouchConfig()
 
 
 class MapperConfig(_Model):

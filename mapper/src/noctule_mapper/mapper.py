@@ -41,6 +41,7 @@ class Mapper:
         self._places: dict[Pose, list[Identity]] = {}  # of units that stand still
         self._numbers: dict[Identity, int] = {}
         self._registered = 0
+        self._units: dict[str, int] = {}  # a number for each unit
         self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
         self._points: FeaturePoints | None = None  # likewise
         self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour

@@ -7,7 +7,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from noctule import messages_pb2
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.contour.contour import Contour, Wall
+from noctule_mapper.contour.contour import Contour, Touch, Wall
 from noctule_mapper.grid.grid import GridTile
 from noctule_mapper.paper.features import FeaturePoints
 
@@ -45,6 +45,7 @@ def contour_message(contour: Contour, site: str, mapper: str = "", version: int 
             )
             for cylinder in contour.cylinders
         ],
+        touches=[_touch(touch) for touch in contour.touches],
     )
 
 
@@ -60,6 +61,22 @@ def _wall(wall: Wall) -> messages_pb2.Wall:
         end=messages_pb2.Point(x_m=wall.end[0], y_m=wall.end[1]),
         covariance=(mirror * wall.covariance).ravel(),
         readings=wall.readings,
+        chance=wall.chance if wall.chance < 1 else None,
+    )
+
+
+def _touch(touch: Touch) -> messages_pb2.Touch:
+    return messages_pb2.Touch(
+        x_m=touch.x_m,
+        y_m=touch.y_m,
+        covariance=touch.covariance.ravel(),
+        unit=touch.unit,
+        readings=touch.readings,
+        direction_rad=math.remainder(touch.direction_rad, 2 * math.pi),
+        width_rad=touch.width_rad,
+        chance_wall=touch.chance_wall,
+        chance_corner=touch.chance_corner,
+        chance_cylinder=touch.chance_cylinder,
     )
 
 

@@ -256,6 +256,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "rho_m": Number(-4e4, 4e4, "m"),
         "covariance": Many(4, _COVARIANCE),
         "readings": _NUMBER_32,
+        "chance": _SHARE,
     },
     "Corner": {
         "x_m": _MAP_M,
@@ -270,6 +271,18 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "covariance": Many(9, _COVARIANCE),
         "readings": _NUMBER_32,
     },
+    "Touch": {
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+        "covariance": Many(4, _COVARIANCE),
+        "unit": _NAME,
+        "readings": _NUMBER_32,
+        "direction_rad": _BEARING_RAD,
+        "width_rad": _BEARING_RAD,
+        "chance_wall": _SHARE,
+        "chance_corner": _SHARE,
+        "chance_cylinder": _SHARE,
+    },
     "Contour": {
         "site": _NAME,
         "mapper": _NAME,
@@ -278,6 +291,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "walls": Many(10_000),  # 64 rooms have some hundreds
         "corners": Many(10_000),
         "cylinders": Many(10_000),
+        "touches": Many(10_000),
         "sweeps": _NUMBER_53,
         "note": _SENTENCES,
     },

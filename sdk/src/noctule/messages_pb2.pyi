@@ -327,20 +327,22 @@ class Point(_message.Message):
     def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ...) -> None: ...
 
 class Wall(_message.Message):
-    __slots__ = ("theta_rad", "rho_m", "start", "end", "covariance", "readings")
+    __slots__ = ("theta_rad", "rho_m", "start", "end", "covariance", "readings", "chance")
     THETA_RAD_FIELD_NUMBER: _ClassVar[int]
     RHO_M_FIELD_NUMBER: _ClassVar[int]
     START_FIELD_NUMBER: _ClassVar[int]
     END_FIELD_NUMBER: _ClassVar[int]
     COVARIANCE_FIELD_NUMBER: _ClassVar[int]
     READINGS_FIELD_NUMBER: _ClassVar[int]
+    CHANCE_FIELD_NUMBER: _ClassVar[int]
     theta_rad: float
     rho_m: float
     start: Point
     end: Point
     covariance: _containers.RepeatedScalarFieldContainer[float]
     readings: int
-    def __init__(self, theta_rad: _Optional[float] = ..., rho_m: _Optional[float] = ..., start: _Optional[_Union[Point, _Mapping]] = ..., end: _Optional[_Union[Point, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., readings: _Optional[int] = ...) -> None: ...
+    chance: float
+    def __init__(self, theta_rad: _Optional[float] = ..., rho_m: _Optional[float] = ..., start: _Optional[_Union[Point, _Mapping]] = ..., end: _Optional[_Union[Point, _Mapping]] = ..., covariance: _Optional[_Iterable[float]] = ..., readings: _Optional[int] = ..., chance: _Optional[float] = ...) -> None: ...
 
 class Corner(_message.Message):
     __slots__ = ("x_m", "y_m", "covariance", "walls")
@@ -368,8 +370,32 @@ class Cylinder(_message.Message):
     readings: int
     def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., radius_m: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., readings: _Optional[int] = ...) -> None: ...
 
+class Touch(_message.Message):
+    __slots__ = ("x_m", "y_m", "covariance", "unit", "readings", "direction_rad", "width_rad", "chance_wall", "chance_corner", "chance_cylinder")
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    READINGS_FIELD_NUMBER: _ClassVar[int]
+    DIRECTION_RAD_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_RAD_FIELD_NUMBER: _ClassVar[int]
+    CHANCE_WALL_FIELD_NUMBER: _ClassVar[int]
+    CHANCE_CORNER_FIELD_NUMBER: _ClassVar[int]
+    CHANCE_CYLINDER_FIELD_NUMBER: _ClassVar[int]
+    x_m: float
+    y_m: float
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    unit: str
+    readings: int
+    direction_rad: float
+    width_rad: float
+    chance_wall: float
+    chance_corner: float
+    chance_cylinder: float
+    def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unit: _Optional[str] = ..., readings: _Optional[int] = ..., direction_rad: _Optional[float] = ..., width_rad: _Optional[float] = ..., chance_wall: _Optional[float] = ..., chance_corner: _Optional[float] = ..., chance_cylinder: _Optional[float] = ...) -> None: ...
+
 class Contour(_message.Message):
-    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "note")
+    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "touches", "note")
     SITE_FIELD_NUMBER: _ClassVar[int]
     MAPPER_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
@@ -379,6 +405,7 @@ class Contour(_message.Message):
     CORNERS_FIELD_NUMBER: _ClassVar[int]
     CYLINDERS_FIELD_NUMBER: _ClassVar[int]
     SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    TOUCHES_FIELD_NUMBER: _ClassVar[int]
     NOTE_FIELD_NUMBER: _ClassVar[int]
     site: str
     mapper: str
@@ -389,8 +416,9 @@ class Contour(_message.Message):
     corners: _containers.RepeatedCompositeFieldContainer[Corner]
     cylinders: _containers.RepeatedCompositeFieldContainer[Cylinder]
     sweeps: int
+    touches: _containers.RepeatedCompositeFieldContainer[Touch]
     note: str
-    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., note: _Optional[str] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., touches: _Optional[_Iterable[_Union[Touch, _Mapping]]] = ..., note: _Optional[str] = ...) -> None: ...
 
 class FeaturePoint(_message.Message):
     __slots__ = ("x_m", "y_m", "reliability", "kind")

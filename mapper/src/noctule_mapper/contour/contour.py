@@ -1,4 +1,4 @@
-"""The contour as the mapper knows it: walls, corners, cylinders and poses of units, each with its covariance."""
+"""The contour as the mapper knows it: walls, corners, cylinders, touches and units' poses, each with its covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +23,9 @@ class Wall:
     end: tuple[float, float]
     covariance: np.ndarray
     readings: int
+    # That it is a wall at all: 1 where two places determined it; below 1 for one that a single place heard and that a
+    # right-angled frame tells from a corner and a cylinder.
+    chance: float = 1.0
 
     @property
     def normal(self) -> np.ndarray:
@@ -87,12 +90,31 @@ class UnitPose:
 
 
 @dataclass(frozen=True)
+class Touch:
+    """Where ``unit`` touched a reflector whose kind one place cannot tell: the foot of the echo and its covariance in
+    (x_m, y_m); it answered over ``width_rad`` of the unit's turning.
+    """
+
+    x_m: float
+    y_m: float
+    covariance: np.ndarray
+    unit: str
+    readings: int
+    width_rad: float
+    direction_rad: float  # from the unit
+    chance_wall: float  # the three sum to 1
+    chance_corner: float
+    chance_cylinder: float
+
+
+@dataclass(frozen=True)
 class Contour:
     """A site's contour from ``sweeps`` sweeps, the newest of ``time_s`` (since 1970 UTC)."""
 
     walls: tuple[Wall, ...] = ()
     corners: tuple[Corner, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
+    touches: tuple[Touch, ...] = ()
     poses: tuple[UnitPose, ...] = ()  # of the units that stand still and sweep finely
     sweeps: int = 0
     time_s: float = 0.0
@@ -124,21 +146,29 @@ class Contour:
                 )
                 for one in self.poses
             ),
+            touches=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.touches),
         )
 
 
 def joined(contours: Sequence[Contour]) -> Contour:
     """The contours of a site's parts as one, the spread of a range the median of theirs."""
-    walls, corners, cylinders = [], [], []
+    walls, corners, cylinders, touches = [], [], [], []
     for one in contours:
         first = len(walls)
         corners += [replace(corner, walls=(corner.walls[0] + first, corner.walls[1] + first)) for corner in one.corners]
         walls += one.walls
         cylinders += one.cylinders
+        touches += one.touches
     spreads_m = [one.range_sigma_m for one in contours if np.isfinite(one.range_sigma_m)]
     spread_m = float(np.median(spreads_m)) if spreads_m else float("nan")
-    poses = tuple(pose for one in contours for pose in one.poses)
-    return Contour(tuple(walls), tuple(corners), tuple(cylinders), poses, range_sigma_m=spread_m)
+    return Contour(
+        tuple(walls),
+        tuple(corners),
+        tuple(cylinders),
+        touches=tuple(touches),
+        poses=tuple(pose for one in contours for pose in one.poses),
+        range_sigma_m=spread_m,
+    )
 
 
 def _shifted(wall: Wall, x_m: float, y_m: float) -> Wall:

@@ -39,6 +39,13 @@ def silence_of_stretch(
     return _price(wall, data, config, objects, inside) if inside.any() else 0.0
 
 
+def silence_of_corner(
+    corner: Crossing, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()
+) -> float:
+    """Price of a corner alone, whatever its walls are."""
+    return _price(corner, data, config, objects, None)
+
+
 def silence_of_link(
     corner: Crossing, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()
 ) -> float:
@@ -48,7 +55,7 @@ def silence_of_link(
     return (
         silence_of_stretch(first, first.high_m, end_m, data, config, objects)
         + silence_of_stretch(second, start_m, second.low_m, data, config, objects)
-        + _price(corner, data, config, objects, None)
+        + silence_of_corner(corner, data, config, objects)
     )
 
 

@@ -3,19 +3,36 @@
 from collections.abc import Sequence
 from math import degrees, hypot, isqrt, nan, sqrt
 
-from noctule.messages_pb2 import Contour, Corner, Cylinder, Wall
+from noctule.messages_pb2 import Contour, Corner, Cylinder, Touch, Wall
 
-_WALL_HEAD = ("wall", "theta_deg", "rho_m", "±mm", "from_x_m", "from_y_m", "to_x_m", "to_y_m", "length_m", "readings")
+_WALL_HEAD = (
+    "wall",
+    "theta_deg",
+    "rho_m",
+    "±mm",
+    "from_x_m",
+    "from_y_m",
+    "to_x_m",
+    "to_y_m",
+    "length_m",
+    "readings",
+    "chance",
+)
 _CORNER_HEAD = ("corner", "x_m", "y_m", "±mm", "walls")
 _CYLINDER_HEAD = ("cylinder", "x_m", "y_m", "±mm", "radius_m", "±mm", "readings")
+_TOUCH_HEAD = ("touch", "x_m", "y_m", "±mm", "unit", "readings", "wall", "corner", "cylinder")
 
 
 def contour_table(contour: Contour) -> str:
-    """A table of walls, one of corners and one of cylinders, what is numbered counts from 1; and the contour's note."""
+    """A table of walls, one of corners, one of cylinders, and one of touches where there are any; what is numbered
+    counts from 1; and the contour's note.
+    """
     walls = [_wall(number, wall) for number, wall in enumerate(contour.walls, 1)]
     corners = [_corner(number, corner) for number, corner in enumerate(contour.corners, 1)]
     cylinders = [_cylinder(number, cylinder) for number, cylinder in enumerate(contour.cylinders, 1)]
-    tables = ((_WALL_HEAD, walls), (_CORNER_HEAD, corners), (_CYLINDER_HEAD, cylinders))
+    touches = [_touch(number, touch) for number, touch in enumerate(contour.touches, 1)]
+    tables = [(_WALL_HEAD, walls), (_CORNER_HEAD, corners), (_CYLINDER_HEAD, cylinders)]
+    tables += [(_TOUCH_HEAD, touches)] if touches else []
     return "\n\n".join([*(_aligned([head, *rows]) for head, rows in tables), *filter(None, [contour.note])])
 
 
@@ -30,6 +47,7 @@ def _wall(number: int, wall: Wall) -> tuple[str, ...]:
         _sigma_mm(wall.covariance, 1),
         *(f"{each_m:.4f}" for each_m in ends_m),
         str(wall.readings),
+        f"{wall.chance:.3f}" if wall.HasField("chance") else "1",
     )
 
 
@@ -47,6 +65,19 @@ def _cylinder(number: int, cylinder: Cylinder) -> tuple[str, ...]:
         f"{cylinder.radius_m:.4f}",
         _sigma_mm(cylinder.covariance, 2),
         str(cylinder.readings),
+    )
+
+
+def _touch(number: int, touch: Touch) -> tuple[str, ...]:
+    chances = (touch.chance_wall, touch.chance_corner, touch.chance_cylinder)
+    return (
+        str(number),
+        f"{touch.x_m:.4f}",
+        f"{touch.y_m:.4f}",
+        _sigma_mm(touch.covariance, 0, 1),
+        touch.unit,
+        str(touch.readings),
+        *(f"{chance:.2f}" for chance in chances),
     )
 
 

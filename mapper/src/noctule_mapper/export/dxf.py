@@ -5,14 +5,15 @@ import io
 from noctule.messages_pb2 import Contour
 from noctule_mapper.export.shapes import rings
 
-WALLS, CORNERS, CYLINDERS, OUTLINE = "WALLS", "CORNERS", "CYLINDERS", "OUTLINE"
-_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, OUTLINE: 8}  # AutoCAD's: white, red, cyan, grey
+WALLS, CORNERS, CYLINDERS, TOUCHES, OUTLINE = "WALLS", "CORNERS", "CYLINDERS", "TOUCHES", "OUTLINE"
+# AutoCAD's: white, red, cyan, magenta, grey.
+_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, TOUCHES: 6, OUTLINE: 8}
 _CROSS = 3  # $PDMODE: a point is drawn as an X, not as one dot
 _CROSS_M = 0.05
 
 
 def dxf(contour: Contour) -> bytes:
-    """LINEs of walls, POINTs of corners, CIRCLEs of cylinders and closed LWPOLYLINEs of outlines."""
+    """LINEs of walls, POINTs of corners and touches, CIRCLEs of cylinders and closed LWPOLYLINEs of outlines."""
     from ezdxf.filemanagement import new  # takes half a second that the other commands need not wait
     from ezdxf.units import M
 
@@ -28,6 +29,8 @@ def dxf(contour: Contour) -> bytes:
         space.add_point((corner.x_m, corner.y_m), dxfattribs={"layer": CORNERS})
     for cylinder in contour.cylinders:
         space.add_circle((cylinder.x_m, cylinder.y_m), cylinder.radius_m, dxfattribs={"layer": CYLINDERS})
+    for touch in contour.touches:
+        space.add_point((touch.x_m, touch.y_m), dxfattribs={"layer": TOUCHES})
     for ring in rings(contour):
         space.add_lwpolyline(ring.points.tolist(), close=True, dxfattribs={"layer": OUTLINE})
     text = io.StringIO()

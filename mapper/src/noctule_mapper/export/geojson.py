@@ -1,4 +1,4 @@
-"""A contour as GeoJSON (RFC 7946): a feature for each wall, corner, cylinder and closed outline."""
+"""A contour as GeoJSON (RFC 7946): a feature for each wall, corner, cylinder, touch and closed outline."""
 
 import json
 import math
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from noctule.messages_pb2 import Contour, Corner, Cylinder, Wall
+from noctule.messages_pb2 import Contour, Corner, Cylinder, Touch, Wall
 from noctule_mapper.contour.outline import Outline
 from noctule_mapper.export.shapes import circle_points, rings, signed_area_m2
 
@@ -24,6 +24,7 @@ def geojson(contour: Contour) -> bytes:
         *(_wall(index, wall) for index, wall in enumerate(contour.walls)),
         *(_corner(index, corner) for index, corner in enumerate(contour.corners)),
         *(_cylinder(index, cylinder) for index, cylinder in enumerate(contour.cylinders)),
+        *(_touch(index, touch) for index, touch in enumerate(contour.touches)),
         *(_outline(index, outline) for index, outline in enumerate(rings(contour))),
     ]
     source = {
@@ -48,6 +49,7 @@ def _wall(index: int, wall: Wall) -> dict[str, Any]:
         length_m=math.dist(*ends),
         covariance=list(wall.covariance),
         readings=wall.readings,
+        chance=wall.chance if wall.HasField("chance") else 1.0,
     )
 
 
@@ -67,6 +69,22 @@ def _cylinder(index: int, cylinder: Cylinder) -> dict[str, Any]:
         radius_m=cylinder.radius_m,
         covariance=list(cylinder.covariance),
         readings=cylinder.readings,
+    )
+
+
+def _touch(index: int, touch: Touch) -> dict[str, Any]:
+    return _feature(
+        "touch",
+        index,
+        {"type": "Point", "coordinates": [touch.x_m, touch.y_m]},
+        covariance=list(touch.covariance),
+        unit=touch.unit,
+        readings=touch.readings,
+        direction_rad=touch.direction_rad,
+        width_rad=touch.width_rad,
+        chance_wall=touch.chance_wall,
+        chance_corner=touch.chance_corner,
+        chance_cylinder=touch.chance_cylinder,
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule.messages_pb2 import Contour
+from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
 
 NAMESPACE = "http://www.w3.org/2000/svg"
@@ -65,6 +66,7 @@ def _sheet(contour: Contour, sweeps: Sequence[SweepReadings]) -> _Sheet:
     points_m += [
         np.array([[end.x_m, end.y_m] for wall in contour.walls for end in (wall.start, wall.end)]).reshape(-1, 2)
     ]
+    points_m += [np.array(touch_marks.bar_m(touch)) for touch in contour.touches]
     for round_ in contour.cylinders:
         centre, radius_m = np.array([round_.x_m, round_.y_m]), round_.radius_m
         points_m.append(np.array([centre - radius_m, centre + radius_m]))
@@ -125,6 +127,13 @@ def _cylinders(sheet: _Sheet) -> Iterator[ET.Element]:
         yield _circle(*sheet.at(cylinder.x_m, cylinder.y_m), cylinder.radius_m * sheet.px_per_m)
 
 
+def _touches(sheet: _Sheet) -> Iterator[ET.Element]:
+    for touch in sheet.contour.touches:
+        start, end = (sheet.at(*point) for point in touch_marks.bar_m(touch))
+        yield _line(start, end)
+        yield _text(end[0] + 6, end[1] - 6, touch_marks.label(touch), fill="#7a4fd0")
+
+
 def _scale(sheet: _Sheet) -> Iterator[ET.Element]:
     most_m = _BAR_SHARE * (sheet.width_px - 2 * _MARGIN_PX) / sheet.px_per_m
     decade_m = 10.0 ** math.floor(math.log10(most_m))
@@ -141,6 +150,7 @@ _LAYERS: tuple[tuple[str, dict[str, str], _Layer], ...] = (
     ("echoes", {"fill-opacity": "0.45"}, _echoes),
     ("cylinders", {"fill": "#ff8c42", "fill-opacity": "0.15", "stroke": "#d96a1f", "stroke-width": "3"}, _cylinders),
     ("walls", {"stroke": "#1b1f24", "stroke-width": "4", "stroke-linecap": "round"}, _walls),
+    ("touches", {"stroke": "#7a4fd0", "stroke-width": "3", "font-size": "11"}, _touches),
     ("corners", {"fill": "#1b1f24"}, _corners),
     ("units", {"stroke-width": "2.5", "font-size": "13"}, _units),
     ("lengths", {"fill": "#1b1f24", "font-size": "13"}, _lengths),

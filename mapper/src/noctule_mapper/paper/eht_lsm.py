@@ -59,6 +59,7 @@ def contour_from(
 
     links = link_ends({number: wall.line for number, wall in enumerate(walls)}, data, config.refinement, support)
     readings = [len(one.members) for one in (*walls, *cylinders)]
-    fit = Fit(objects, np.asarray(block_diag(*covariances)), offsets)
+    covariance = np.asarray(block_diag(*covariances))
+    fit = Fit(objects, covariance, covariance, offsets)  # poses are taken as they are stated
     contour = contour_of(fit, links, readings, config.refinement)
     return replace(contour, range_sigma_m=float(np.median(echoes.sigma_m)))

@@ -28,6 +28,7 @@ class Echoes:
     heading_rad: np.ndarray  # of the unit
     sigma_bias_m: np.ndarray  # of the mean error that all ranges of the unit share
     sigma_scale: np.ndarray  # of the share by which all ranges of the unit are too long: the air's speed of sound
+    sense: np.ndarray  # of the unit's turning: 1 anticlockwise, -1 clockwise, 0 where nobody knows
 
     def __len__(self) -> int:
         return len(self.range_m)
@@ -76,7 +77,14 @@ def rows_of(
         heading_rad=alike * sweep.heading_rad,
         sigma_bias_m=alike * sweep.sigma_bias_m,
         sigma_scale=alike * sweep.sigma_scale,
+        sense=np.full(len(alike), _sense(sweep.bearing_rad)),
     )
+
+
+def _sense(bearing_rad: np.ndarray) -> int:
+    """In which sense a unit turned that took its bearings (n,) in this order."""
+    signs = np.unique(np.sign(np.diff(bearing_rad)))
+    return int(signs[0]) if len(signs) == 1 else 0
 
 
 def step_rad(bearing_rad: np.ndarray) -> float:
@@ -93,17 +101,22 @@ def join(parts: Sequence[Echoes]) -> Echoes:
     return arrays.join(parts or [_NO_ECHOES])
 
 
-_NONE = np.zeros(0)
+_NONE, _NO_NUMBERS = np.zeros(0), np.zeros(0, int)
 _NO_ECHOES = Echoes(
-    _NONE.astype(int),
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE.astype(bool),
-    *[_NONE] * 3,
-    _NONE.astype(int),
-    *[_NONE] * 3,
+    sweep=_NO_NUMBERS,
+    x_m=_NONE,
+    y_m=_NONE,
+    axis_rad=_NONE,
+    half_beam_rad=_NONE,
+    range_m=_NONE,
+    sigma_m=_NONE,
+    calibrated=_NONE.astype(bool),
+    sigma_position_m=_NONE,
+    sigma_heading_rad=_NONE,
+    step_rad=_NONE,
+    unit=_NO_NUMBERS,
+    heading_rad=_NONE,
+    sigma_bias_m=_NONE,
+    sigma_scale=_NONE,
+    sense=_NO_NUMBERS,
 )

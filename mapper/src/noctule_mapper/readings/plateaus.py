@@ -28,14 +28,28 @@ def of_fine_sweeps(data: Evidence) -> np.ndarray:
     return data.echoes.is_fine
 
 
+@dataclass(frozen=True)
+class Plateaus:
+    """Plateaus, each as one echo of ``evidence``; of how many readings, and how wide its lobe was heard, (n,) each."""
+
+    evidence: Evidence
+    readings: np.ndarray
+    width_rad: np.ndarray
+
+
 def plateaus(data: Evidence, config: RefinementConfig) -> Evidence:
     """The plateaus in the echoes of fine sweeps, each as one echo: its axis the direction, its half beam what that may
     be off, its range the median.
     """
+    return plateaus_as_heard(data, config).evidence
+
+
+def plateaus_as_heard(data: Evidence, config: RefinementConfig) -> Plateaus:
+    """The same, and how they were heard."""
     places = [np.nonzero(data.place == place)[0] for place in np.unique(data.place)]
     found = [one for at in places for one in _of_place(data, at, config)]
     newest = data.take(np.array([one.newest for one in found], dtype=int))
-    return replace(
+    evidence = replace(
         newest,
         echoes=replace(
             newest.echoes,
@@ -45,6 +59,9 @@ def plateaus(data: Evidence, config: RefinementConfig) -> Evidence:
         ),
         range_sigma_m=np.array([one.range_sigma_m for one in found]),
         direction_sigma_rad=np.array([one.direction_sigma_rad for one in found]),
+    )
+    return Plateaus(
+        evidence, np.array([one.readings for one in found], dtype=int), np.array([one.width_rad for one in found])
     )
 
 
@@ -56,6 +73,8 @@ class _Plateau:
     half_width_rad: float
     range_m: float
     range_sigma_m: float
+    readings: int
+    width_rad: float  # from the first bearing that heard it to the last, and half a step beyond each
 
 
 @dataclass(frozen=True)
@@ -90,6 +109,8 @@ def _of_place(data: Evidence, at: np.ndarray, config: RefinementConfig) -> Itera
             range_m=range_m,
             # Not below half: neighbours share their errors.
             range_sigma_m=sigma_m * max(1 / np.sqrt(len(rows)), 0.5),
+            readings=len(rows),
+            width_rad=float(high_rad - low_rad + step_rad),
         )
 
 

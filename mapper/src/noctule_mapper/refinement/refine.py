@@ -15,12 +15,14 @@ from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
+from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
+from noctule_mapper.refinement.touches import with_touches
 
 
 def refine(
@@ -36,6 +38,8 @@ def refine(
     if looks is not None:
         looks = replace(looks, echoes=_about(looks.echoes, x_m, y_m))
     data = evidence(middle, middle.sigma_m, config.sensor.longest_range_m, config.refinement, looks)
+    data = reconciled(data, config.refinement)
+    middle = data.echoes
     if echoes.calibrated.all():
         return _refined(data, found, config, units)[0].shifted(x_m, y_m)
     sigma_m = estimate_sigma_m(middle.take(newest_of_each_beam(data)), config.noise)
@@ -61,6 +65,8 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     contour = contour_of(last.fit, final.links, [int(count) for count in readings], config.refinement)
     spread_m = last.range_sigma_m[: len(data.echoes)]
     poses = unit_poses(data, last, units)
+    placed = replace(data, range_sigma_m=spread_m)
+    contour = with_touches(contour, objects, final.links, placed, units, config.refinement)
     return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
 
 

@@ -17,6 +17,7 @@ from noctule.messages_pb2 import (
     Features,
     GridTile,
 )
+from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.link import Entries
 
@@ -25,6 +26,7 @@ Colour = tuple[int, int, int]
 _WALL: Colour = (236, 240, 245)
 _CYLINDER: Colour = (255, 140, 66)
 _CORNER: Colour = (255, 214, 102)
+_TOUCH: Colour = (205, 148, 255)
 _FREE: Colour = (54, 78, 104)
 _OCCUPIED: Colour = (120, 205, 190)
 _KINDS = {
@@ -60,7 +62,9 @@ def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) 
 
 
 def draw_contour(contour: Contour) -> Entries:
-    """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii."""
+    """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii,
+    touches as short bars across the echo's direction, as long as their error, that bear what they most likely are.
+    """
     yield from _walls(contour)
     corners = rr.Points2D(
         [(corner.x_m, corner.y_m) for corner in contour.corners],
@@ -70,6 +74,7 @@ def draw_contour(contour: Contour) -> Entries:
     )
     yield scene.CORNERS, corners
     yield from _cylinders(contour)
+    yield from _touches(contour)
 
 
 def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
@@ -152,7 +157,10 @@ def _walls(contour: Contour) -> Entries:
         ends_m,
         colors=[_WALL],
         radii=rr.Radius.ui_points(3.0),
-        labels=[f"{length_m:.2f} m" for length_m in lengths_m],
+        labels=[
+            f"{length_m:.2f} m, {100 * wall.chance:.1f} %" if wall.HasField("chance") else f"{length_m:.2f} m"
+            for length_m, wall in zip(lengths_m, contour.walls, strict=True)
+        ],
         show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
@@ -179,6 +187,18 @@ def _cylinders(contour: Contour) -> Entries:
         draw_order=_CONTOUR_ORDER,
     )
     yield scene.CYLINDERS, centres
+
+
+def _touches(contour: Contour) -> Entries:
+    touches = rr.LineStrips2D(
+        [touch_marks.bar_m(touch) for touch in contour.touches],
+        colors=[_TOUCH],
+        radii=rr.Radius.ui_points(2.0),
+        labels=[touch_marks.label(touch) for touch in contour.touches],
+        show_labels=True,
+        draw_order=_CONTOUR_ORDER,
+    )
+    yield scene.TOUCHES, touches
 
 
 def _png(tile: GridTile) -> bytes:

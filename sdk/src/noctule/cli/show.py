@@ -76,16 +76,24 @@ def _show_line(_key: str, message: Message) -> None:
         case UnitStatus():
             typer.echo(f"{message.unit:<8} {_state(message)}, log at {message.log_head} {message.detail}".rstrip())
         case Contour():
-            walls, cylinders = len(message.walls), len(message.cylinders)
-            typer.echo(
-                f"{'contour':<8} {message.version}: {walls} walls, {cylinders} cylinders, {message.sweeps} sweeps"
-            )
+            typer.echo(_contour_line(message))
 
 
 def _sweep_line(sweep: Sweep) -> str:
     echoes = sum(reading.HasField("time_of_flight_s") for reading in sweep.readings)
     where = f" at ({sweep.pose.x_m:.2f}, {sweep.pose.y_m:.2f}) m" if sweep.HasField("pose") else ""
     return f"{sweep.unit:<8} sweep {sweep.log_sequence}: {echoes} echoes of {len(sweep.readings)} readings{where}"
+
+
+def _contour_line(contour: Contour) -> str:
+    one_place = (
+        f" ({guessed} from one place)" if (guessed := sum(wall.HasField("chance") for wall in contour.walls)) else ""
+    )
+    touches = f", {len(contour.touches)} touches" if contour.touches else ""
+    return (
+        f"{'contour':<8} {contour.version}: {len(contour.walls)} walls{one_place}, {len(contour.cylinders)} cylinders"
+        f"{touches}, {contour.sweeps} sweeps"
+    )
 
 
 def _state(status: UnitStatus) -> str:
