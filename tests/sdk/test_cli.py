@@ -13,14 +13,17 @@ import pytest
 
 from noctule import Client, bus, keys, survey
 from noctule.messages_pb2 import (
+    POSE_STATE_OPEN,
     Calibration,
     CommandReply,
     CommandRequest,
     Contour,
+    Pose,
     Reading,
     ServiceStatus,
     Sweep,
     SweepPlan,
+    UnitPose,
     Wall,
 )
 from noctule.replay import Replay
@@ -50,7 +53,8 @@ def site(far):
     """A site with one unit that has swept three times, and a contour."""
     schemas = bus.declare_schemas(far.session)
     contour = bus.StatePublisher(far.session, keys.contour("room"), Contour)
-    contour.put(Contour(site="room", version=1, walls=[Wall(rho_m=1.5)], sweeps=3))
+    unknown = UnitPose(unit="u2", stated=Pose(sigma_position_m=100), state=POSE_STATE_OPEN, detail="parallel walls")
+    contour.put(Contour(site="room", version=1, walls=[Wall(rho_m=1.5)], sweeps=3, poses=[unknown]))
     replay = Replay(far.session, "room")
     replay.run(sweeps(), None)
     yield replay
@@ -186,6 +190,7 @@ def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site,
     process = noctule("watch", "room")
     line_with(process, "u1       sweeping, log at 3")
     line_with(process, "contour  1: 1 walls, 0 cylinders, 3 sweeps")
+    line_with(process, "u2       pose unknown: parallel walls")
     site.run(sweeps(1), None)
     assert "1 echoes of 2 readings" in line_with(process, "u1       sweep 4")
     process.send_signal(signal.SIGTERM)

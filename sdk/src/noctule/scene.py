@@ -14,6 +14,7 @@ FEATURES = "world/features"
 WALLS = "world/walls"
 CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
+POSES = "world/poses"  # of the units, as the contour has them
 UNITS = "world/units"
 ECHOES = "world/echoes"  # of a whole survey, in a recording of it
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import degrees, hypot, isqrt, nan, sqrt
 
+from noctule import poses
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Wall
 
 _WALL_HEAD = ("wall", "theta_deg", "rho_m", "±mm", "from_x_m", "from_y_m", "to_x_m", "to_y_m", "length_m", "readings")
@@ -11,12 +12,15 @@ _CYLINDER_HEAD = ("cylinder", "x_m", "y_m", "±mm", "radius_m", "±mm", "reading
 
 
 def contour_table(contour: Contour) -> str:
-    """A table of walls, one of corners and one of cylinders; what is numbered counts from 1."""
+    """A table of walls, one of corners and one of cylinders, and the units' poses where the contour has some; what is
+    numbered counts from 1.
+    """
     walls = [_wall(number, wall) for number, wall in enumerate(contour.walls, 1)]
     corners = [_corner(number, corner) for number, corner in enumerate(contour.corners, 1)]
     cylinders = [_cylinder(number, cylinder) for number, cylinder in enumerate(contour.cylinders, 1)]
     tables = ((_WALL_HEAD, walls), (_CORNER_HEAD, corners), (_CYLINDER_HEAD, cylinders))
-    return "\n\n".join(_aligned([head, *rows]) for head, rows in tables)
+    units = [f"unit {pose.unit}: {poses.words(pose)}" for pose in contour.poses]
+    return "\n\n".join([*(_aligned([head, *rows]) for head, rows in tables), *(["\n".join(units)] if units else [])])
 
 
 def _wall(number: int, wall: Wall) -> tuple[str, ...]:

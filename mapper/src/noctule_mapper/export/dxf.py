@@ -2,17 +2,18 @@
 
 import io
 
+from noctule import poses
 from noctule.messages_pb2 import Contour
 from noctule_mapper.export.shapes import rings
 
-WALLS, CORNERS, CYLINDERS, OUTLINE = "WALLS", "CORNERS", "CYLINDERS", "OUTLINE"
-_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, OUTLINE: 8}  # AutoCAD's: white, red, cyan, grey
+WALLS, CORNERS, CYLINDERS, OUTLINE, UNITS = "WALLS", "CORNERS", "CYLINDERS", "OUTLINE", "UNITS"
+_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, OUTLINE: 8, UNITS: 3}  # AutoCAD's: white, red, cyan, grey, green
 _CROSS = 3  # $PDMODE: a point is drawn as an X, not as one dot
 _CROSS_M = 0.05
 
 
 def dxf(contour: Contour) -> bytes:
-    """LINEs of walls, POINTs of corners, CIRCLEs of cylinders and closed LWPOLYLINEs of outlines."""
+    """LINEs of walls, POINTs of corners, CIRCLEs of cylinders, closed LWPOLYLINEs of outlines and POINTs of units."""
     from ezdxf.filemanagement import new  # takes half a second that the other commands need not wait
     from ezdxf.units import M
 
@@ -28,6 +29,9 @@ def dxf(contour: Contour) -> bytes:
         space.add_point((corner.x_m, corner.y_m), dxfattribs={"layer": CORNERS})
     for cylinder in contour.cylinders:
         space.add_circle((cylinder.x_m, cylinder.y_m), cylinder.radius_m, dxfattribs={"layer": CYLINDERS})
+    for pose in contour.poses:
+        if poses.is_placed(pose):
+            space.add_point((pose.x_m, pose.y_m), dxfattribs={"layer": UNITS})
     for ring in rings(contour):
         space.add_lwpolyline(ring.points.tolist(), close=True, dxfattribs={"layer": OUTLINE})
     text = io.StringIO()

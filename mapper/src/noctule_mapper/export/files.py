@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from google.protobuf import json_format
 
-from noctule import bounds, survey
+from noctule import bounds, poses, survey
 from noctule.errors import BoundsError, NoctuleError
 from noctule.messages_pb2 import Contour
 from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
@@ -42,7 +42,9 @@ def export_file(
         sweeps = list(survey.read(source))
         mapper, site = map_survey(sweeps, config, sensor)
         contour = contour_message(mapper.contour(), site=site)
-        places_m = np.array([(sweep.pose.x_m, sweep.pose.y_m) for sweep in sweeps]).reshape(-1, 2)
+        stated = [sweep.pose for sweep in sweeps if not poses.is_unknown(sweep.pose)]
+        found = [pose for pose in contour.poses if poses.is_placed(pose)]
+        places_m = np.array([(pose.x_m, pose.y_m) for pose in (*stated, *found)]).reshape(-1, 2)
 
         def ros_map() -> OccupancyMap:
             return occupancy_map(contour, mapper.grid.tiles(), places_m, config.grid)
