@@ -50,7 +50,7 @@ def fixed_room(rng: np.random.Generator, units: int | None = None) -> tuple[Room
     """A random room and the poses of its units, two to six if not told, (units, 3)."""
     room, _ = random_room(rng)
     count = int(rng.integers(2, 7)) if units is None else units
-    return room, np.array([_pose(room, rng) for _ in range(count)])
+    return room, np.array([pose_in(room, rng) for _ in range(count)])
 
 
 def survey_fixed(
@@ -100,7 +100,8 @@ def _due(room: Room, surveyed: Sequence[LabelledSweep], told: LabelFit) -> tuple
     return walls, corners, cylinders
 
 
-def _pose(room: Room, rng: np.random.Generator) -> tuple[float, float, float]:
+def pose_in(room: Room, rng: np.random.Generator) -> tuple[float, float, float]:
+    """A pose anywhere in the room, clear of walls and cylinders."""
     low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
     while True:
         point = rng.uniform(low, high)

@@ -21,6 +21,7 @@ from noctule_mapper.readings.looks import looks_of
 from noctule_mapper.readings.parts import parts_of
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
+from noctule_mapper.refinement.unplaced import Unplaced
 
 
 class Mapper:
@@ -33,15 +34,21 @@ class Mapper:
         self._grid: Grid | None = None  # until it is looked at
         self._contacts = ContactBook(self.config.contacts)
         self._sweeps: dict[tuple[str, int], SweepReadings] = {}
+        self._unplaced = Unplaced()  # sweeps of units whose poses are to be found
         self._registered = 0
         self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
         self._points: FeaturePoints | None = None  # likewise
         self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour
 
     def register_sweep(self, sweep: SweepReadings) -> None:
-        """Put a sweep on the map; one that is there already changes nothing."""
-        if sweep.identity in self._sweeps:
-            return
+        """Put a sweep on the map; one that is there already changes nothing, one whose pose is unknown waits until its
+        unit is found.
+        """
+        placed = self._unplaced.take(sweep) if sweep.pose_is_unknown else sweep
+        if placed is not None and placed.identity not in self._sweeps:
+            self._register(placed)
+
+    def _register(self, sweep: SweepReadings) -> None:
         self._sweeps[sweep.identity] = sweep
         self._registered += 1
         echoes = echoes_of(sweep, self._registered, self.config.noise.assumed_sigma_m)
@@ -51,6 +58,7 @@ class Mapper:
 
     def remove_sweep(self, identity: tuple[str, int]) -> None:
         """Take a sweep off the map; one that is not there changes nothing."""
+        self._unplaced.drop(identity)
         sweep = self._sweeps.pop(identity, None)
         if sweep is not None:
             if self._grid is not None:
@@ -58,8 +66,8 @@ class Mapper:
             self._update(self._contacts.remove(identity))
 
     def sweeps(self) -> list[SweepReadings]:
-        """The sweeps on the map, as they came."""
-        return list(self._sweeps.values())
+        """The sweeps on the map and those that wait for a pose, as they came."""
+        return [*map(self._unplaced.as_it_came, self._sweeps.values()), *self._unplaced.waiting()]
 
     @property
     def grid(self) -> Grid:
@@ -89,8 +97,12 @@ class Mapper:
 
     def contour(self) -> Contour:
         """The contour of all sweeps on the map, by the method that the configuration names."""
+        for sweep in self._unplaced.seek(list(self._sweeps.values()), self.config):
+            self._register(sweep)
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
-        return replace(self._contour(), sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method)
+        contour, method = self._contour(), self.config.method
+        poses = self._unplaced.published(contour.poses)
+        return replace(contour, poses=poses, sweeps=len(self._sweeps), time_s=newest_s, method=method)
 
     def _contour(self) -> Contour:
         if not len(self._contacts.echoes()):

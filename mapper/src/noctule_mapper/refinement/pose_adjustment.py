@@ -13,6 +13,7 @@ from noctule_mapper.refinement.pose_scores import Tolerance, matched
 _EXACT_M, _EXACT_RAD = 0.001, np.radians(0.1)  # no stated pose is better
 _LEAST_SHARED = 2  # units that hear a landmark, or it tells nothing of their poses
 _ROBUST_SIGMAS = 2.0
+_MOST_STEPS = 15
 
 
 def grouped(units: Sequence[PlacedUnit]) -> list[Members]:
@@ -45,7 +46,9 @@ def adjusted(units: Sequence[PlacedUnit], known: int) -> list[PlacedUnit]:
     groups = [group for group in grouped(units) if len(group) >= _LEAST_SHARED]
     problem = _problem(units, groups, known)
     first = np.concatenate([np.array([one.pose for one in units]).ravel(), problem.landmark.ravel()])
-    solved = least_squares(problem.residuals, first, x_scale="jac", loss="soft_l1", f_scale=_ROBUST_SIGMAS)
+    solved = least_squares(
+        problem.residuals, first, x_scale="jac", loss="soft_l1", f_scale=_ROBUST_SIGMAS, max_nfev=_MOST_STEPS
+    )
     weak = np.full(len(first), 1e-4)
     covariance = np.linalg.inv(solved.jac.T @ solved.jac + np.diag(weak))
     poses = solved.x[: 3 * len(units)].reshape(-1, 3)

@@ -4,7 +4,7 @@ A plateau gains by the landmark that made it. Silence costs: a wall whose foot t
 through what the other heard.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,8 +41,8 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class Fit:
-    """Poses (k, 3) with each plateau's score in nats (k, n), and their normal equations' information (k, 3, 3) and gradient
-    (k, 3) at the landmarks (k, n) that explain the plateaus best; -1 where none does.
+    """Poses (k, 3) with each plateau's score in nats (k, n), and their normal equations' information (k, 3, 3) and
+    gradient (k, 3) at the landmarks (k, n) that explain the plateaus best; -1 where none does.
     """
 
     pose: np.ndarray
@@ -69,6 +69,7 @@ def gains(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndarra
 def matched(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> Fit:
     """The same, and how ``poses`` are to be improved."""
     at = _densest(view, marks, poses, off)
+    at = replace(at, ratio=np.where(_is_second(at, marks), _NEVER_NATS, at.ratio))
     share = 1 / (1 + _NEW_SHARE / (1 - _NEW_SHARE) * np.exp(-np.clip(at.ratio, -50, 50)))
     rad2 = at.covariance[..., 0, 0] + view.direction_sigma_rad**2 + off.heading_rad**2
     m2 = at.covariance[..., 1, 1] + view.range_sigma_m**2 + off.position_m**2
@@ -85,14 +86,27 @@ def matched(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndar
     )
 
 
+def _is_second(at: "_Densest", marks: Landmarks) -> np.ndarray:
+    """Plateaus whose landmark explains another plateau of the unit better, bool (k, n): a unit hears each only once,
+    and what one place has heard is one landmark, be it a wall or a point.
+    """
+    numbers: dict[tuple[int, int], int] = {}
+    heard = np.array([numbers.setdefault(group[0], len(numbers)) for group in marks.members])[at.landmark]
+    same = heard[:, :, None] == heard[:, None, :]
+    return (same & (at.ratio[:, None, :] > at.ratio[:, :, None])).any(axis=-1)
+
+
+_NEVER_NATS = -50.0
+
+
 def _gain(ratio: np.ndarray) -> np.ndarray:
     return np.minimum(np.logaddexp(np.log(_NEW_SHARE), np.log1p(-_NEW_SHARE) + ratio), _MOST_GAIN_NATS)
 
 
 @dataclass(frozen=True)
 class _Densest:
-    """Of each plateau at each pose (k, n) the landmark that explains it best, the log of how much denser than a new one;
-    its error (k, n, 2) in direction and range, that error's slopes by the pose (k, n, 2, 3), and the landmark's own
+    """Of each plateau at each pose (k, n) the landmark that explains it best, and the log of how much denser than a new
+    one; its error in direction and range (k, n, 2), the error's slopes by the pose (k, n, 2, 3), and the landmark's
     covariance (k, n, 2, 2).
     """
 
@@ -133,8 +147,8 @@ def _densest(view: UnitView, marks: Landmarks, poses: np.ndarray, off: Tolerance
 def _predicted(
     marks: Landmarks, view: UnitView, poses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """How far each plateau is off each landmark in direction and range, (k, marks, n); the slope of the range's by x and
-    y, and of the direction's, (k, marks, 2); and the prediction's covariance (k, marks, 2, 2).
+    """How far each plateau is off each landmark in direction and range, (k, marks, n); the slope of the range's by x
+    and y, and of the direction's, (k, marks, 2); and the prediction's covariance (k, marks, 2, 2).
     """
     place = poses[:, None, :2]
     normal = np.stack([np.cos(marks.alpha_rad), np.sin(marks.alpha_rad)], axis=1)
@@ -241,7 +255,7 @@ def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.nda
         return np.zeros(a.shape[:2], bool)
     a, b = a[:, :, None], b[:, :, None]
     first = _side(c, d, a) * _side(c, d, b) < 0
-    return (first & (_side(a, b, c) * _side(a, b, d) < 0)).any(axis=-1)
+    return np.any(first & (_side(a, b, c) * _side(a, b, d) < 0), axis=-1)
 
 
 def _side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
 
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.refinement.landmarks import Landmarks, PlacedUnit
@@ -24,33 +23,34 @@ from noctule_mapper.refinement.pose_scores import (
 )
 from noctule_mapper.refinement.unit_views import UnitView
 
-_STEP_M = 0.08  # along the lines
-_BEYOND_M = 1.5  # the landmarks
-_COARSE = Tolerance(position_m=0.04, heading_rad=np.radians(2.0))
-_STARTS = 120
+_STEP_M = 0.12  # along the lines
+_BEYOND_M = 1.0  # the landmarks
+_COARSE = Tolerance(position_m=0.05, heading_rad=np.radians(2.0))
+_STARTS = 60
 _HOPELESS_NATS = 30.0  # below the best
-_FIT_STEPS = 4
+_FIT_STEPS = 3
 # Holds what the landmarks leave open where it is.
 _HOLD = np.diag([1 / 0.2**2, 1 / 0.2**2, 1 / np.radians(5.0) ** 2])
 _SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
 _IMPLIED_M, _IMPLIED_RAD, _IMPLIED_WEIGHT = 0.05, np.radians(6.0), 0.2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # of arrays
 class Standing:
-    """The best pose (3,), its covariance (3, 3), and by how many nats it stands above all others together."""
+    """A pose (3,) at which a unit may stand, its covariance (3, 3), and its worth in nats: above 0 it is likelier than
+    that the unit hears a place of which the others hear nothing.
+    """
 
     pose: np.ndarray
     covariance: np.ndarray
-    margin_nats: float
-    rival: np.ndarray | None  # the pose that comes next, if it is not that of anywhere else
+    worth_nats: float
 
 
-def best_standing(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit]) -> Standing | None:
-    """Where the unit stands by the landmarks; None where no two views have a wall in common."""
+def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit]) -> list[Standing]:
+    """Where the unit may stand by the landmarks, distinct poses, the worthiest first."""
     starts = _along_walls(view, marks)
     if not len(starts):
-        return None
+        return []
     weight, around = _weights(view), _surroundings(units)
     coarse_nats = gains(view, weight, marks, starts, _COARSE)
     hopeful = coarse_nats > coarse_nats.max() - _HOPELESS_NATS
@@ -67,24 +67,17 @@ def best_standing(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit])
     best = int(worth.argmax())
     turned_worth = worth + _likeness_nats(fit, weight, best, marks)
     chosen = _distinct(poses, np.where(np.arange(len(poses)) == best, np.inf, turned_worth), len(poses))
-    others = chosen[1:]
-    rival_worth = turned_worth[others]
-    rivals = [*rival_worth, _anywhere(marks)]
-    return Standing(
-        pose=poses[best],
-        covariance=np.linalg.inv(fit.information[best] + 1e-3 * _HOLD),
-        margin_nats=float(worth[best] - logsumexp(rivals)),
-        rival=poses[others[0]] if len(others) else None,
-    )
+    worth = turned_worth - _anywhere(marks)
+    return [Standing(poses[at], np.linalg.inv(fit.information[at] + 1e-3 * _HOLD), float(worth[at])) for at in chosen]
 
 
 def _likeness_nats(fit: Fit, weight: np.ndarray, best: int, marks: Landmarks) -> np.ndarray:
-    """What poses turned by right angles from the best would gain if the room looked from there as it looks from the best
-    pose, as squares and rectangles do, (k,): what the others have not heard may be just as what they have.
+    """What poses turned by right angles from the best would gain, (k,), if the room looked from there as it looks from
+    the best pose, as squares and rectangles do: what the others have not heard may be just as what they have.
     """
     walls = fit.landmark[best][(fit.landmark[best] >= 0) & (fit.landmark[best] < len(marks.alpha_rad)) & (weight == 1)]
     alpha_rad = marks.alpha_rad[walls]
-    if (np.abs(wrapped(4 * (alpha_rad[:, None] - alpha_rad))) / 4 > _SAME_RAD).any():
+    if (np.abs(wrapped(4 * (alpha_rad[:, None] - alpha_rad))) / 4 > _SQUARE_RAD).any():
         return np.zeros(len(fit.pose))
     turned_rad = wrapped(fit.pose[:, 2] - fit.pose[best, 2])
     square = (np.abs(wrapped(4 * turned_rad)) / 4 < _SAME_RAD) & (np.abs(turned_rad) > _SAME_RAD)
@@ -94,7 +87,8 @@ def _likeness_nats(fit: Fit, weight: np.ndarray, best: int, marks: Landmarks) ->
 
 
 _LEAST_SHARED = 2
-_LIKENESS_NATS = 3.0  # one room in twenty is a square, or nearly
+_SQUARE_RAD = np.radians(9.0)  # one place tells the angle of two walls to 2 degrees
+_LIKENESS_NATS = 1.5  # for each plateau: rooms are often squares and rectangles, or their parts are
 
 
 def _along_walls(view: UnitView, marks: Landmarks) -> np.ndarray:
