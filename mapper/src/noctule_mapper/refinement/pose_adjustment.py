@@ -13,6 +13,9 @@ from noctule_mapper.refinement.pose_scores import Tolerance, matched
 _EXACT_M, _EXACT_RAD = 0.001, np.radians(0.1)  # no stated pose is better
 _LEAST_SHARED = 2  # units that hear a landmark, or it tells nothing of their poses
 _ROBUST_SIGMAS = 2.0
+# Of a point's ranges to its distance: a corner under 90 degrees answers by the sine of its angle (double bounce), a
+# post by its radius nearer.
+_SCALE_SIGMA = 0.08
 _MOST_STEPS = 15
 
 
@@ -63,7 +66,7 @@ def adjusted(units: Sequence[PlacedUnit], known: int) -> list[PlacedUnit]:
 @dataclass(frozen=True)
 class _Problem:
     """Plateaus (n,) by unit and landmark, what the known poses are stated to be (known, 3), and the landmarks' first
-    values (l, 2).
+    values (l, 3): alpha and rho or x and y, and the scale of a point's ranges.
     """
 
     unit: np.ndarray
@@ -79,19 +82,20 @@ class _Problem:
 
     def residuals(self, values: np.ndarray) -> np.ndarray:
         """In sigmas, of poses and landmarks in a row."""
-        units = (len(values) - 2 * len(self.landmark)) // 3
-        poses, marks = values[: 3 * units].reshape(-1, 3), values[3 * units :].reshape(-1, 2)
+        units = len(values) // 3 - len(self.landmark)
+        poses, marks = values[: 3 * units].reshape(-1, 3), values[3 * units :].reshape(-1, 3)
         pose, mark = poses[self.unit], marks[self.mark]
-        way = mark - pose[:, :2]
+        way = mark[:, :2] - pose[:, :2]
         wall_m = mark[:, 1] - pose[:, 0] * np.cos(mark[:, 0]) - pose[:, 1] * np.sin(mark[:, 0])
         bearing_rad = np.where(self.is_wall, mark[:, 0], np.arctan2(way[:, 1], way[:, 0]))
-        range_m = np.where(self.is_wall, wall_m, np.hypot(way[:, 0], way[:, 1]))
+        range_m = np.where(self.is_wall, wall_m, mark[:, 2] * np.hypot(way[:, 0], way[:, 1]))
         off = (poses[: len(self.stated)] - self.stated) / self.stated_sigma
         return np.concatenate(
             [
                 wrapped(pose[:, 2] + self.direction_rad - bearing_rad) / self.direction_sigma_rad,
                 (self.range_m - range_m) / self.range_sigma_m,
                 off.ravel(),
+                (marks[:, 2] - 1) / _SCALE_SIGMA,
             ]
         )
 
@@ -112,6 +116,6 @@ def _problem(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int)
         stated=np.array([one.pose for one in units[:known]]).reshape(-1, 3),
         stated_sigma=np.maximum(np.sqrt(variances), (_EXACT_M, _EXACT_M, _EXACT_RAD)),
         landmark=np.array(
-            [(wall if kind else point).value for (wall, point), kind in zip(models, is_wall, strict=True)]
-        ).reshape(-1, 2),
+            [(*(wall if kind else point).value, 1.0) for (wall, point), kind in zip(models, is_wall, strict=True)]
+        ).reshape(-1, 3),
     )

@@ -17,12 +17,12 @@ from noctule_mapper.refinement.pose_adjustment import adjusted, grouped
 from noctule_mapper.refinement.pose_search import Standing, standings
 from noctule_mapper.refinement.unit_views import UnitView
 
-MARGIN_NATS = 10.0  # by which a pose must stand above all others together: 1 in 20,000
+MARGIN_NATS = 7.0  # by which a pose must stand above all others together: 1 in 1,000
 _MOST_HYPOTHESES = 3
 _MOST_BRANCHES = 3
 _LAST_ROUNDS = 3  # of telling again which plateaus belong together, and adjusting
 _HOPELESS_NATS = 12.0  # below the best
-_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.025, np.radians(1.0)
+_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.03, np.radians(1.3)
 _SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
 
 
