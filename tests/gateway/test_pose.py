@@ -5,7 +5,7 @@ from math import pi
 import pytest
 
 from noctule.messages_pb2 import Pose
-from noctule.site import FixedPose, Pose2, PoseKey, WaypointPath
+from noctule.site import FixedPose, Pose2, PoseKey, UnknownPose, WaypointPath
 from noctule_gateway.pose import PoseTrack, pose_of_sweep
 
 HERE = Pose2(1.0, 2.0, 0.5, sigma_position_m=0.004, sigma_heading_rad=0.006)
@@ -22,6 +22,12 @@ def tracked(*poses: tuple[float, Pose]) -> PoseTrack:
 def test_a_fixed_unit_is_where_the_site_file_says_with_its_sigmas() -> None:
     pose = pose_of_sweep(FixedPose(HERE), None, 0.0, PoseTrack())
     assert pose == Pose(x_m=1.0, y_m=2.0, heading_rad=0.5, sigma_position_m=0.004, sigma_heading_rad=0.006)
+
+
+def test_a_unit_to_be_found_has_a_pose_that_says_so_and_is_not_one_without_a_pose() -> None:
+    pose = pose_of_sweep(UnknownPose(), None, 0.0, PoseTrack())
+    assert pose is not None
+    assert pose.sigma_position_m == 100.0  # noctule.proto, Pose: the most, which says that the pose is unknown
 
 
 @pytest.mark.parametrize(("waypoint", "x_m"), [(0, 1.0), (1, 3.0), (2, None), (None, None)])

@@ -57,7 +57,7 @@ def fixed_room(rng: np.random.Generator, units: int | None = None) -> tuple[Room
     """A random room and the poses of its units, two to six if not told, (units, 3)."""
     room, _ = random_room(rng)
     count = int(rng.integers(2, 7)) if units is None else units
-    return room, np.array([_pose(room, rng) for _ in range(count)])
+    return room, np.array([pose_in(room, rng) for _ in range(count)])
 
 
 def rectangular_room(rng: np.random.Generator) -> tuple[Room, np.ndarray]:
@@ -66,7 +66,7 @@ def rectangular_room(rng: np.random.Generator) -> tuple[Room, np.ndarray]:
     turn, centre = rng.uniform(-np.pi, np.pi), rng.uniform(-2, 2, 2)
     turned = np.array([(math.cos(turn), math.sin(turn)), (-math.sin(turn), math.cos(turn))])
     room = Room(np.array([(0, 0), (width, 0), (width, depth), (0, depth)]) @ turned + centre)
-    return room, np.array([_pose(room, rng)])
+    return room, np.array([pose_in(room, rng)])
 
 
 def survey_to_and_fro(
@@ -309,7 +309,8 @@ def _due(room: Room, surveyed: Sequence[LabelledSweep], told: LabelFit) -> tuple
     return walls, corners, cylinders
 
 
-def _pose(room: Room, rng: np.random.Generator) -> tuple[float, float, float]:
+def pose_in(room: Room, rng: np.random.Generator) -> tuple[float, float, float]:
+    """A pose anywhere in the room, clear of walls and cylinders."""
     low, high = room.vertices.min(axis=0), room.vertices.max(axis=0)
     while True:
         point = rng.uniform(low, high)

@@ -17,7 +17,18 @@ from mapper.live_site import paper_survey
 from PIL import Image
 
 from noctule import survey
-from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Touch, Wall
+from noctule.messages_pb2 import (
+    POSE_STATE_OPEN,
+    POSE_STATE_WRONG,
+    Contour,
+    Corner,
+    Cylinder,
+    Point,
+    Pose,
+    Touch,
+    UnitPose,
+    Wall,
+)
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in a nav_msgs/OccupancyGrid
 
@@ -142,6 +153,24 @@ def test_touches_are_points_with_their_chances_and_walls_bear_theirs(tmp_path):
     drawing = ezdxf.readfile(tmp_path / "touches.dxf")  # pyright: ignore[reportPrivateImportUsage]
     (mark,) = drawing.modelspace().query("POINT[layer=='TOUCHES']")
     assert tuple(mark.dxf.location)[:2] == (0.5, 2.0)
+
+
+def contour_with_units() -> Contour:
+    """A unit whose pose is wrong, and one whose pose nobody knows."""
+    wrong = UnitPose(unit="u1", x_m=1.5, y_m=0.5, heading_rad=0.25, covariance=[1e-4] * 9, state=POSE_STATE_WRONG)
+    unknown = UnitPose(unit="u2", stated=Pose(sigma_position_m=100), state=POSE_STATE_OPEN)
+    return Contour(site="room", poses=[wrong, unknown])
+
+
+def test_units_are_points_in_the_geojson_and_the_dxf_where_their_place_is_known(tmp_path):
+    file = write(tmp_path / "c.json", contour_with_units())
+    for name in ("c.geojson", "c.dxf"):
+        assert export(file, tmp_path / name).exit_code == 0
+    ((point, row),) = features(tmp_path / "c.geojson")["unit"]
+    assert ((point.x, point.y), row["unit"], row["state"], row["heading_rad"]) == ((1.5, 0.5), "u1", "wrong", 0.25)
+    space: Any = ezdxf.readfile(tmp_path / "c.dxf").modelspace()  # pyright: ignore[reportPrivateImportUsage]
+    (unit,) = space.query("POINT[layer=='UNITS']")
+    assert tuple(unit.dxf.location)[:2] == (1.5, 0.5)
 
 
 # ---- DXF, read by ezdxf and by GDAL

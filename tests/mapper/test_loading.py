@@ -9,7 +9,7 @@ from mapper.live_site import paper_survey
 
 from noctule import survey
 
-COMMANDS = ("run", "fit", "calibrate", "export", "reproduce")
+COMMANDS = ("run", "fit", "calibrate", "survey", "export", "reproduce")
 _LOADED = """
 import sys
 from noctule_mapper.cli import main

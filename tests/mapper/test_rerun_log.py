@@ -1,6 +1,7 @@
 """What the mapper shows, read back as a viewer is sent it."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,21 @@ import pytest
 from mapper.rerun_relay import Viewer, relay, viewer
 
 from noctule import scene
-from noctule.messages_pb2 import Contour, Cylinder, GridTile, Point, ServiceStatus, Touch, UnitStatus, Wall
+from noctule.messages_pb2 import (
+    POSE_STATE_FITTED,
+    POSE_STATE_OPEN,
+    POSE_STATE_WRONG,
+    Contour,
+    Cylinder,
+    GridTile,
+    Point,
+    Pose,
+    ServiceStatus,
+    Touch,
+    UnitPose,
+    UnitStatus,
+    Wall,
+)
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.log import RerunLog
 
@@ -74,6 +89,37 @@ def test_a_touch_is_a_bar_across_its_direction_that_bears_what_it_may_be(shown: 
     assert bar == [pytest.approx([2.0, 0.95]), pytest.approx([2.0, 1.05])]
     assert watching.values(scene.TOUCHES, "LineStrips2D:labels") == [["wall? 50 %"]]
     assert watching.values(scene.WALLS, "LineStrips2D:labels") == [["1.00 m, 99.7 %"]]
+
+
+def test_a_unit_has_an_ellipse_of_its_error_and_a_wrong_one_is_named_and_tied_to_its_stated_place(
+    shown: tuple[RerunLog, Viewer],
+) -> None:
+    log, watching = shown
+    # 1 cm along x and 2 cm along y, 0.05 rad.
+    variances = np.diag([1e-4, 4e-4, 2.5e-3]).ravel()
+    right = UnitPose(unit="u1", x_m=1.0, y_m=2.0, covariance=variances, state=POSE_STATE_FITTED)
+    wrong = UnitPose(unit="u2", x_m=3.0, stated=Pose(x_m=3.3), covariance=variances, state=POSE_STATE_WRONG)
+    nowhere = UnitPose(unit="u3", stated=Pose(sigma_position_m=100), state=POSE_STATE_OPEN)
+    log.show_contour(Contour(poses=[right, wrong, nowhere]))
+    (strips,) = watching.values(scene.POSES, "LineStrips2D:strips")
+    ellipse = np.array(strips[0])
+    assert len(strips) == 2 + 3  # an ellipse and a wedge each, and the way from the stated place
+    assert np.ptp(ellipse, axis=0) == pytest.approx([0.04, 0.08], rel=0.01)  # two sigmas to each side
+    assert strips[-1] == [pytest.approx([3.3, 0.0]), pytest.approx([3.0, 0.0])]
+    assert watching.values(scene.POSES, "Points2D:labels") == [["u2: wrong pose"]]
+
+
+def test_the_rays_of_a_unit_whose_pose_is_unknown_are_drawn_where_the_contour_has_found_it(
+    shown: tuple[RerunLog, Viewer],
+) -> None:
+    log, watching = shown
+    sweep = replace(readings(1, x_m=0.0), sigma_position_m=100.0)
+    log.show_sweep(sweep)
+    found = UnitPose(unit="u1", x_m=4.0, y_m=1.0, stated=Pose(sigma_position_m=100), state=POSE_STATE_FITTED)
+    log.show_contour(Contour(poses=[found]))
+    log.show_sweep(sweep)
+    (rays,) = watching.values(scene.unit_rays("u1"), "LineStrips2D:strips")
+    assert rays[0] == [[4.0, 1.0], pytest.approx([5.5, 1.0])]
 
 
 def test_a_contour_without_objects_takes_away_what_was_shown(shown: tuple[RerunLog, Viewer]) -> None:

@@ -13,15 +13,18 @@ import pytest
 
 from noctule import Client, bus, keys, survey
 from noctule.messages_pb2 import (
+    POSE_STATE_OPEN,
     Calibration,
     CommandReply,
     CommandRequest,
     Contour,
+    Pose,
     Reading,
     ServiceStatus,
     Sweep,
     SweepPlan,
     Touch,
+    UnitPose,
     Wall,
 )
 from noctule.replay import Replay
@@ -51,11 +54,9 @@ def site(far):
     """A site with one unit that has swept three times, and a contour."""
     schemas = bus.declare_schemas(far.session)
     contour = bus.StatePublisher(far.session, keys.contour("room"), Contour)
-    contour.put(
-        Contour(
-            site="room", version=1, walls=[Wall(rho_m=1.5), Wall(rho_m=2, chance=0.997)], touches=[Touch()], sweeps=3
-        )
-    )
+    unknown = UnitPose(unit="u2", stated=Pose(sigma_position_m=100), state=POSE_STATE_OPEN, detail="parallel walls")
+    walls = [Wall(rho_m=1.5), Wall(rho_m=2, chance=0.997)]
+    contour.put(Contour(site="room", version=1, walls=walls, touches=[Touch()], sweeps=3, poses=[unknown]))
     replay = Replay(far.session, "room")
     replay.run(sweeps(), None)
     yield replay
@@ -191,6 +192,7 @@ def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site,
     process = noctule("watch", "room")
     line_with(process, "u1       sweeping, log at 3")
     line_with(process, "contour  1: 2 walls (1 from one place), 0 cylinders, 1 touches, 3 sweeps")
+    line_with(process, "u2       pose unknown: parallel walls")
     site.run(sweeps(1), None)
     assert "1 echoes of 2 readings" in line_with(process, "u1       sweep 4")
     process.send_signal(signal.SIGTERM)

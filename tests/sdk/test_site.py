@@ -85,7 +85,32 @@ def test_what_is_left_out_stays_unknown_and_nothing_starts_by_itself(tmp_path):
     assert (loaded.air_temperature_c, loaded.clock) == (None, "utc")
     assert (unit.sensor, unit.plan, unit.start, unit.pause_s) == (site.Sensor(), None, False, 0.0)
     assert not unit.sensor.message().HasField("beam_width_rad")
-    assert unit.pose == site.FixedPose(site.Pose2(1.0, 2.0, math.pi / 2))
+    # theory of tape measures: 1 to 5 cm, 1 to 5 degrees
+    assert unit.pose == site.FixedPose(site.Pose2(1.0, 2.0, math.pi / 2, 0.03, math.radians(3)))
+
+
+@pytest.mark.parametrize(
+    ("pose", "sigmas"),
+    [
+        ("pose = { x_m = 1, y_m = 2, heading_deg = 90, sigma_position_m = 0.01, sigma_heading_deg = 1 }", (0.01, 1)),
+        ("pose = { x_m = 1, y_m = 2, heading_deg = 90, sigma_position_m = 0 }", (0, 3)),
+        (
+            "pose = { x_m = 1, y_m = 2, heading_deg = 90 }\npose_sigma = { position_m = 0.01, heading_deg = 1 }",
+            (0.01, 1),
+        ),
+        ("pose = { x_m = 1, y_m = 2, heading_deg = 90 }\npose_sigma = { heading_deg = 0 }", (0.03, 0)),
+    ],
+)
+def test_a_fixed_pose_has_the_errors_that_it_states_and_a_tape_measures_for_the_others(tmp_path, pose, sigmas):
+    source = load(tmp_path, HEAD + UNIT + pose + "\n").unit("u1").pose
+    assert source == site.FixedPose(site.Pose2(1.0, 2.0, math.pi / 2, sigmas[0], math.radians(sigmas[1])))
+
+
+def test_a_pose_to_be_found_states_the_largest_error_that_a_message_may_hold(tmp_path):
+    source = load(tmp_path, HEAD + UNIT + 'pose = "unknown"\n').unit("u1").pose
+    assert isinstance(source, site.UnknownPose)
+    assert source.message().sigma_position_m == bounds.number("Pose", "sigma_position_m").most
+    bounds.check(source.message())
 
 
 def test_a_tracked_unit_has_its_pose_on_the_bus(tmp_path):
@@ -120,7 +145,17 @@ MISTAKES = {
     HEAD + UNIT + "pose = 'odometer'\n": "pose is 'odometer': make it a table",
     HEAD + UNIT + "pose = { x_m = 1, y_m = 2 }\n": "'u1'.pose: heading_deg is missing",
     HEAD + UNIT + "pose = { x_m = 'a', y_m = 2, heading_deg = 0 }\n": "'u1'.pose: x_m is 'a': give a finite number",
+    HEAD + UNIT + "pose = 'unknwon'\n": '\'unknwon\': make it a table, .*or give "unknown" or "key"',
     HEAD + UNIT + 'pose = "key"\npose_sigma = { position_m = 1 }\n': "pose_sigma is not known here",
+    HEAD + UNIT + 'pose = "unknown"\npose_sigma = { position_m = 1 }\n': "pose_sigma is not known here",
+    HEAD
+    + UNIT
+    + HERE.replace("90", "90, sigma_position_m = 101"): r"'u1'.pose: sigma_position_m is 101: give 0 to 100 m",
+    HEAD + UNIT + HERE.replace("90", "90, sigma_heading_deg = 'a'"): "'u1'.pose: sigma_heading_deg is 'a': give a",
+    HEAD
+    + UNIT
+    + HERE.replace("90", "90, sigma_position_m = 0.1")
+    + "pose_sigma = { heading_deg = 1 }\n": r"'u1': pose_sigma says what pose says too .*: remove it",
     HEAD + UNIT + HERE + "pose_sigma = { position_m = -1 }\n": "position_m is -1: give 0 to 100 m",
     HEAD + UNIT + "path = {}\n": "'u1'.path: corners_m or waypoints, one of the two",
     HEAD + UNIT + "path = { waypoints = [[0, 0]] }\n": r"waypoints\[0\] is \[0, 0\]: give \[x_m, y_m, heading_deg\]",

@@ -124,8 +124,8 @@ def test_a_sweep_that_can_not_be_read_does_not_end_the_records(tmp_path):
     path = tmp_path / "survey.jsonl"
     path.write_text('{"unit": "u1"}\n\n{\n{"unit": "u2"}\n{"boot": -1}\n')
     first, broken, second, wrong = survey.read_records(path)
-    assert (first.source, first.number, first.sweep.unit) == (str(path), 1, "u1")
-    assert (second.number, second.sweep.unit) == (4, "u2")
+    assert (first.source, first.number, first.sweep) == (str(path), 1, Sweep(unit="u1"))
+    assert (second.number, second.sweep) == (4, Sweep(unit="u2"))
     assert broken.number == 3 and "line 3: not JSON" in str(broken.sweep)
     assert wrong.number == 5 and "line 5: not a Sweep" in str(wrong.sweep)
 
@@ -137,7 +137,8 @@ def test_a_sweep_beyond_its_bounds_in_an_mcap_file_does_not_end_the_records(tmp_
     with path.open("wb") as stream:
         survey_mcap.write([Sweep(site="room", unit="a", clock_error_s=n) for n in (1.0, -1.0, 2.0)], stream)
     first, wrong, last = survey.read_records(path)
-    assert (first.sweep.clock_error_s, last.number, last.sweep.clock_error_s) == (1.0, 3, 2.0)
+    good = [Sweep(site="room", unit="a", clock_error_s=n) for n in (1.0, 2.0)]
+    assert [first.sweep, last.sweep] == good and last.number == 3
     assert isinstance(wrong.sweep, SurveyError) and f"{path}, sweep 2: clock_error_s is -1" in str(wrong.sweep)
     with pytest.raises(SurveyError, match="sweep 2: clock_error_s"):
         list(survey.read(path))

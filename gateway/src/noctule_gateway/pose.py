@@ -6,7 +6,7 @@ from math import pi, remainder
 from typing import assert_never
 
 from noctule.messages_pb2 import Pose
-from noctule.site import FixedPose, PoseKey, WaypointPath
+from noctule.site import FixedPose, PoseKey, PoseSource, UnknownPose, WaypointPath
 
 _KEPT = 4096  # more than a minute of poses at 50 Hz
 _SET_BACK_S = 1.0  # a pose that is older than the last by more than this has a clock behind it that was set back
@@ -42,13 +42,16 @@ class PoseTrack:
         return _between(*poses[after - 1], *poses[after], time_s)
 
 
-def pose_of_sweep(
-    source: FixedPose | WaypointPath | PoseKey, waypoint: int | None, time_s: float, track: PoseTrack
-) -> Pose | None:
-    """The pose of a sweep that began at ``time_s`` (UTC) with the unit at ``waypoint``; None where it is not known."""
+def pose_of_sweep(source: PoseSource, waypoint: int | None, time_s: float, track: PoseTrack) -> Pose | None:
+    """The pose of a sweep that began at ``time_s`` (UTC) with the unit at ``waypoint``; None where nobody has said it.
+
+    A unit whose pose is to be found has one that says so.
+    """
     match source:
         case FixedPose(pose):
             return pose.message()
+        case UnknownPose():
+            return source.message()
         case WaypointPath(poses):
             return poses[waypoint].message() if waypoint is not None and waypoint < len(poses) else None
         case PoseKey():

@@ -25,6 +25,7 @@ from noctule_mapper.readings.parts import parts_of
 from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
+from noctule_mapper.refinement.unplaced import Unplaced
 
 
 class Mapper:
@@ -37,6 +38,7 @@ class Mapper:
         self._grid: Grid | None = None  # until it is looked at
         self._contacts = ContactBook(self.config.contacts)
         self._sweeps: dict[Identity, SweepReadings] = {}
+        self._unplaced = Unplaced()  # sweeps of units whose poses are to be found
         self._lasting: dict[Identity, SweepReadings] = {}  # with those echoes alone that last
         self._places: dict[Pose, list[Identity]] = {}  # of units that stand still
         self._numbers: dict[Identity, int] = {}
@@ -48,9 +50,14 @@ class Mapper:
         self._units: dict[str, int] = {}  # a number for each unit
 
     def register_sweep(self, sweep: SweepReadings) -> None:
-        """Put a sweep on the map; one that is there already changes nothing."""
-        if sweep.identity in self._sweeps:
-            return
+        """Put a sweep on the map; one that is there already changes nothing, one whose pose is unknown waits until its
+        unit is found.
+        """
+        placed = self._unplaced.take(sweep) if sweep.pose_is_unknown else sweep
+        if placed is not None and placed.identity not in self._sweeps:
+            self._register(placed)
+
+    def _register(self, sweep: SweepReadings) -> None:
         self._registered += 1
         self._sweeps[sweep.identity], self._numbers[sweep.identity] = sweep, self._registered
         self._lasting[sweep.identity] = sweep
@@ -62,6 +69,7 @@ class Mapper:
 
     def remove_sweep(self, identity: Identity) -> None:
         """Take a sweep off the map; one that is not there changes nothing."""
+        self._unplaced.drop(identity)
         sweep = self._sweeps.pop(identity, None)
         if sweep is None:
             return
@@ -73,8 +81,8 @@ class Mapper:
             self._judge_again(pose_of(sweep))
 
     def sweeps(self) -> list[SweepReadings]:
-        """The sweeps on the map, as they came."""
-        return list(self._sweeps.values())
+        """The sweeps on the map and those that wait for a pose, as they came."""
+        return [*map(self._unplaced.as_it_came, self._sweeps.values()), *self._unplaced.waiting()]
 
     @property
     def grid(self) -> Grid:
@@ -104,10 +112,13 @@ class Mapper:
 
     def contour(self) -> Contour:
         """The contour of all sweeps on the map, by the method that the configuration names."""
+        for sweep in self._unplaced.seek(list(self._sweeps.values()), self.config):
+            self._register(sweep)
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
         found = self._contour()
         note = reason(found, self._contacts.echoes(), self.sweeps(), self.config.refinement.limits)
-        return replace(found, sweeps=len(self._sweeps), time_s=newest_s, method=self.config.method, note=note)
+        poses, method = self._unplaced.published(found.poses), self.config.method
+        return replace(found, poses=poses, sweeps=len(self._sweeps), time_s=newest_s, method=method, note=note)
 
     def _contour(self) -> Contour:
         if not len(self._contacts.echoes()):

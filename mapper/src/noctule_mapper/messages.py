@@ -7,7 +7,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 
 from noctule import messages_pb2
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.contour.contour import Contour, Touch, Wall
+from noctule_mapper.contour.contour import Contour, PoseState, Touch, UnitPose, Wall
 from noctule_mapper.grid.grid import GridTile
 from noctule_mapper.paper.features import FeaturePoints
 
@@ -15,6 +15,11 @@ _KINDS = {
     Kind.WALL: messages_pb2.CONTACT_KIND_WALL,
     Kind.CYLINDER: messages_pb2.CONTACT_KIND_CYLINDER,
     Kind.CORNER: messages_pb2.CONTACT_KIND_CORNER,
+}
+_POSE_STATES = {
+    PoseState.FITTED: messages_pb2.POSE_STATE_FITTED,
+    PoseState.OPEN: messages_pb2.POSE_STATE_OPEN,
+    PoseState.WRONG: messages_pb2.POSE_STATE_WRONG,
 }
 
 
@@ -46,6 +51,7 @@ def contour_message(contour: Contour, site: str, mapper: str = "", version: int 
             for cylinder in contour.cylinders
         ],
         touches=[_touch(touch) for touch in contour.touches],
+        poses=[_unit_pose(pose) for pose in contour.poses],
     )
 
 
@@ -77,6 +83,26 @@ def _touch(touch: Touch) -> messages_pb2.Touch:
         chance_wall=touch.chance_wall,
         chance_corner=touch.chance_corner,
         chance_cylinder=touch.chance_cylinder,
+    )
+
+
+def _unit_pose(pose: UnitPose) -> messages_pb2.UnitPose:
+    return messages_pb2.UnitPose(
+        unit=pose.unit,
+        x_m=pose.x_m,
+        y_m=pose.y_m,
+        heading_rad=pose.heading_rad,
+        covariance=pose.covariance.ravel(),
+        stated=messages_pb2.Pose(
+            x_m=pose.stated_x_m,
+            y_m=pose.stated_y_m,
+            heading_rad=pose.stated_heading_rad,
+            sigma_position_m=pose.stated_sigma_position_m,
+            sigma_heading_rad=pose.stated_sigma_heading_rad,
+        ),
+        state=_POSE_STATES[pose.state],
+        fixes_frame=pose.fixes_frame,
+        detail=pose.detail,
     )
 
 

@@ -111,6 +111,7 @@ _SENTENCES = Text(2000)
 _PLACE_M = Number(-1e4, 1e4, "m", "in metres, from the site's origin")
 _MAP_M = Number(-2e4, 2e4, "m")  # what was seen from there
 _BEARING_RAD = Number(-2 * math.pi, 2 * math.pi, "rad")
+_HEADING_RAD = Number(-200 * math.pi, 200 * math.pi, "rad")  # 100 turns
 _CLOCK_ERROR_S = Number(0, _YEAR_2255_S, "s")
 _COVARIANCE = Number(-1e18, 1e18)  # finite, and its square too
 _SHARE = Number(-1e-6, 1 + 1e-6)  # 0 to 1, rounded
@@ -120,6 +121,8 @@ _CHIP_C = Number(-330, 330, "degrees C")  # all that the line can carry: a broke
 
 # A heading that a person writes into a file; one from a tracker may count turns.
 WRITTEN_HEADING_RAD = Number(-2 * math.pi, 2 * math.pi, "rad", "in degrees, up to one turn")
+# The most that sigma_position_m may be: a pose that states it is unknown, and its other fields mean nothing.
+UNKNOWN_SIGMA_POSITION_M = 100.0
 # Air as the unit's chip survives it.
 AIR_C = Number(-60, 85, "degrees C", "in degrees Celsius, not kelvin")
 
@@ -144,8 +147,8 @@ BOUNDS: dict[str, dict[str, Bound]] = {
     "Pose": {
         "x_m": _PLACE_M,
         "y_m": _PLACE_M,
-        "heading_rad": Number(-200 * math.pi, 200 * math.pi, "rad"),  # 100 turns
-        "sigma_position_m": Number(0, 100, "m", "in metres"),
+        "heading_rad": _HEADING_RAD,
+        "sigma_position_m": Number(0, UNKNOWN_SIGMA_POSITION_M, "m", "in metres"),
         "sigma_heading_rad": Number(0, math.pi, "rad"),
     },
     "Sensor": {
@@ -283,6 +286,15 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "chance_corner": _SHARE,
         "chance_cylinder": _SHARE,
     },
+    "UnitPose": {
+        "unit": _NAME,
+        "x_m": _MAP_M,
+        "y_m": _MAP_M,
+        "heading_rad": _HEADING_RAD,
+        "covariance": Many(9, _COVARIANCE),
+        "state": _ENUM,
+        "detail": _SENTENCES,
+    },
     "Contour": {
         "site": _NAME,
         "mapper": _NAME,
@@ -294,6 +306,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "touches": Many(10_000),
         "sweeps": _NUMBER_53,
         "note": _SENTENCES,
+        "poses": Many(4096),
     },
     "FeaturePoint": {
         "x_m": _MAP_M,

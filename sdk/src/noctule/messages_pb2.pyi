@@ -19,6 +19,13 @@ class ReadingStatus(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     READING_STATUS_STUCK_HIGH: _ClassVar[ReadingStatus]
     READING_STATUS_NO_SENSOR: _ClassVar[ReadingStatus]
 
+class PoseState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    POSE_STATE_UNSPECIFIED: _ClassVar[PoseState]
+    POSE_STATE_FITTED: _ClassVar[PoseState]
+    POSE_STATE_OPEN: _ClassVar[PoseState]
+    POSE_STATE_WRONG: _ClassVar[PoseState]
+
 class ContactKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     CONTACT_KIND_UNSPECIFIED: _ClassVar[ContactKind]
@@ -31,6 +38,10 @@ READING_STATUS_NO_ECHO: ReadingStatus
 READING_STATUS_TOO_EARLY: ReadingStatus
 READING_STATUS_STUCK_HIGH: ReadingStatus
 READING_STATUS_NO_SENSOR: ReadingStatus
+POSE_STATE_UNSPECIFIED: PoseState
+POSE_STATE_FITTED: PoseState
+POSE_STATE_OPEN: PoseState
+POSE_STATE_WRONG: PoseState
 CONTACT_KIND_UNSPECIFIED: ContactKind
 CONTACT_KIND_WALL: ContactKind
 CONTACT_KIND_CYLINDER: ContactKind
@@ -394,8 +405,30 @@ class Touch(_message.Message):
     chance_cylinder: float
     def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unit: _Optional[str] = ..., readings: _Optional[int] = ..., direction_rad: _Optional[float] = ..., width_rad: _Optional[float] = ..., chance_wall: _Optional[float] = ..., chance_corner: _Optional[float] = ..., chance_cylinder: _Optional[float] = ...) -> None: ...
 
+class UnitPose(_message.Message):
+    __slots__ = ("unit", "x_m", "y_m", "heading_rad", "covariance", "stated", "state", "fixes_frame", "detail")
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    X_M_FIELD_NUMBER: _ClassVar[int]
+    Y_M_FIELD_NUMBER: _ClassVar[int]
+    HEADING_RAD_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    STATED_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    FIXES_FRAME_FIELD_NUMBER: _ClassVar[int]
+    DETAIL_FIELD_NUMBER: _ClassVar[int]
+    unit: str
+    x_m: float
+    y_m: float
+    heading_rad: float
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    stated: Pose
+    state: PoseState
+    fixes_frame: bool
+    detail: str
+    def __init__(self, unit: _Optional[str] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_rad: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., stated: _Optional[_Union[Pose, _Mapping]] = ..., state: _Optional[_Union[PoseState, str]] = ..., fixes_frame: _Optional[bool] = ..., detail: _Optional[str] = ...) -> None: ...
+
 class Contour(_message.Message):
-    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "touches", "note")
+    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "poses", "touches", "note")
     SITE_FIELD_NUMBER: _ClassVar[int]
     MAPPER_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
@@ -405,6 +438,7 @@ class Contour(_message.Message):
     CORNERS_FIELD_NUMBER: _ClassVar[int]
     CYLINDERS_FIELD_NUMBER: _ClassVar[int]
     SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    POSES_FIELD_NUMBER: _ClassVar[int]
     TOUCHES_FIELD_NUMBER: _ClassVar[int]
     NOTE_FIELD_NUMBER: _ClassVar[int]
     site: str
@@ -416,9 +450,10 @@ class Contour(_message.Message):
     corners: _containers.RepeatedCompositeFieldContainer[Corner]
     cylinders: _containers.RepeatedCompositeFieldContainer[Cylinder]
     sweeps: int
+    poses: _containers.RepeatedCompositeFieldContainer[UnitPose]
     touches: _containers.RepeatedCompositeFieldContainer[Touch]
     note: str
-    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., touches: _Optional[_Iterable[_Union[Touch, _Mapping]]] = ..., note: _Optional[str] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., poses: _Optional[_Iterable[_Union[UnitPose, _Mapping]]] = ..., touches: _Optional[_Iterable[_Union[Touch, _Mapping]]] = ..., note: _Optional[str] = ...) -> None: ...
 
 class FeaturePoint(_message.Message):
     __slots__ = ("x_m", "y_m", "reliability", "kind")

@@ -15,6 +15,7 @@ WALLS = "world/walls"
 CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
 TOUCHES = "world/touches"
+POSES = "world/poses"  # of the units, as the contour has them
 UNITS = "world/units"
 ECHOES = "world/echoes"  # of a whole survey, in a recording of it
 

@@ -12,7 +12,16 @@ from typing import Literal
 from urllib.parse import urlsplit
 
 from noctule import keys, messages_pb2
-from noctule.bounds import AIR_C, MAX_READINGS, UNIT_PAUSE_S, UNIT_PLAN, WRITTEN_HEADING_RAD, Number, number
+from noctule.bounds import (
+    AIR_C,
+    MAX_READINGS,
+    UNIT_PAUSE_S,
+    UNIT_PLAN,
+    UNKNOWN_SIGMA_POSITION_M,
+    WRITTEN_HEADING_RAD,
+    Number,
+    number,
+)
 from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
 from noctule.path import walk
@@ -22,6 +31,9 @@ MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
 PINGS = (1, 3, 5)  # of which there is a median
 MAX_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is a unit that was flashed without one
 SCHEMES = ("socket", "rfc2217")
+# What a tape measure and a look along the wall are good to (1 to 5 cm, 1 to 5 degrees): the error of a fixed pose that
+# states none.
+TAPE_POSITION_M, TAPE_HEADING_RAD = 0.03, math.radians(3)
 
 _X_M, _Y_M = number("Pose", "x_m"), number("Pose", "y_m")
 _SPACING_M = Number(1e-3, 1e4, "m", "in metres")
@@ -56,6 +68,15 @@ class FixedPose:
 
 
 @dataclass(frozen=True)
+class UnknownPose:
+    """The unit stays where it is, and the mapper is to find out where that is."""
+
+    def message(self) -> messages_pb2.Pose:
+        """The unknown pose as it stands in a Sweep."""
+        return Pose2(0.0, 0.0, 0.0, UNKNOWN_SIGMA_POSITION_M, math.pi).message()
+
+
+@dataclass(frozen=True)
 class WaypointPath:
     """The unit is carried along a path; the waypoint number that it reports indexes ``poses``."""
 
@@ -65,6 +86,9 @@ class WaypointPath:
 @dataclass(frozen=True)
 class PoseKey:
     """Whoever tracks the unit publishes its pose on the unit's pose key."""
+
+
+PoseSource = FixedPose | UnknownPose | WaypointPath | PoseKey
 
 
 @dataclass(frozen=True)
@@ -89,7 +113,7 @@ class Unit:
     name: str
     serial: int
     address: str
-    pose: FixedPose | WaypointPath | PoseKey
+    pose: PoseSource
     sensor: Sensor
     plan: SweepPlan | None
     start: bool
@@ -218,26 +242,51 @@ def _pings(sweep: Table) -> int | None:
     return pings
 
 
-def _pose_source(unit: Table) -> FixedPose | WaypointPath | PoseKey:
+def _pose_source(unit: Table) -> PoseSource:
     if unit.has("path") == unit.has("pose"):
-        form = 'pose = { ... }, pose = "key" or path = { ... }'
+        form = 'pose = { ... }, pose = "unknown", pose = "key" or path = { ... }'
         raise unit.error(
             "pose", f"or path, one of the two, must say where the unit is: {form}{unit.hint('pose', 'path')}"
         )
-    if unit.entries.get("pose") == "key":
+    written = unit.entries.get("pose")
+    if written == "key":
         return PoseKey()
-    sigma = unit.table("pose_sigma")
-    sigma_m = sigma.optional_number("position_m", number("Pose", "sigma_position_m")) or 0.0
-    sigma_rad = sigma.optional_angle("heading_deg", number("Pose", "sigma_heading_rad")) or 0.0
-    sigma.end()
+    if written == "unknown":
+        return UnknownPose()
+    if isinstance(written, str):
+        raise unit.error("pose", f'is {written!r}: make it a table, pose = {{ ... }}, or give "unknown" or "key"')
     if unit.has("path"):
+        sigma_m, sigma_rad = _sigmas(unit.table("pose_sigma"), "position_m", "heading_deg")
         places = _path(unit.table("path"))
-        return WaypointPath(tuple(Pose2(x, y, heading, sigma_m, sigma_rad) for x, y, heading in places))
-    pose = unit.table("pose")
-    heading_rad = pose.angle("heading_deg", WRITTEN_HEADING_RAD)
-    place = Pose2(pose.number("x_m", _X_M), pose.number("y_m", _Y_M), heading_rad, sigma_m, sigma_rad)
-    pose.end()
-    return FixedPose(place)
+        return WaypointPath(tuple(Pose2(x, y, heading, sigma_m or 0.0, sigma_rad or 0.0) for x, y, heading in places))
+    return FixedPose(_fixed_pose(unit))
+
+
+def _fixed_pose(unit: Table) -> Pose2:
+    """The pose of a unit that stays; an error that it doesn't state is a tape measure's."""
+    table = unit.table("pose")
+    x_m, y_m = table.number("x_m", _X_M), table.number("y_m", _Y_M)
+    heading_rad = table.angle("heading_deg", WRITTEN_HEADING_RAD)
+    sigma_m, sigma_rad = _sigmas(table, "sigma_position_m", "sigma_heading_deg")
+    if unit.has("pose_sigma"):
+        if sigma_m is not None or sigma_rad is not None:
+            raise unit.error("pose_sigma", "says what pose says too (sigma_position_m, sigma_heading_deg): remove it")
+        sigma_m, sigma_rad = _sigmas(unit.table("pose_sigma"), "position_m", "heading_deg")
+    return Pose2(
+        x_m,
+        y_m,
+        heading_rad,
+        TAPE_POSITION_M if sigma_m is None else sigma_m,
+        TAPE_HEADING_RAD if sigma_rad is None else sigma_rad,
+    )
+
+
+def _sigmas(table: Table, position: str, heading: str) -> tuple[float | None, float | None]:
+    """The errors, metres and radians, that ``table`` states, None where it leaves one out; it holds no more fields."""
+    sigma_m = table.optional_number(position, number("Pose", "sigma_position_m"))
+    sigma_rad = table.optional_angle(heading, number("Pose", "sigma_heading_rad"))
+    table.end()
+    return sigma_m, sigma_rad
 
 
 def _path(path: Table) -> list[tuple[float, float, float]]:

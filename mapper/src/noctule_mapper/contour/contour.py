@@ -82,6 +82,7 @@ class UnitPose:
     stated_sigma_heading_rad: float
     state: PoseState = PoseState.FITTED
     fixes_frame: bool = False
+    detail: str = ""  # a sentence for the operator, empty when all is well
 
     @property
     def is_wrong(self) -> bool:

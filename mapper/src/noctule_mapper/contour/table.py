@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from math import degrees, hypot, isqrt, nan, sqrt
 
+from noctule import poses
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Touch, Wall
 
 _WALL_HEAD = (
@@ -24,8 +25,8 @@ _TOUCH_HEAD = ("touch", "x_m", "y_m", "±mm", "unit", "readings", "wall", "corne
 
 
 def contour_table(contour: Contour) -> str:
-    """A table of walls, one of corners, one of cylinders, and one of touches where there are any; what is numbered
-    counts from 1; and the contour's note.
+    """A table of walls, one of corners, one of cylinders, and one of touches where there are any, what is numbered
+    counting from 1; the units' poses where the contour has some, and its note.
     """
     walls = [_wall(number, wall) for number, wall in enumerate(contour.walls, 1)]
     corners = [_corner(number, corner) for number, corner in enumerate(contour.corners, 1)]
@@ -33,7 +34,8 @@ def contour_table(contour: Contour) -> str:
     touches = [_touch(number, touch) for number, touch in enumerate(contour.touches, 1)]
     tables = [(_WALL_HEAD, walls), (_CORNER_HEAD, corners), (_CYLINDER_HEAD, cylinders)]
     tables += [(_TOUCH_HEAD, touches)] if touches else []
-    return "\n\n".join([*(_aligned([head, *rows]) for head, rows in tables), *filter(None, [contour.note])])
+    units = "\n".join(f"unit {pose.unit}: {poses.words(pose)}" for pose in contour.poses)
+    return "\n\n".join([*(_aligned([head, *rows]) for head, rows in tables), *filter(None, [units, contour.note])])
 
 
 def _wall(number: int, wall: Wall) -> tuple[str, ...]:

@@ -2,18 +2,20 @@
 
 import io
 
+from noctule import poses
 from noctule.messages_pb2 import Contour
 from noctule_mapper.export.shapes import rings
 
-WALLS, CORNERS, CYLINDERS, TOUCHES, OUTLINE = "WALLS", "CORNERS", "CYLINDERS", "TOUCHES", "OUTLINE"
-# AutoCAD's: white, red, cyan, magenta, grey.
-_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, TOUCHES: 6, OUTLINE: 8}
+WALLS, CORNERS, CYLINDERS, TOUCHES = "WALLS", "CORNERS", "CYLINDERS", "TOUCHES"
+OUTLINE, UNITS = "OUTLINE", "UNITS"
+# AutoCAD's: white, red, cyan, magenta, grey, green.
+_COLOURS = {WALLS: 7, CORNERS: 1, CYLINDERS: 4, TOUCHES: 6, OUTLINE: 8, UNITS: 3}
 _CROSS = 3  # $PDMODE: a point is drawn as an X, not as one dot
 _CROSS_M = 0.05
 
 
 def dxf(contour: Contour) -> bytes:
-    """LINEs of walls, POINTs of corners and touches, CIRCLEs of cylinders and closed LWPOLYLINEs of outlines."""
+    """LINEs of walls, POINTs of corners, touches and units, CIRCLEs of cylinders, closed LWPOLYLINEs of outlines."""
     from ezdxf.filemanagement import new  # takes half a second that the other commands need not wait
     from ezdxf.units import M
 
@@ -31,6 +33,9 @@ def dxf(contour: Contour) -> bytes:
         space.add_circle((cylinder.x_m, cylinder.y_m), cylinder.radius_m, dxfattribs={"layer": CYLINDERS})
     for touch in contour.touches:
         space.add_point((touch.x_m, touch.y_m), dxfattribs={"layer": TOUCHES})
+    for pose in contour.poses:
+        if poses.is_placed(pose):
+            space.add_point((pose.x_m, pose.y_m), dxfattribs={"layer": UNITS})
     for ring in rings(contour):
         space.add_lwpolyline(ring.points.tolist(), close=True, dxfattribs={"layer": OUTLINE})
     text = io.StringIO()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from google.protobuf import json_format
 
-from noctule import bounds, survey
+from noctule import bounds, poses, survey
 from noctule.errors import BoundsError, NoctuleError
 from noctule.messages_pb2 import Contour
 from noctule_mapper.config import MapperConfig, Window
@@ -48,7 +48,9 @@ def export_file(source: Path, out: Path, config: MapperConfig | None = None, win
         surveyed = map_survey(survey.read_records(source), config, window=window)
         mapper, left_out = surveyed.mapper, surveyed.left_out
         contour = contour_message(mapper.contour(), site=surveyed.site)
-        places_m = np.array([(sweep.x_m, sweep.y_m) for sweep in mapper.sweeps()]).reshape(-1, 2)
+        stated = [sweep for sweep in mapper.sweeps() if not sweep.pose_is_unknown]
+        found = [pose for pose in contour.poses if poses.is_placed(pose)]
+        places_m = np.array([(pose.x_m, pose.y_m) for pose in (*stated, *found)]).reshape(-1, 2)
 
         def ros_map() -> OccupancyMap:
             return occupancy_map(contour, mapper.grid.tiles(), places_m, mapper.config.grid)

@@ -1,4 +1,4 @@
-"""A contour as GeoJSON (RFC 7946): a feature for each wall, corner, cylinder, touch and closed outline."""
+"""A contour as GeoJSON (RFC 7946): a feature for each wall, corner, cylinder, touch, closed outline and placed unit."""
 
 import json
 import math
@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from noctule.messages_pb2 import Contour, Corner, Cylinder, Touch, Wall
+from noctule import poses
+from noctule.messages_pb2 import Contour, Corner, Cylinder, PoseState, Touch, UnitPose, Wall
 from noctule_mapper.contour.outline import Outline
 from noctule_mapper.export.shapes import circle_points, rings, signed_area_m2
 
@@ -26,6 +27,7 @@ def geojson(contour: Contour) -> bytes:
         *(_cylinder(index, cylinder) for index, cylinder in enumerate(contour.cylinders)),
         *(_touch(index, touch) for index, touch in enumerate(contour.touches)),
         *(_outline(index, outline) for index, outline in enumerate(rings(contour))),
+        *(_unit(index, pose) for index, pose in enumerate(filter(poses.is_placed, contour.poses))),
     ]
     source = {
         "frame": FRAME,
@@ -92,6 +94,20 @@ def _outline(index: int, outline: Outline) -> dict[str, Any]:
     area_m2 = signed_area_m2(outline.points)
     points = outline.points if area_m2 > 0 else outline.points[::-1]  # RFC 7946, 3.1.6: anticlockwise
     return _feature("outline", index, _polygon(points), walls=list(outline.walls), area_m2=abs(area_m2))
+
+
+def _unit(index: int, pose: UnitPose) -> dict[str, Any]:
+    known = pose.state in PoseState.values()  # a newer mapper may have other states
+    return _feature(
+        "unit",
+        index,
+        {"type": "Point", "coordinates": [pose.x_m, pose.y_m]},
+        unit=pose.unit,
+        heading_rad=pose.heading_rad,
+        covariance=list(pose.covariance),
+        state=PoseState.Name(pose.state).removeprefix("POSE_STATE_").lower() if known else str(pose.state),
+        fixes_frame=pose.fixes_frame,
+    )
 
 
 def _polygon(points: np.ndarray) -> dict[str, Any]:

@@ -82,6 +82,11 @@ class SweepReadings:
             _check(name, "range_sigma_m", self.range_sigma_m)
 
     @property
+    def pose_is_unknown(self) -> bool:
+        """Whether nobody knows where the unit was."""
+        return self.sigma_position_m >= bounds.UNKNOWN_SIGMA_POSITION_M
+
+    @property
     def direction_rad(self) -> np.ndarray:
         """Beam axes in the site's frame, (n,)."""
         return self.heading_rad + self.bearing_rad

@@ -2,11 +2,12 @@
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from datetime import datetime
 from time import time
 from typing import Any
 
-from noctule import keys, scene
+from noctule import keys, poses, scene
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
@@ -30,24 +31,35 @@ class RerunLog:
         self._link: Link = RerunLink(url, site, rerun_map.draw_frame) if url else NoLink()
         self._sequences: dict[str, int] = {}
         self._trails: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=_TRAIL_POSES))
+        self._poses: dict[str, tuple[float, float, float]] = {}  # of units whose stated pose is unknown
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
 
     def recall_sweep(self, readings: SweepReadings) -> None:
         """Take note of a sweep from before a restart: it has been shown."""
         self._sequences[readings.unit] = readings.identity[1]
+        if readings.pose_is_unknown:
+            return
         trail, here = self._trails[readings.unit], (readings.x_m, readings.y_m)
         if not trail or trail[-1] != here:
             trail.append(here)
 
     def show_sweep(self, readings: SweepReadings) -> None:
-        """A unit's last sweep, where the unit is and how it came there."""
+        """A unit's last sweep, where the unit is and how it came there; nothing while its pose is unknown."""
         self.recall_sweep(readings)
+        if readings.pose_is_unknown:
+            if readings.unit not in self._poses:
+                return
+            x_m, y_m, heading_rad = self._poses[readings.unit]
+            readings = replace(readings, x_m=x_m, y_m=y_m, heading_rad=heading_rad)
         trail_m = tuple(self._trails[readings.unit])
         self._show(scene.unit_rays(readings.unit), readings.time_s, rerun_map.draw_sweep, readings, trail_m)
 
     def show_contour(self, contour: Contour) -> None:
-        """Walls, corners and cylinders."""
+        """Walls, corners, cylinders and the units' poses."""
+        self._poses = {
+            pose.unit: (pose.x_m, pose.y_m, pose.heading_rad) for pose in contour.poses if poses.is_placed(pose)
+        }
         self._show("contour", _seconds(contour), rerun_map.draw_contour, contour)
 
     def show_features(self, features: Features) -> None:

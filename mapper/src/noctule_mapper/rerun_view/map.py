@@ -1,21 +1,23 @@
 """How the map looks in the viewer, on a dark background: readings and messages to entity paths and archetypes."""
 
 from collections.abc import Sequence
-from math import cos, hypot, sin
+from math import cos, hypot, radians, sin
 
 import cv2
 import numpy as np
 import rerun as rr
 
-from noctule import keys, scene
+from noctule import keys, poses, scene
 from noctule.messages_pb2 import (
     CONTACT_KIND_CORNER,
     CONTACT_KIND_CYLINDER,
     CONTACT_KIND_UNSPECIFIED,
     CONTACT_KIND_WALL,
+    POSE_STATE_WRONG,
     Contour,
     Features,
     GridTile,
+    UnitPose,
 )
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
@@ -27,6 +29,7 @@ _WALL: Colour = (236, 240, 245)
 _CYLINDER: Colour = (255, 140, 66)
 _CORNER: Colour = (255, 214, 102)
 _TOUCH: Colour = (205, 148, 255)
+_WRONG: Colour = (255, 77, 77)
 _FREE: Colour = (54, 78, 104)
 _OCCUPIED: Colour = (120, 205, 190)
 _KINDS = {
@@ -39,6 +42,8 @@ _UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (2
 
 _NO_ECHO_LENGTH_M = 0.25
 _ARROW_LENGTH_M = 0.2
+_SHOWN_SIGMAS = 2.0  # of a pose: 86 % of such ellipses hold the unit
+_ELLIPSE_CORNERS = 32
 # What is drawn later lies on top.
 _GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER, _CONTOUR_ORDER, _UNIT_ORDER = -10.0, 10.0, 20.0, 30.0, 40.0
 # Rerun draws one of several images of full opacity without its alpha: unknown cells would be black.
@@ -63,7 +68,8 @@ def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) 
 
 def draw_contour(contour: Contour) -> Entries:
     """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii,
-    touches as short bars across the echo's direction, as long as their error, that bear what they most likely are.
+    touches as short bars across the echo's direction, as long as their error, that bear what they most likely are,
+    units with the errors of their poses.
     """
     yield from _walls(contour)
     corners = rr.Points2D(
@@ -75,6 +81,7 @@ def draw_contour(contour: Contour) -> Entries:
     yield scene.CORNERS, corners
     yield from _cylinders(contour)
     yield from _touches(contour)
+    yield from _poses([pose for pose in contour.poses if poses.is_placed(pose)])
 
 
 def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
@@ -199,6 +206,53 @@ def _touches(contour: Contour) -> Entries:
         draw_order=_CONTOUR_ORDER,
     )
     yield scene.TOUCHES, touches
+
+
+def _poses(placed: Sequence[UnitPose]) -> Entries:
+    """Each unit's error as an ellipse and a wedge about its heading; a wrong one is red, named and tied to where it was
+    stated to be.
+    """
+    lines_m, colours = [], []
+    for pose in placed:
+        colour = _pose_colour(pose)
+        strips_m = _error_m(pose)
+        if pose.state == POSE_STATE_WRONG:
+            strips_m.append(np.array([(pose.stated.x_m, pose.stated.y_m), (pose.x_m, pose.y_m)]))
+        lines_m += strips_m
+        colours += [colour] * len(strips_m)
+    errors = rr.LineStrips2D(lines_m, colors=colours, radii=rr.Radius.ui_points(1.2), draw_order=_UNIT_ORDER)
+    yield scene.POSES, errors
+    wrong = [pose for pose in placed if pose.state == POSE_STATE_WRONG]
+    names = rr.Points2D(
+        [(pose.x_m, pose.y_m) for pose in wrong],
+        colors=[_WRONG],
+        radii=rr.Radius.ui_points(6.0),
+        labels=[f"{pose.unit}: wrong pose" for pose in wrong],
+        show_labels=True,
+        draw_order=_UNIT_ORDER,
+    )
+    yield scene.POSES, names
+
+
+def _pose_colour(pose: UnitPose) -> Colour:
+    return _WRONG if pose.state == POSE_STATE_WRONG else unit_colour(pose.unit)
+
+
+def _error_m(pose: UnitPose) -> list[np.ndarray]:
+    """The outline of the position's error (corners, 2), and the wedge in which the unit looks (3, 2)."""
+    known = poses.sigmas(pose)
+    if known is None:
+        return []
+    here = np.array([pose.x_m, pose.y_m])
+    spread = np.reshape(pose.covariance, (3, 3))[:2, :2]
+    values, axes = np.linalg.eigh((spread + spread.T) / 2)
+    turn_rad = np.linspace(0.0, 2 * np.pi, _ELLIPSE_CORNERS + 1)
+    circle = np.stack([np.cos(turn_rad), np.sin(turn_rad)])
+    ellipse = here + (_SHOWN_SIGMAS * axes * np.sqrt(np.maximum(values, 0.0)) @ circle).T
+    off_rad = radians(min(_SHOWN_SIGMAS * known[1], 180.0))
+    ends = [pose.heading_rad + off_rad, pose.heading_rad - off_rad]
+    first, last = (here + _ARROW_LENGTH_M * np.array([cos(end), sin(end)]) for end in ends)
+    return [ellipse, np.array([first, here, last])]
 
 
 def _png(tile: GridTile) -> bytes:

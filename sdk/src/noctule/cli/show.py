@@ -11,7 +11,7 @@ from google.protobuf.message import Message
 from rich.console import Console
 from rich.table import Table
 
-from noctule import keys, survey
+from noctule import keys, poses, survey
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, joined
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
 
@@ -77,6 +77,8 @@ def _show_line(_key: str, message: Message) -> None:
             typer.echo(f"{message.unit:<8} {_state(message)}, log at {message.log_head} {message.detail}".rstrip())
         case Contour():
             typer.echo(_contour_line(message))
+            for pose in poses.remarkable(message):
+                typer.echo(f"{pose.unit:<8} {poses.words(pose)}")
 
 
 def _sweep_line(sweep: Sweep) -> str:

@@ -1,0 +1,263 @@
+"""How well a unit's view fits the landmarks of others at a pose: in nats, over hearing a room that nobody else hears.
+
+A plateau gains by the landmark that made it. Silence costs: a wall whose foot the unit should hear, and sound that went
+through what the other heard.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.refinement.landmarks import Landmarks
+from noctule_mapper.refinement.unit_views import UnitView
+
+_SPAN_M = 4.0  # ranges of a new reflector lie anywhere in it
+_NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
+_BLUNT_SHARE, _BLUNT = 0.15, 3.0  # directions so many times as far off: a neighbour's plateau ran into theirs
+_FRAME_SHARE, _FRAME_SIGMA_RAD = 0.7, np.radians(3.0)  # new walls that stand square to the known ones
+_MOST_GAIN_NATS = 12.0
+_SILENT_NATS = 2.5  # of a wall that should have answered
+_THROUGH_NATS = 3.0  # of sound that went through a wall, for each plateau of the unit concerned
+_HEARD_M = 0.06
+_REACH_M = 2.8  # within which a wall always answers
+_LOOK_RAD = np.radians(4.0)  # to the side of a wall's foot
+_STUB_M = 0.08  # of wall to each side of a foot that is heard
+_BLIND_M = 0.12  # at the end of a sound's way that need not be free
+_CHUNK = 1500
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Ways that sound went freely between a placed unit and what it heard, and short pieces of what was heard there,
+    (s, 2) each.
+    """
+
+    way_start_m: np.ndarray
+    way_end_m: np.ndarray
+    stub_start_m: np.ndarray
+    stub_end_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Poses (k, 3) with each plateau's score in nats (k, n), and their normal equations' information (k, 3, 3) and
+    gradient (k, 3) at the landmarks (k, n) that explain the plateaus best; -1 where none does.
+    """
+
+    pose: np.ndarray
+    nats: np.ndarray
+    information: np.ndarray
+    gradient: np.ndarray
+    landmark: np.ndarray
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far off poses may be that are compared: none where they are fitted."""
+
+    position_m: float = 0.0
+    heading_rad: float = 0.0
+
+
+def gains(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> np.ndarray:
+    """What the plateaus, each with its ``weight``, gain by the landmarks at ``poses`` (k, 3), in nats (k,)."""
+    parts = [poses[at : at + _CHUNK] for at in range(0, len(poses), _CHUNK)]
+    return np.concatenate([(weight * _gain(_densest(view, marks, part, off).ratio)).sum(axis=1) for part in parts])
+
+
+def matched(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> Fit:
+    """The same, and how ``poses`` are to be improved."""
+    at = _densest(view, marks, poses, off)
+    at = replace(at, ratio=np.where(_is_second(at, marks), _NEVER_NATS, at.ratio))
+    share = 1 / (1 + _NEW_SHARE / (1 - _NEW_SHARE) * np.exp(-np.clip(at.ratio, -50, 50)))
+    rad2 = at.covariance[..., 0, 0] + view.direction_sigma_rad**2 + off.heading_rad**2
+    m2 = at.covariance[..., 1, 1] + view.range_sigma_m**2 + off.position_m**2
+    cross = at.covariance[..., 0, 1]
+    inverse = np.stack([np.stack([m2, -cross], -1), np.stack([-cross, rad2], -1)], -2)
+    weighed = (share / (rad2 * m2 - cross**2))[..., None, None] * inverse
+    slopes_t = np.swapaxes(at.slopes, -1, -2)
+    return Fit(
+        pose=poses,
+        nats=weight * _gain(at.ratio),
+        information=(slopes_t @ weighed @ at.slopes).sum(axis=1),
+        gradient=(slopes_t @ weighed @ at.error[..., None])[..., 0].sum(axis=1),
+        landmark=np.where(share > 0.5, at.landmark, -1),
+    )
+
+
+def _is_second(at: "_Densest", marks: Landmarks) -> np.ndarray:
+    """Plateaus whose landmark explains another plateau of the unit better, bool (k, n): a unit hears each only once,
+    and what one place has heard is one landmark, be it a wall or a point.
+    """
+    numbers: dict[tuple[int, int], int] = {}
+    heard = np.array([numbers.setdefault(group[0], len(numbers)) for group in marks.members])[at.landmark]
+    same = heard[:, :, None] == heard[:, None, :]
+    return (same & (at.ratio[:, None, :] > at.ratio[:, :, None])).any(axis=-1)
+
+
+_NEVER_NATS = -50.0
+
+
+def _gain(ratio: np.ndarray) -> np.ndarray:
+    return np.minimum(np.logaddexp(np.log(_NEW_SHARE), np.log1p(-_NEW_SHARE) + ratio), _MOST_GAIN_NATS)
+
+
+@dataclass(frozen=True)
+class _Densest:
+    """Of each plateau at each pose (k, n) the landmark that explains it best, and the log of how much denser than a new
+    one; its error in direction and range (k, n, 2), the error's slopes by the pose (k, n, 2, 3), and the landmark's
+    covariance (k, n, 2, 2).
+    """
+
+    landmark: np.ndarray
+    ratio: np.ndarray
+    error: np.ndarray
+    slopes: np.ndarray
+    covariance: np.ndarray
+
+
+def _densest(view: UnitView, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> _Densest:
+    off_rad, off_m, towards, across, covariance = _predicted(marks, view, poses)
+    spread_rad2 = view.direction_sigma_rad**2 + off.heading_rad**2
+    both, range_m2 = (
+        covariance[:, :, None, 0, 1],
+        covariance[:, :, None, 1, 1] + view.range_sigma_m**2 + off.position_m**2,
+    )
+    own_rad2 = covariance[:, :, None, 0, 0]
+    density = np.log1p(-_BLUNT_SHARE) + _log_normal(off_rad, off_m, own_rad2 + spread_rad2, both, range_m2)
+    if not off.heading_rad:
+        blunt = _log_normal(off_rad, off_m, own_rad2 + _BLUNT**2 * spread_rad2, both, range_m2)
+        density = np.logaddexp(density, np.log(_BLUNT_SHARE) + blunt)
+    best = density.argmax(axis=1)
+    rows = np.arange(len(poses))[:, None]
+    pick = (rows, best, np.arange(len(view))[None, :])
+    slopes = np.zeros((*best.shape, 2, 3))
+    slopes[..., 0, 2] = 1.0
+    slopes[..., 0, :2], slopes[..., 1, :2] = across[rows, best], towards[rows, best]
+    return _Densest(
+        landmark=best,
+        ratio=density[pick] - _new_density(view, marks, poses),
+        error=np.stack([off_rad[pick], off_m[pick]], axis=-1),
+        slopes=slopes,
+        covariance=covariance[rows, best],
+    )
+
+
+def _predicted(
+    marks: Landmarks, view: UnitView, poses: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """How far each plateau is off each landmark in direction and range, (k, marks, n); the slope of the range's by x
+    and y, and of the direction's, (k, marks, 2); and the prediction's covariance (k, marks, 2, 2).
+    """
+    place = poses[:, None, :2]
+    normal = np.stack([np.cos(marks.alpha_rad), np.sin(marks.alpha_rad)], axis=1)
+    along_m = place[..., 0] * -normal[:, 1] + place[..., 1] * normal[:, 0]  # (k, w)
+    wall_m = marks.rho_m - place[..., 0] * normal[:, 0] - place[..., 1] * normal[:, 1]
+    of_walls = np.zeros((*along_m.shape, 2, 2))
+    c = marks.wall_covariance
+    of_walls[..., 0, 0] = c[:, 0, 0]
+    of_walls[..., 0, 1] = of_walls[..., 1, 0] = c[:, 0, 1] - along_m * c[:, 0, 0]
+    of_walls[..., 1, 1] = c[:, 1, 1] - 2 * along_m * c[:, 0, 1] + along_m**2 * c[:, 0, 0]
+    way = marks.point_m - place  # (k, p, 2)
+    point_m = np.maximum(np.hypot(way[..., 0], way[..., 1]), 0.02)
+    towards = way / point_m[..., None]
+    turned = np.stack([-towards[..., 1], towards[..., 0]], axis=-1)
+    slopes = np.stack([turned / point_m[..., None], towards], axis=-2)
+    of_points = np.einsum("kpai,pij,kpbj->kpab", slopes, marks.point_covariance, slopes)
+    direction_rad = np.concatenate(
+        [np.broadcast_to(marks.alpha_rad, wall_m.shape), np.arctan2(way[..., 1], way[..., 0])], axis=1
+    )
+    range_m = np.concatenate([wall_m, point_m], axis=1)
+    off_rad = wrapped(poses[:, 2, None, None] + view.direction_rad - direction_rad[..., None])
+    return (
+        off_rad,
+        view.range_m - range_m[..., None],
+        np.concatenate([np.broadcast_to(normal, (len(poses), *normal.shape)), towards], axis=1),
+        np.concatenate([np.zeros((len(poses), *normal.shape)), turned / point_m[..., None]], axis=1),
+        np.concatenate([of_walls, of_points], axis=1),
+    )
+
+
+def _log_normal(a: np.ndarray, b: np.ndarray, aa: np.ndarray, ab: np.ndarray, bb: np.ndarray) -> np.ndarray:
+    determinant = aa * bb - ab**2
+    square = (bb * a**2 - 2 * ab * a * b + aa * b**2) / determinant
+    return -0.5 * square - 0.5 * np.log(determinant) - np.log(2 * np.pi)
+
+
+def _new_density(view: UnitView, marks: Landmarks, poses: np.ndarray) -> np.ndarray:
+    """The log of how densely a new reflector's plateau lies in direction and range, (k, n): walls of a room tend to
+    stand square to one another, so that a square one is no surprise.
+    """
+    direction_rad = poses[:, 2, None] + view.direction_rad
+    many = np.array([len(group) for group in marks.members[: len(marks.alpha_rad)]], dtype=float)
+    square = wrapped(4 * (direction_rad[..., None] - marks.alpha_rad)) / 4
+    sigma_rad = np.hypot(_FRAME_SIGMA_RAD, view.direction_sigma_rad)[None, :, None]
+    near = np.exp(-0.5 * (square / sigma_rad) ** 2) / (4 * np.sqrt(2 * np.pi) * sigma_rad)
+    frame = (near * many).sum(axis=-1) / max(many.sum(), 1.0)
+    return np.log(((1 - _FRAME_SHARE) / (2 * np.pi) + _FRAME_SHARE * frame) / _SPAN_M)
+
+
+def silence_nats(view: UnitView, marks: Landmarks, around: Surroundings, poses: np.ndarray) -> np.ndarray:
+    """What silence costs at ``poses``, (k,)."""
+    parts = [
+        _unheard_nats(view, marks, poses[at : at + _CHUNK]) + _through_nats(view, around, poses[at : at + _CHUNK])
+        for at in range(0, len(poses), _CHUNK)
+    ]
+    return np.concatenate(parts)
+
+
+def _unheard_nats(view: UnitView, marks: Landmarks, poses: np.ndarray) -> np.ndarray:
+    """Walls whose feet lie between feet of the others, and where the unit heard nothing so near."""
+    normal = np.stack([np.cos(marks.alpha_rad), np.sin(marks.alpha_rad)], axis=1)
+    away_m = marks.rho_m - poses[:, :2] @ normal.T  # (k, w)
+    along_m = poses[:, :2] @ np.stack([-normal[:, 1], normal[:, 0]])
+    due = (along_m > marks.low_m) & (along_m < marks.high_m) & (away_m > 0.1) & (away_m < _REACH_M)
+    pose, wall = np.nonzero(due)
+    bearing_rad = marks.alpha_rad[wall] - poses[pose, 2]
+    nearest_m = _nearest_m(view)[np.rint(bearing_rad * _BINS / (2 * np.pi)).astype(int) % _BINS]
+    silent = np.zeros(due.shape, bool)
+    silent[pose, wall] = nearest_m > away_m[pose, wall] + _HEARD_M  # False where nobody looked
+    return _SILENT_NATS * silent.sum(axis=1)
+
+
+_BINS = 360
+
+
+def _nearest_m(view: UnitView) -> np.ndarray:
+    """The nearest that was heard about each of as many bearings (bins,); NaN where the unit did not look."""
+    bearing_rad = np.arange(_BINS) * (2 * np.pi / _BINS)
+    near = np.abs(wrapped(bearing_rad[:, None] - view.look_rad)) < _LOOK_RAD
+    return np.where(near.any(axis=1), np.where(near, view.look_m, np.inf).min(axis=1), np.nan)
+
+
+def _through_nats(view: UnitView, around: Surroundings, poses: np.ndarray) -> np.ndarray:
+    """Plateaus of the unit that stand in the way of what others heard, or behind what others heard."""
+    start, end, left, right = ways_and_stubs(view, poses)
+    blocked = _cross(start, end, around.stub_start_m, around.stub_end_m)
+    blocking = _cross(left, right, around.way_start_m, around.way_end_m)
+    return _THROUGH_NATS * (blocked | blocking).sum(axis=1)
+
+
+def ways_and_stubs(view: UnitView, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Ends of the ways to what the unit hears, and of the pieces of wall there, (k, n, 2) each."""
+    direction_rad = poses[:, 2, None] + view.direction_rad
+    towards = np.stack([np.cos(direction_rad), np.sin(direction_rad)], axis=-1)
+    across = np.stack([-towards[..., 1], towards[..., 0]], axis=-1)
+    start = np.broadcast_to(poses[:, None, :2], towards.shape)
+    foot = start + view.range_m[:, None] * towards
+    return start, foot - _BLIND_M * towards, foot - _STUB_M * across, foot + _STUB_M * across
+
+
+def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Which of the segments a-b (k, n, 2) cross one of the segments c-d (s, 2), (k, n)."""
+    if not len(c):
+        return np.zeros(a.shape[:2], bool)
+    a, b = a[:, :, None], b[:, :, None]
+    first = _side(c, d, a) * _side(c, d, b) < 0
+    return np.any(first & (_side(a, b, c) * _side(a, b, d) < 0), axis=-1)
+
+
+def _side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:
+    way, to = end - start, point - start
+    return way[..., 0] * to[..., 1] - way[..., 1] * to[..., 0]

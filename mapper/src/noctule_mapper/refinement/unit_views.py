@@ -1,0 +1,62 @@
+"""What one unit that stands still hears of the room from its place: its plateaus and looks, in the unit's own frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.readings.echoes import echoes_of, join
+from noctule_mapper.readings.evidence import evidence
+from noctule_mapper.readings.looks import is_fine, looks_of
+from noctule_mapper.readings.plateaus import plateaus
+from noctule_mapper.readings.sweep import SweepReadings
+
+LEAST_RANGE_SIGMA_M = 0.005  # an echo may be a cycle late (4.3 mm), and the sensor's mean error is not known
+
+
+@dataclass(frozen=True, eq=False)  # of arrays
+class UnitView:
+    """A unit's plateaus (n,) and looks (m,); directions and bearings are anticlockwise from where the unit faces.
+
+    ``look_m`` is infinite where nothing was heard.
+    """
+
+    unit: str
+    direction_rad: np.ndarray
+    direction_sigma_rad: np.ndarray
+    range_m: np.ndarray
+    range_sigma_m: np.ndarray
+    look_rad: np.ndarray
+    look_m: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+
+def view_of(unit: str, sweeps: Sequence[SweepReadings], config: MapperConfig) -> UnitView | None:
+    """What the unit hears in ``sweeps``, all from one place; None where none of them is fine."""
+    own = [
+        replace(sweep, x_m=0.0, y_m=0.0, heading_rad=0.0, sigma_position_m=0.0, sigma_heading_rad=0.0)
+        for sweep in sweeps[-_SWEEPS:]
+        if is_fine(sweep)
+    ]
+    looks = looks_of(own, config.noise.assumed_sigma_m)
+    if looks is None:
+        return None
+    echoes = join([echoes_of(sweep, number, config.noise.assumed_sigma_m) for number, sweep in enumerate(own)])
+    data = evidence(echoes, echoes.sigma_m, config.sensor.longest_range_m, config.refinement)
+    flat = plateaus(replace(data, looks=looks), config.refinement)
+    far_m = config.sensor.longest_range_m
+    return UnitView(
+        unit=unit,
+        direction_rad=flat.echoes.axis_rad,
+        direction_sigma_rad=flat.direction_sigma_rad,
+        range_m=flat.echoes.range_m,
+        range_sigma_m=np.hypot(flat.range_sigma_m, LEAST_RANGE_SIGMA_M),
+        look_rad=looks.echoes.axis_rad,
+        look_m=np.where(looks.echoes.range_m > far_m, np.inf, looks.echoes.range_m),
+    )
+
+
+_SWEEPS = 16  # the newest tell enough, and cost no more however many there are

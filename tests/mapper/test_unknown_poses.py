@@ -1,0 +1,117 @@
+"""Units whose poses nobody has stated: found from shared walls where the room can tell, left open where it cannot."""
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from mapper.room import Room
+from mapper.unknown_units import (
+    Outcome,
+    contour_of,
+    erased,
+    judged_room,
+    outcome,
+    rectangle,
+    survey_unknown,
+    units_anywhere,
+)
+
+from noctule import bounds
+from noctule_mapper.contour.contour import PoseState
+from noctule_mapper.mapper import Mapper
+from noctule_mapper.messages import contour_message
+
+# No room from these seeds on was ever looked at while the mapper was made.
+FIRST_SEED, ROOMS = 93_000, 100
+
+# No two of its walls are parallel, none at right angles, and from near its middle a unit hears them all.
+IRREGULAR = Room(np.array([(0.0, 0.0), (3.6, -0.5), (4.1, 1.9), (2.0, 3.4), (-0.7, 2.1)]))
+NEAR_ITS_MIDDLE = np.array([(1.6, 1.3, 0.4), (2.2, 1.5, 2.1), (1.2, 1.6, -1.2), (2.0, 0.9, -2.8), (1.5, 1.9, 1.0)])
+
+
+@cache
+def found_in(kind: str) -> tuple[Outcome, tuple[str, ...]]:
+    """What is found of the units in a room of that kind, and what is said of those that are left open."""
+    rng = np.random.default_rng(4)
+    if kind == "irregular":
+        room, poses = IRREGULAR, NEAR_ITS_MIDDLE
+    else:
+        room = {"square": rectangle(3.2, 3.2), "rectangle": rectangle(4.0, 3.0), "corridor": rectangle(16.0, 2.0)}[kind]
+        poses = units_anywhere(room, rng, 4)
+        if kind == "corridor":
+            poses[:, 0] = rng.uniform(5, 11, 4)  # its ends are out of reach
+    contour = contour_of(survey_unknown(room, poses, rng))
+    bounds.check(contour_message(contour, "s"))
+    return outcome(contour, poses), tuple(pose.detail for pose in contour.poses if pose.state is PoseState.OPEN)
+
+
+def test_in_a_room_whose_walls_all_differ_every_unit_is_found() -> None:
+    found, _ = found_in("irregular")
+    assert found == Outcome(("u2", "u3", "u4", "u5"), (), ())
+
+
+@pytest.mark.parametrize("kind", ["square", "rectangle", "corridor"])
+def test_in_a_room_that_looks_the_same_turned_or_along_it_every_pose_stays_open_and_says_why(kind: str) -> None:
+    """Krekovic, Dokmanic and Vetterli 2016 list such rooms."""
+    found, said = found_in(kind)
+    assert found == Outcome((), (), ("u2", "u3", "u4"))
+    assert all(said)
+
+
+def test_a_rectangle_is_said_to_look_the_same_from_several_places() -> None:
+    assert any("looks the same from several places" in said for said in found_in("rectangle")[1])
+
+
+def test_units_that_are_not_found_change_nothing_of_the_contour() -> None:
+    rng = np.random.default_rng(5)
+    room = rectangle(4.0, 3.0)
+    sweeps = survey_unknown(room, units_anywhere(room, rng, 3), rng)
+    known = contour_of([sweep for sweep in sweeps if sweep.unit == "u1"])
+    both = contour_of(sweeps)
+    assert contour_message(replace(both, poses=()), "s") == contour_message(replace(known, poses=()), "s")
+    assert {pose.unit for pose in both.poses if pose.state is PoseState.OPEN} >= {"u2", "u3"}
+
+
+def test_without_any_known_pose_all_stay_open() -> None:
+    rng = np.random.default_rng(6)
+    sweeps = [erased(sweep) for sweep in survey_unknown(IRREGULAR, NEAR_ITS_MIDDLE[:2], rng)]
+    contour = contour_of(sweeps)
+    assert not contour.walls
+    assert [(pose.state, pose.detail) for pose in contour.poses] == [
+        (PoseState.OPEN, "no unit of the site has a known pose")
+    ] * 2
+
+
+def test_sweeps_of_unknown_units_come_and_go_like_others() -> None:
+    rng = np.random.default_rng(4)
+    sweeps = survey_unknown(IRREGULAR, NEAR_ITS_MIDDLE, rng)
+    mapper = Mapper()
+    for sweep in sweeps:
+        mapper.register_sweep(sweep)
+    assert mapper.contour().sweeps == len(sweeps)
+    assert {sweep.identity: sweep for sweep in mapper.sweeps()} == {sweep.identity: sweep for sweep in sweeps}
+    for sweep in sweeps:
+        if sweep.unit != "u1":
+            mapper.remove_sweep(sweep.identity)
+    left = mapper.contour()
+    assert left.sweeps == len([sweep for sweep in sweeps if sweep.unit == "u1"])
+    assert {pose.unit for pose in left.poses} <= {"u1"}
+
+
+@cache
+def outcomes() -> list[Outcome]:
+    with ProcessPoolExecutor(2) as pool:
+        return list(pool.map(_outcome, range(FIRST_SEED, FIRST_SEED + ROOMS)))
+
+
+def _outcome(seed: int) -> Outcome:
+    room, poses = judged_room(seed)
+    return outcome(contour_of(survey_unknown(room, poses, np.random.default_rng(seed))), poses)
+
+
+@pytest.mark.soak
+def test_hardly_any_pose_is_found_at_a_wrong_place() -> None:
+    wrong = {FIRST_SEED + number: one.wrong for number, one in enumerate(outcomes()) if one.wrong}
+    assert not wrong
