@@ -93,17 +93,5 @@ def join(parts: Sequence[Echoes]) -> Echoes:
     return arrays.join(parts or [_NO_ECHOES])
 
 
-_NONE = np.zeros(0)
-_NO_ECHOES = Echoes(
-    _NONE.astype(int),
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE,
-    _NONE.astype(bool),
-    *[_NONE] * 3,
-    _NONE.astype(int),
-    *[_NONE] * 3,
-)
+_KINDS = {"sweep": int, "calibrated": bool, "unit": int}
+_NO_ECHOES = Echoes(**{name: np.zeros(0, _KINDS.get(name, float)) for name in Echoes.__dataclass_fields__})
