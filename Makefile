@@ -15,7 +15,8 @@ test: packages-test setup firmware
 	pytest --numprocesses 2 --dist loadfile
 
 soak: packages-test setup firmware
-	pytest -m soak --timeout 900
+	pytest -m soak --timeout 900 --numprocesses 2 --dist loadgroup tests/firmware tests/mapper --ignore tests/mapper/test_rerun_link.py
+	pytest -m soak --timeout 900 tests/system tests/mapper/test_rerun_link.py
 
 bench: packages-test setup firmware
 	-@sh deploy/packages.sh bench

@@ -16,6 +16,8 @@ from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 
+# Its rooms are mapped once, for all tests: one process runs them.
+pytestmark = pytest.mark.xdist_group("fixed_units")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 100
 # What is reached, not yet what is wanted: 3 % of walls, 5 % of corners and of cylinders, 2 false objects in 50 rooms.

@@ -15,7 +15,8 @@ from mapper.judge import Errors
 from mapper.judged_room import Run, run
 from scipy.stats import chi2
 
-pytestmark = pytest.mark.soak
+# Its rooms are mapped once, for all tests: one process runs them.
+pytestmark = [pytest.mark.soak, pytest.mark.xdist_group("judgement")]
 ROOMS = 200
 FIRST_SEED = 83_000
 KINDS = ("paper", "random", "hard")
