@@ -33,7 +33,7 @@ class Kind(IntEnum):
 @dataclass(frozen=True)
 class Contacts:
     """The contact of each echo, (n,): direction from the sensor, curvature 1 / (r + R), kind (NONE where too few
-    agree), votes, and the direction's sigma, which is finite where a plateau tells it and no vote does.
+    agree), votes, and the direction's sigma beside the heading's, finite where a plateau tells it and no vote does.
     """
 
     direction_rad: np.ndarray
