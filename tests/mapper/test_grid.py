@@ -197,7 +197,7 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
         sigma_scale=0 * one,
         sense=(0 * one).astype(int),
     )
-    return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one)
+    return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one, np.inf * one)
 
 
 def test_counts_do_not_run_over_however_often_a_place_is_called_free():

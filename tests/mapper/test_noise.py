@@ -45,7 +45,7 @@ def test_a_unit_that_has_stood_still_for_three_thousand_sweeps_counts_as_its_new
     # Of its 15,000 echoes there are some arrays of 0.1 MB; a matrix of 600 of them by 2000 neighbours would be 9.6 MB.
     still = join([echoes(0.0032, 1, sweeps=1)] * 3000)
     none = np.zeros(len(still))
-    untouched = Contacts(none, none, np.full(len(still), Kind.NONE), none)
+    untouched = Contacts(none, none, np.full(len(still), Kind.NONE), none, none)
     assert _peak_bytes(lambda: refine(still, untouched, None, MapperConfig())) < 9e6
 
 

@@ -20,7 +20,7 @@ from noctule_mapper.paper.eht_lsm import eht_lsm
 from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
 from noctule_mapper.readings.echoes import Echoes, echoes_of
-from noctule_mapper.readings.looks import Pose, is_fine, looks_of, pose_of
+from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, pose_of
 from noctule_mapper.readings.parts import parts_of
 from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
@@ -36,7 +36,7 @@ class Mapper:
     def __init__(self, config: MapperConfig | None = None) -> None:
         self.config = config or MapperConfig()
         self._grid: Grid | None = None  # until it is looked at
-        self._contacts = ContactBook(self.config.contacts)
+        self._contacts = ContactBook(self.config.contacts, self.config.refinement)
         self._sweeps: dict[Identity, SweepReadings] = {}
         self._unplaced = Unplaced()  # sweeps of units whose poses are to be found
         self._lasting: dict[Identity, SweepReadings] = {}  # with those echoes alone that last
@@ -62,7 +62,8 @@ class Mapper:
         self._sweeps[sweep.identity], self._numbers[sweep.identity] = sweep, self._registered
         self._lasting[sweep.identity] = sweep
         self._free(sweep)
-        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, self._echoes(sweep)))  # II.B
+        echoes, looks = self._echoes(sweep), self._looks([sweep])
+        self._update(self._contacts.add(sweep.identity, sweep.x_m, sweep.y_m, echoes, looks))  # II.B
         if is_fine(sweep):
             self._places.setdefault(pose_of(sweep), []).append(sweep.identity)
             self._judge_again(pose_of(sweep))
@@ -143,8 +144,7 @@ class Mapper:
         echoes = self._contacts.echoes(of)
         if not len(echoes):
             return Contour()
-        looks = looks_of(sweeps, self.config.noise.assumed_sigma_m, self._units)
-        return refine(echoes, self._contacts.contacts(of), looks, self.config, list(self._units))
+        return refine(echoes, self._contacts.contacts(of), self._looks(sweeps), self.config, list(self._units))
 
     def _judge_again(self, pose: Pose) -> None:
         """Which echoes last of the sweeps from one pose may have changed with the last sweep that came or went."""
@@ -157,7 +157,7 @@ class Mapper:
                 self._lasting[sweep.identity] = new
                 self._free(old, sign=-1)
                 self._free(new)
-                for change in self._contacts.exchange(sweep.identity, self._echoes(new)):
+                for change in self._contacts.exchange(sweep.identity, self._echoes(new), self._looks([new])):
                     self._update(change)
         if not at:
             del self._places[pose]
@@ -165,6 +165,9 @@ class Mapper:
     def _echoes(self, sweep: SweepReadings) -> Echoes:
         unit = self._units.setdefault(sweep.unit, len(self._units))
         return echoes_of(sweep, self._numbers[sweep.identity], self.config.noise.assumed_sigma_m, unit)
+
+    def _looks(self, sweeps: Sequence[SweepReadings]) -> Looks | None:
+        return looks_of(sweeps, self.config.noise.assumed_sigma_m, self._units)
 
     def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
         """II.A, Eq. 5-8: what lies before the arcs."""

@@ -3,6 +3,8 @@
 Sweeps from one place hear the same and err alike, so a place has one vote on a reading. Its newest sweep casts it, and
 takes it over from an older one on the newest sweeps of the places about. A vote of one reading for another depends on
 the two alone, so it can be cast once more and taken off.
+
+A fine sweep needs no votes: the plateaus of its own pose tell its contacts. It votes for coarse ones as any sweep does.
 """
 
 import math
@@ -12,9 +14,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from noctule_mapper.config import ContactConfig
+from noctule_mapper.config import ContactConfig, RefinementConfig
+from noctule_mapper.contacts.plateau_contacts import plateau_contacts, sharing_plateaus, sweeps_together
 from noctule_mapper.contacts.voting import Contacts, contacts, join_contacts, votes
 from noctule_mapper.readings.echoes import Echoes, join
+from noctule_mapper.readings.looks import Looks
 
 Identity = tuple[str, int]
 
@@ -32,10 +36,11 @@ class _Place:
 @dataclass
 class _Page:
     """One sweep's echoes, the votes that they have got, what these say, the sweeps that gave them, by the number of
-    their place, and the sweeps that it gives its own to.
+    their place, and the sweeps that it gives its own to. Of a fine sweep the looks instead, and its votes stay 0.
     """
 
     echoes: Echoes
+    looks: Looks | None
     x_m: float
     y_m: float
     place: _Place
@@ -59,23 +64,33 @@ class ContactChange:
 class ContactBook:
     """A page for each sweep."""
 
-    def __init__(self, config: ContactConfig) -> None:
+    def __init__(self, config: ContactConfig, refinement: RefinementConfig | None = None) -> None:
         self._config = config
+        self._refinement = refinement or RefinementConfig()
         self._pages: dict[Identity, _Page] = {}
+        self._poses: dict[tuple[float, float], list[Identity]] = {}  # the fine sweeps from each position, as they came
         self._places = _Places(config.shortest_baseline_m, config.longest_baseline_m)
 
-    def add(self, identity: Identity, x_m: float, y_m: float, echoes: Echoes) -> ContactChange:
-        """Match a new sweep, whose echoes all have (x_m, y_m) for their place, with those near it."""
+    def add(
+        self, identity: Identity, x_m: float, y_m: float, echoes: Echoes, looks: Looks | None = None
+    ) -> ContactChange:
+        """Match a new sweep, whose echoes all have (x_m, y_m) for their place, with those near it; a fine one comes
+        with its ``looks``.
+        """
         place = self._places.enter(identity, x_m, y_m)
         none = self._no_votes(echoes)
-        page = _Page(echoes, x_m, y_m, place, none, contacts(echoes, none, self._config))
+        page = _Page(echoes, looks, x_m, y_m, place, none, contacts(echoes, none, self._config))
         near = self._near(page)
         self._pages[identity] = page
         for older in sorted({older for one in near if (older := self._pages[one].voters.get(place.number))}):
             self._unheard(older, [one for one in near if one in self._pages[older].hearers])
         self._heard(identity, near)
         self._hear(identity, near)
-        return self._reread([page, *(self._pages[one] for one in near)])
+        if looks is not None:
+            at = self._poses.setdefault((x_m, y_m), [])
+            at.append(identity)
+            return self._reread(near, sharing_plateaus(at, len(at) - 1))
+        return self._reread([identity, *near])
 
     def remove(self, identity: Identity) -> ContactChange:
         """Take a sweep's votes back and close its page; the sweep before it at its place stands in for it."""
@@ -83,17 +98,22 @@ class ContactBook:
         voters, hearers = list(page.voters.values()), sorted(page.hearers)
         self._unheard(identity, hearers)
         self._hear(identity, [])
-        touched = [page, *(self._pages[one] for one in hearers)]
+        touched = [identity, *hearers]
         before = self._places.leave(identity, page.place)
         if before is not None:
             self._heard(before, hearers)
             self._hear(before, voters)
-            touched.append(self._pages[before])
+            touched.append(before)
+        change = self._reread(touched, self._leave_pose(identity, page))
         del self._pages[identity]
-        return self._reread(touched)
+        return change
 
-    def exchange(self, identity: Identity, echoes: Echoes) -> tuple[ContactChange, ContactChange]:
-        """Give a sweep other echoes, at its place and in its turn; what this does to the old echoes and to the new."""
+    def exchange(
+        self, identity: Identity, echoes: Echoes, looks: Looks | None = None
+    ) -> tuple[ContactChange, ContactChange]:
+        """Give a sweep other echoes, and a fine one other looks, at its place and in its turn; what this does to the
+        old echoes and to the new.
+        """
         page = self._pages[identity]
         voters, hearers = list(page.voters.values()), sorted(page.hearers)
         self._unheard(identity, hearers)
@@ -102,7 +122,10 @@ class ContactBook:
         page.echoes, page.contacts = echoes, contacts(echoes, self._no_votes(echoes), self._config)
         self._heard(identity, hearers)
         self._hear(identity, voters)
-        return gone, self._reread([page, *(self._pages[one] for one in hearers)])
+        if looks is None:
+            return gone, self._reread([identity, *hearers])
+        page.looks, at = looks, self._poses[page.x_m, page.y_m]
+        return gone, self._reread(hearers, sharing_plateaus(at, at.index(identity)))
 
     def echoes(self, of: Sequence[Identity] | None = None) -> Echoes:
         """The echoes ``of`` some sweeps, or of all as they came."""
@@ -119,7 +142,7 @@ class ContactBook:
             self._pages[voter].hearers.discard(identity)
         page.voters = {self._pages[voter].place.number: voter for voter in voters}
         page.votes = self._no_votes(page.echoes)
-        if voters:
+        if voters and page.looks is None:
             page.votes += votes(page.echoes, join([self._pages[voter].echoes for voter in voters]), self._config)
         for voter in voters:
             self._pages[voter].hearers.add(identity)
@@ -139,25 +162,60 @@ class ContactBook:
         self._pages[voter].hearers.difference_update(hearers)
 
     def _cast(self, voter: Identity, hearers: Sequence[Identity], sign: int) -> None:
-        if not hearers:
+        pages = [page for hearer in hearers if (page := self._pages[hearer]).looks is None]
+        if not pages:
             return
-        pages = [self._pages[hearer] for hearer in hearers]
         given = votes(join([page.echoes for page in pages]), self._pages[voter].echoes, self._config)
         ends = np.cumsum([len(page.echoes) for page in pages])[:-1]
         for page, share in zip(pages, np.split(given, ends), strict=True):
             page.votes += sign * share
 
-    def _reread(self, pages: Sequence[_Page]) -> ContactChange:
-        """Read the votes of ``pages`` again."""
+    def _leave_pose(self, identity: Identity, page: _Page) -> list[Identity]:
+        """Take a sweep, if it is a fine one, from its pose; returns those there that shared plateaus with it."""
+        if page.looks is None:
+            return []
+        page.looks = None  # no plateau tells its contacts any more, and it has no votes
+        at = self._poses[page.x_m, page.y_m]
+        number = at.index(identity)
+        del at[number]
+        if not at:
+            del self._poses[page.x_m, page.y_m]
+        return sharing_plateaus(at, number)
+
+    def _reread(self, voted: Sequence[Identity], fine: Sequence[Identity] = ()) -> ContactChange:
+        """Read again the votes of sweeps, fine ones left out, and the plateaus of ``fine`` ones."""
+        coarse = [page for one in voted if (page := self._pages[one]).looks is None]
+        pages = [*coarse, *(self._pages[one] for one in fine)]
         echoes = join([page.echoes for page in pages])
         before = join_contacts([page.contacts for page in pages])
-        after = contacts(echoes, np.concatenate([page.votes for page in pages]), self._config)
+        after = join_contacts([self._by_votes(coarse), *self._by_plateaus(fine)])
         start = 0
         for page in pages:
             page.contacts = after.take(slice(start, start + len(page.echoes)))
             start += len(page.echoes)
         moved = np.any([getattr(before, name) != getattr(after, name) for name in ("direction_rad", "kind")], axis=0)
         return ContactChange(echoes.take(moved), before.take(moved), after.take(moved))
+
+    def _by_votes(self, pages: Sequence[_Page]) -> Contacts:
+        echoes = join([page.echoes for page in pages])
+        cast = np.concatenate([self._no_votes(join([])), *(page.votes for page in pages)])
+        return contacts(echoes, cast, self._config)
+
+    def _by_plateaus(self, fine: Sequence[Identity]) -> list[Contacts]:
+        """The contacts of each of ``fine`` sweeps; those that go by the same plateaus are read together."""
+        read: dict[tuple[Identity, ...], dict[Identity, Contacts]] = {}
+        found = []
+        for one in fine:
+            page = self._pages[one]
+            at = self._poses[page.x_m, page.y_m]
+            together = tuple(at[sweeps_together(at.index(one), len(at))])
+            if together not in read:
+                sweeps = [self._pages[other] for other in together]
+                looks = [sweep.looks for sweep in sweeps if sweep.looks is not None]
+                told = plateau_contacts([sweep.echoes for sweep in sweeps], looks, self._refinement)
+                read[together] = dict(zip(together, told, strict=True))
+            found.append(read[together][one])
+        return found
 
     def _near(self, page: _Page) -> list[Identity]:
         """The newest sweep of each other place within the baselines; where these are too many, an even choice by

@@ -56,5 +56,21 @@ def contact_report(echoes: Echoes, found: Contacts, config: MapperConfig) -> Con
     """The report on ``echoes`` (n,) whose contacts by the votes are ``found`` (n,)."""
     echoes = with_spread(echoes, config)
     others = distinct_echoes(echoes, config)
-    circles = tangent_circles(echoes, others, found, config.contacts)
+    by_plateau = np.isfinite(found.direction_sigma_rad)
+    voted = replace(found, kind=np.where(by_plateau, Kind.NONE, found.kind))
+    circles = _or_plateaus(tangent_circles(echoes, others, voted, config.contacts), found, by_plateau)
     return ContactReport(echoes, others, circles, config.contacts)
+
+
+def _or_plateaus(circles: TangentCircles, found: Contacts, by_plateau: np.ndarray) -> TangentCircles:
+    """``circles`` (n,), in place of those ``by_plateau``, bool (n,), the contacts ``found`` with a radius that one
+    place leaves open.
+    """
+    return TangentCircles(
+        direction_rad=np.where(by_plateau, found.direction_rad, circles.direction_rad),
+        direction_sigma_rad=np.where(by_plateau, found.direction_sigma_rad, circles.direction_sigma_rad),
+        radius_m=np.where(by_plateau, np.inf, circles.radius_m),
+        radius_sigma_m=np.where(by_plateau, np.inf, circles.radius_sigma_m),
+        kind=np.where(by_plateau, found.kind, circles.kind),
+        supporters=np.where(by_plateau, 0, circles.supporters),
+    )

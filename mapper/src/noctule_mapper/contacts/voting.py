@@ -33,13 +33,14 @@ class Kind(IntEnum):
 @dataclass(frozen=True)
 class Contacts:
     """The contact of each echo, (n,): direction from the sensor, curvature 1 / (r + R), kind (NONE where too few
-    agree), votes.
+    agree), votes, and the direction's sigma beside the heading's, finite where a plateau tells it and no vote does.
     """
 
     direction_rad: np.ndarray
     curvature_per_m: np.ndarray
     kind: np.ndarray
     votes: np.ndarray
+    direction_sigma_rad: np.ndarray
 
     take = arrays.take
 
@@ -49,7 +50,7 @@ def join_contacts(parts: Sequence[Contacts]) -> Contacts:
     return arrays.join(parts or [_NO_CONTACTS])
 
 
-_NO_CONTACTS = Contacts(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0))
+_NO_CONTACTS = Contacts(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0), np.zeros(0))
 
 
 def votes(echoes: Echoes, others: Echoes, config: ContactConfig) -> np.ndarray:
@@ -115,4 +116,5 @@ def contacts(echoes: Echoes, accumulators: np.ndarray, config: ContactConfig) ->
         curvature_per_m=column / (accumulators.shape[2] - 1) / echoes.range_m,
         kind=np.where(count >= config.least_votes, kind, Kind.NONE),
         votes=count,
+        direction_sigma_rad=np.full(len(echoes), np.inf),
     )

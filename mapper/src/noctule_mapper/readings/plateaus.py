@@ -65,8 +65,25 @@ def plateaus_as_heard(data: Evidence, config: RefinementConfig) -> Plateaus:
     )
 
 
+def plateau_of_each(data: Evidence, config: RefinementConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each echo, (n,): the number of its plateau, its direction and that one's sigma; NO_PLATEAU and NaN where it
+    is of none.
+    """
+    number = np.full(len(data.echoes), NO_PLATEAU)
+    direction_rad, sigma_rad = np.full((2, len(number)), np.nan)
+    places = [np.nonzero(data.place == place)[0] for place in np.unique(data.place)]
+    for index, one in enumerate(one for at in places for one in _of_place(data, at, config)):
+        number[one.echoes], direction_rad[one.echoes] = index, one.direction_rad
+        sigma_rad[one.echoes] = one.direction_sigma_rad
+    return number, direction_rad, sigma_rad
+
+
+NO_PLATEAU = -1
+
+
 @dataclass(frozen=True)
 class _Plateau:
+    echoes: np.ndarray  # their numbers
     newest: int  # the number of its newest echo
     direction_rad: float
     direction_sigma_rad: float
@@ -102,6 +119,7 @@ def _of_place(data: Evidence, at: np.ndarray, config: RefinementConfig) -> Itera
         closed_rad = np.hypot(config.plateaus.middle_share * step_rad, config.plateaus.least_middle_sigma_rad)
         turned_rad = np.hypot(closed_rad, echoes.sigma_heading_rad[rows[0]])
         yield _Plateau(
+            echoes=at[rows],
             newest=int(at[rows.max()]),
             direction_rad=(lowest_rad + highest_rad) / 2,
             direction_sigma_rad=float(np.hypot((highest_rad - lowest_rad) / np.sqrt(12), closed_rad)),

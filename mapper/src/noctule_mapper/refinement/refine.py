@@ -99,7 +99,7 @@ def _weighed(data: Evidence, found: Contacts, settings: RefinementConfig) -> tup
     beams = np.nonzero(~fine)[0][newest_of_each_beam(data.take(~fine))]
     flat = plateaus(data.take(fine), settings)
     none = np.zeros(len(flat.echoes))
-    no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none)
+    no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none, none)
     return joined(data.take(beams), flat), join_contacts([found.take(beams), no_contacts])
 
 
