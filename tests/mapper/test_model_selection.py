@@ -27,7 +27,7 @@ def added(price_nats: float, explained: tuple[bool, ...] = (False,) * 5) -> list
     data, none = facing(FIVE), np.zeros(5)
     prices = PriceConfig(wall_nats=price_nats, point_nats=price_nats, cylinder_nats=price_nats)
     config = MapperConfig(refinement=RefinementConfig(prices=prices))
-    no_contacts = Contacts(none, none, none.astype(int), none)
+    no_contacts = Contacts(none, none, none.astype(int), none, none)
     library = candidates(data, no_contacts, config.contacts, config.cylinders, config.refinement)
     return add_objects([], np.array(explained), library, data, config)
 

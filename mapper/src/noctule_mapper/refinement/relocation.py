@@ -29,6 +29,8 @@ def relocated(
     """Where the unit seems to be whose plateaus are ``heard``, their directions as from ``pose``, and how many nats
     more these are worth there than at ``pose``; None where it is not more than ``least`` nats.
     """
+    if not len(heard.echoes):
+        return None
     walls = [one for one in reflectors if isinstance(one, Line)]
     if _most(heard).sum() - _gains(heard, pose, pose[None], reflectors)[0] <= least:
         return None

@@ -86,8 +86,7 @@ def _asked(data: Evidence, walls: Sequence[Wall], place_m: np.ndarray) -> Heard:
     theta_rad, theta_variance, distance_m, distance_variance = sides_known(walls, place_m).T
     before = (distance_m > 0) & (distance_m < data.span_m)
     count = int(before.sum())
-    shared = 0.0 if count else data.echoes.sigma_heading_rad
-    own_sigma_rad = np.sqrt(data.direction_sigma_rad**2 - shared**2)
+    own_sigma_rad = data.turn_sigma_rad if count else data.direction_sigma_rad
     return Heard(
         direction_rad=np.concatenate([theta_rad[before], data.echoes.axis_rad]),
         direction_sigma_rad=np.concatenate([np.sqrt(theta_variance[before]), own_sigma_rad]),
@@ -106,7 +105,7 @@ def _touch(
     towards = np.array([np.cos(direction_rad), np.sin(direction_rad)])
     across = np.array([-towards[1], towards[0]])
     covariance = data.range_sigma_m[0] ** 2 * np.outer(towards, towards)
-    covariance += (range_m * data.direction_sigma_rad[0]) ** 2 * np.outer(across, across)
+    covariance += (range_m * data.turn_sigma_rad[0]) ** 2 * np.outer(across, across)
     covariance += data.echoes.sigma_position_m[0] ** 2 * np.eye(2)
     kinds = (1 - wall - corner) * kind_chances(range_m, config) + (wall, corner, 0)
     kinds = kinds / kinds.sum()
