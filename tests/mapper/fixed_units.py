@@ -192,6 +192,14 @@ def taped_room(rng: np.random.Generator, units: int | None = None) -> tuple[Room
     return room, true, stated_by_tape(survey_fixed(room, true, rng), stated)
 
 
+def stated_exactly(surveyed: Sequence[LabelledSweep], poses: np.ndarray) -> list[LabelledSweep]:
+    """The survey with the units known to be at ``poses`` (units, 3)."""
+    return [
+        replace(one, sweep=replace(one.sweep, sigma_position_m=0.0, sigma_heading_rad=0.0))
+        for one in stated_by_tape(surveyed, poses)
+    ]
+
+
 def room_can_tell(room: Room, surveyed: Sequence[LabelledSweep], wrong: set[str]) -> bool:
     """Whether each of the ``wrong`` units hears three walls, not all parallel, that right ones hear, and two walls each
     of at least two of these.
@@ -271,9 +279,14 @@ def turned(contour: Contour, turn_rad: float) -> Contour:
     )
 
 
-def judge_fixed(contour: Contour, room: Room, surveyed: Sequence[LabelledSweep]) -> Verdict:
-    """What the contour of ``surveyed`` is worth, by ``room``, in which it was made."""
+def judge_fixed(
+    contour: Contour, room: Room, surveyed: Sequence[LabelledSweep], exact: Sequence[LabelledSweep] | None = None
+) -> Verdict:
+    """What the contour of ``surveyed`` is worth, by ``room``, in which it was made; its corners beside those of the fit
+    that is told every label, and of ``exact`` sweeps the poses too if there are such.
+    """
     told = label_fit(room, surveyed)
+    beside = label_fit(room, exact) if exact else told
     walls, corners, cylinders = _due(room, surveyed, told)
     found_walls = {true_wall(wall, room) for wall in contour.walls}
     errors_m = corner_errors_m(contour, room)
@@ -291,7 +304,7 @@ def judge_fixed(contour: Contour, room: Room, surveyed: Sequence[LabelledSweep])
         missed=tuple(missed),
         false=false_objects(contour, room),
         corners_m=errors_m[corners & near],
-        label_fit_m=np.hypot(*(told.corners - room.vertices).T)[corners & near],
+        label_fit_m=np.hypot(*(beside.corners - room.vertices).T)[corners & near],
     )
 
 

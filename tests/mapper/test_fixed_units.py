@@ -20,9 +20,9 @@ from noctule_mapper.messages import contour_message
 pytestmark = pytest.mark.xdist_group("fixed_units")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 100
-# What is reached, not yet what is wanted: 3 % of walls, 5 % of corners and of cylinders, 2 false objects in 50 rooms.
-MOST_MISSED = {"wall": 0.04, "corner": 0.10, "cylinder": 0.15}
-MOST_FALSE = 10
+# Of walls what is wanted. Of the rest what is reached; wanted are 5 % of corners and of cylinders, 4 false objects.
+MOST_MISSED = {"wall": 0.03, "corner": 0.07, "cylinder": 0.12}
+MOST_FALSE = 6
 
 
 def contour_of(room: Room, poses: np.ndarray, rng: np.random.Generator) -> tuple[Contour, Verdict]:

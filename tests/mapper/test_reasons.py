@@ -56,8 +56,8 @@ def echo(x_m: float) -> Sweep:
             "echoes from 3 places, but no wall and no cylinder explains enough of them: check the poses",
         ),
         (
-            fixed(STANDS[[0, 0]]),
-            "echoes from 1 place; a wall needs 2, a cylinder 3. "
+            fixed(STANDS[[0, 0]]),  # right angles alone tell its walls
+            "echoes from 1 place; a cylinder needs 3. "
             "2 units state the same pose: give each its own in the site file",
         ),
         (fixed(STANDS), "echoes from 2 places; a cylinder needs 3"),

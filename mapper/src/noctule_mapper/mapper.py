@@ -117,7 +117,7 @@ class Mapper:
             self._register(sweep)
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
         found = self._contour()
-        note = reason(found, self._contacts.echoes(), self.sweeps(), self.config.refinement.limits)
+        note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config.refinement.limits)
         poses, method = self._unplaced.published(found.poses), self.config.method
         return replace(found, poses=poses, sweeps=len(self._sweeps), time_s=newest_s, method=method, note=note)
 

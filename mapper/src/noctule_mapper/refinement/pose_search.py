@@ -48,7 +48,7 @@ class Standing:
 
 def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit]) -> list[Standing]:
     """Where the unit may stand by the landmarks, distinct poses, the worthiest first."""
-    starts = _along_walls(view, marks)
+    starts = _along_walls(view, marks) if len(marks.alpha_rad) else np.zeros((0, 3))
     if not len(starts):
         return []
     weight, around = _weights(view), _surroundings(units)
