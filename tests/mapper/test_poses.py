@@ -219,8 +219,9 @@ def test_no_pose_of_a_tape_measure_is_called_wrong() -> None:
 
 @pytest.mark.soak
 def test_errors_of_most_poses_are_nearly_as_large_as_stated() -> None:
-    """The middle of the squares; rooms that were misunderstood are in the tail. What is reached: 1.3 times chi-square's,
-    so errors are a seventh larger than stated; wanted is chi-square itself.
+    """The middle of the squares; rooms that were misunderstood are in the tail.
+
+    What is reached: 1.3 times chi-square's, so errors are a seventh larger than stated; wanted is chi-square itself.
     """
     squares = np.concatenate([one.squares for one in rooms()])
     assert 0.75 < np.median(squares) / chi2.median(3) < 1.4
