@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -20,17 +21,20 @@ def take(rows: Rows, index: Index) -> Rows:
 
     ``take = arrays.take`` in a dataclass makes it a method. A field with the metadata SHARED stays as it is.
     """
-    return replace(rows, **{name: _rows_at(getattr(rows, name), index) for name in _names(rows)})
+    return replace(rows, **{name: _rows_at(getattr(rows, name), index) for name in _names(type(rows))})
 
 
 def join(parts: Sequence[Rows]) -> Rows:
     """Several sets as one, in their order, at least one; SHARED fields are those of the first."""
     first = parts[0]
-    return replace(first, **{name: _end_to_end([getattr(part, name) for part in parts]) for name in _names(first)})
+    return replace(
+        first, **{name: _end_to_end([getattr(part, name) for part in parts]) for name in _names(type(first))}
+    )
 
 
-def _names(rows: "DataclassInstance") -> list[str]:
-    return [field.name for field in fields(rows) if "shared" not in field.metadata]
+@cache  # a fit asks a thousand times
+def _names(kind: type["DataclassInstance"]) -> list[str]:
+    return [field.name for field in fields(kind) if "shared" not in field.metadata]
 
 
 def _rows_at(value: Any, index: Index) -> Any:
