@@ -283,7 +283,7 @@ def judge_fixed(
     contour: Contour, room: Room, surveyed: Sequence[LabelledSweep], exact: Sequence[LabelledSweep] | None = None
 ) -> Verdict:
     """What the contour of ``surveyed`` is worth, by ``room``, in which it was made; its corners beside those of the fit
-    that is told every label, and of ``exact`` sweeps the poses too if there are such.
+    that knows every label, and of ``exact`` sweeps the poses too if there are such.
     """
     told = label_fit(room, surveyed)
     beside = label_fit(room, exact) if exact else told

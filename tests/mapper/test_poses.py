@@ -207,7 +207,7 @@ def test_hardly_anything_is_invented_by_tape_measure() -> None:
 
 @pytest.mark.soak
 def test_corners_by_tape_measure_err_by_little_more_than_where_every_pose_is_known() -> None:
-    """What is reached; wanted is 1.5 times the error of a fit that is told every label but no pose."""
+    """What is reached; wanted is 1.5 times the error of a fit that knows every label but no pose."""
     ours, told = (np.concatenate([getattr(one.verdict, of) for one in rooms()]) for of in ("corners_m", "label_fit_m"))
     assert ours.mean() < told.mean() + 0.004
 

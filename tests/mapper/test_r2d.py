@@ -51,7 +51,7 @@ def before_a_cylinder(radius_m: float, errors_m: np.ndarray) -> Echoes:
 
 
 def test_a_wall_gives_collinear_positions_a_linear_range():
-    # Eq. 1 with its bracket put right, on the line y = 2 - x / 2 seen from x = 0, 0.2, 0.6.
+    # Eq. 1 with its bracket where it belongs, on the line y = 2 - x / 2 seen from x = 0, 0.2, 0.6.
     x_m = np.array([0, 0.2, 0.6])
     to_wall = (2 - x_m / 2) / np.hypot(1, 0.5)
     assert reference_range_m(to_wall[0], to_wall[2], 0.2, 0.6) == pytest.approx(to_wall[1], abs=1e-12)

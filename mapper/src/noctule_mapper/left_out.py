@@ -36,7 +36,7 @@ def _runs(lines: tuple[int, ...]) -> list[str]:
 
 
 def because_of_errors(failed: Iterable[tuple[Record, NoctuleError]]) -> list[LeftOut]:
-    """Those that can't be read or mapped, by unit and kind of error; the first error of each kind is told."""
+    """Those that can't be read or mapped, by unit and kind of error; the first error of each kind is named."""
     found: dict[tuple[str, str, str], tuple[str, list[int]]] = {}
     for record, error in failed:
         unit = "" if isinstance(record.sweep, NoctuleError) else record.sweep.unit
