@@ -88,7 +88,9 @@ def connected(client: Client, unit: str = "u1") -> bool:
 
 def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: Path, router: zenoh.Session) -> None:
     with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
-        path = site_file(tmp_path, ("u1", 7, line.address, FIXED + "\nsensor = { range_bias_m = 0.0023 }"))
+        path = site_file(
+            tmp_path, ("u1", 7, line.address, FIXED + "\nsensor = { range_bias_m = 0.0023, face_offset_m = 0.018 }")
+        )
         got: list[Sweep] = []
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             client.on_sweep(got.append)
@@ -102,7 +104,8 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
     assert sweep.start.ToNanoseconds() / 1e9 == pytest.approx(made_at_s, abs=3 * sweep.clock_error_s + 0.01)
     assert (sweep.pose.x_m, sweep.pose.y_m, sweep.pose.heading_rad) == (1.0, 2.0, pytest.approx(math.pi / 2))
     assert sweep.air_temperature_c == 21.5
-    assert (sweep.sensor.range_bias_m, sweep.sensor.HasField("range_sigma_m")) == (0.0023, False)
+    assert (sweep.sensor.range_bias_m, sweep.sensor.face_offset_m) == (0.0023, 0.018)
+    assert not sweep.sensor.HasField("range_sigma_m")
     assert not sweep.HasField("waypoint")
     heard, unheard = sweep.readings
     assert heard.bearing_rad == pytest.approx(math.radians(-135))

@@ -181,6 +181,11 @@ MISTAKES = {
     HEAD + f"air_temperature_c = 1{'0' * 400}\n" + UNIT + HERE: "air_temperature_c is 1000.*: give a finite number",
     HEAD + "[sensor]\nbeam_width_deg = 400\n" + UNIT + HERE: r"\[sensor\]: beam_width_deg is 400: .*the full width",
     HEAD + "[sensor]\nrange_bias_m = 2.3\n" + UNIT + HERE: r"range_bias_m is 2.3: give -1 to 1 m \(in metres\)",
+    HEAD + UNIT + HERE + "sensor = { face_offset_m = 2.0 }\n": r"'u1'.sensor: face_offset_m is 2.0: give -0.2 to 0.2 m",
+    HEAD
+    + UNIT
+    + HERE
+    + "sensor = { face_offset_sigma_m = 0.002 }\n": "face_offset_sigma_m has no face_offset_m beside it",
     HEAD + UNIT + HERE + "sensor = { range_sigma_m = 3.2 }\n": r"'u1'.sensor: range_sigma_m is 3.2: .*\(in metres\)",
     HEAD + UNIT + HERE + "sweep = { pause_s = 70 }\n": r"'u1'.sweep: pause_s is 70: give 0 to 65.535 s \(in seconds\)",
     HEAD
@@ -239,7 +244,8 @@ def test_the_edges_of_the_bounds_are_allowed(tmp_path):
     edges = (
         "pose = { x_m = -1e4, y_m = 1e4, heading_deg = -360 }\npose_sigma = { position_m = 100, heading_deg = 180 }\n"
         "sweep = { first_bearing_deg = -148, count = 64, pause_s = 65.535, ping_interval_s = 0.029 }\n"
-        "sensor = { beam_width_deg = 0.1, range_sigma_m = 0.5, range_bias_m = -1 }\n"
+        "sensor = { beam_width_deg = 0.1, range_sigma_m = 0.5, range_bias_m = -1, "
+        "face_offset_m = -0.2, face_offset_sigma_m = 0.1 }\n"
     )
     unit = load(tmp_path, HEAD + UNIT + edges).unit("u1")
     assert unit.plan is not None
@@ -247,6 +253,18 @@ def test_the_edges_of_the_bounds_are_allowed(tmp_path):
     bounds.check(unit.sensor.message())
     assert isinstance(unit.pose, site.FixedPose)
     bounds.check(unit.pose.pose.message())
+
+
+def test_each_unit_has_the_face_offset_of_its_own_sensor_or_else_the_sites(tmp_path):
+    site_wide = "[sensor]\nface_offset_m = 0.02\nface_offset_sigma_m = 0.003\n"
+    others = "".join(
+        UNIT.replace("u1", f"u{n}").replace("serial = 1", f"serial = {n}").replace("USB0", f"USB{n}") + HERE + own
+        for n, own in ((2, "sensor = { face_offset_m = 0.012 }\n"), (3, "sensor = { face_offset_sigma_m = 0.001 }\n"))
+    )
+    loaded = load(tmp_path, HEAD + site_wide + UNIT + HERE + others)
+    stated = [(unit.sensor.message().face_offset_m, unit.sensor.face_offset_sigma_m) for unit in loaded.units]
+    # The second unit's own offset is exact: the site's error is that of another.
+    assert stated == [(0.02, 0.003), (0.012, None), (0.02, 0.001)]
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path):

@@ -155,6 +155,8 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "beam_width_rad": Number(math.radians(0.1), math.pi, "rad", "the full width of the beam"),
         "range_bias_m": Number(-1, 1, "m", "in metres"),
         "range_sigma_m": Number(1e-4, 0.5, "m", "in metres"),
+        "face_offset_m": Number(-0.2, 0.2, "m", "in metres"),
+        "face_offset_sigma_m": Number(0, 0.1, "m", "in metres"),
     },
     "Reading": {
         "bearing_rad": _BEARING_RAD,

@@ -64,14 +64,18 @@ class Pose(_message.Message):
     def __init__(self, x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_rad: _Optional[float] = ..., sigma_position_m: _Optional[float] = ..., sigma_heading_rad: _Optional[float] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
 
 class Sensor(_message.Message):
-    __slots__ = ("beam_width_rad", "range_bias_m", "range_sigma_m")
+    __slots__ = ("beam_width_rad", "range_bias_m", "range_sigma_m", "face_offset_m", "face_offset_sigma_m")
     BEAM_WIDTH_RAD_FIELD_NUMBER: _ClassVar[int]
     RANGE_BIAS_M_FIELD_NUMBER: _ClassVar[int]
     RANGE_SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    FACE_OFFSET_M_FIELD_NUMBER: _ClassVar[int]
+    FACE_OFFSET_SIGMA_M_FIELD_NUMBER: _ClassVar[int]
     beam_width_rad: float
     range_bias_m: float
     range_sigma_m: float
-    def __init__(self, beam_width_rad: _Optional[float] = ..., range_bias_m: _Optional[float] = ..., range_sigma_m: _Optional[float] = ...) -> None: ...
+    face_offset_m: float
+    face_offset_sigma_m: float
+    def __init__(self, beam_width_rad: _Optional[float] = ..., range_bias_m: _Optional[float] = ..., range_sigma_m: _Optional[float] = ..., face_offset_m: _Optional[float] = ..., face_offset_sigma_m: _Optional[float] = ...) -> None: ...
 
 class Reading(_message.Message):
     __slots__ = ("bearing_rad", "time_offset_s", "time_of_flight_s", "status")

@@ -6,7 +6,7 @@ Its quantities have the bounds of the messages that they go into.
 import math
 import re
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
@@ -93,16 +93,26 @@ PoseSource = FixedPose | UnknownPose | WaypointPath | PoseKey
 
 @dataclass(frozen=True)
 class Sensor:
-    """What is known of a range sensor; None is not known. ``range_bias_m`` is the mean of measured minus true range."""
+    """What is known of a range sensor; None is not known. ``range_bias_m`` is the mean of measured minus true range.
+
+    ``face_offset_m`` is from the axis about which the unit turns to the sensor's face. Where it is given the true range
+    counts from the face, otherwise from the axis.
+    """
 
     beam_width_rad: float | None = None
     range_bias_m: float | None = None
     range_sigma_m: float | None = None
+    face_offset_m: float | None = None
+    face_offset_sigma_m: float | None = None
 
     def message(self) -> messages_pb2.Sensor:
         """The sensor as it stands in a Sweep."""
         return messages_pb2.Sensor(
-            beam_width_rad=self.beam_width_rad, range_bias_m=self.range_bias_m, range_sigma_m=self.range_sigma_m
+            beam_width_rad=self.beam_width_rad,
+            range_bias_m=self.range_bias_m,
+            range_sigma_m=self.range_sigma_m,
+            face_offset_m=self.face_offset_m,
+            face_offset_sigma_m=self.face_offset_sigma_m,
         )
 
 
@@ -190,14 +200,18 @@ def _unit(table: Table, default: Sensor) -> Unit:
 
 def _sensor(table: Table, default: Sensor) -> Sensor:
     width_rad = table.optional_angle("beam_width_deg", number("Sensor", "beam_width_rad"))
-    bias_m = table.optional_number("range_bias_m", number("Sensor", "range_bias_m"))
-    sigma_m = table.optional_number("range_sigma_m", number("Sensor", "range_sigma_m"))
+    lengths_m = {field: table.optional_number(field, number("Sensor", field)) for field in _SENSOR_LENGTHS}
+    offset_m, sigma_m = (lengths_m[field] for field in ("face_offset_m", "face_offset_sigma_m"))
+    if sigma_m is not None and offset_m is None and default.face_offset_m is None:
+        raise table.error("face_offset_sigma_m", "has no face_offset_m beside it: give that too")
     table.end()
-    return Sensor(
-        beam_width_rad=default.beam_width_rad if width_rad is None else width_rad,
-        range_bias_m=default.range_bias_m if bias_m is None else bias_m,
-        range_sigma_m=default.range_sigma_m if sigma_m is None else sigma_m,
-    )
+    known = {"beam_width_rad": width_rad, **lengths_m}
+    if offset_m is not None and sigma_m is None:
+        default = replace(default, face_offset_sigma_m=None)  # the site's is of another offset
+    return replace(default, **{field: value for field, value in known.items() if value is not None})
+
+
+_SENSOR_LENGTHS = ("range_bias_m", "range_sigma_m", "face_offset_m", "face_offset_sigma_m")
 
 
 def _address(unit: Table) -> str:
