@@ -19,13 +19,13 @@ from noctule_mapper.grid.regions import contact_regions, free_space
 from noctule_mapper.paper.eht_lsm import eht_lsm
 from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
+from noctule_mapper.placement.unplaced import Unplaced
 from noctule_mapper.readings.echoes import Echoes, echoes_of
 from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, pose_of
 from noctule_mapper.readings.parts import parts_of
 from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
-from noctule_mapper.refinement.unplaced import Unplaced
 
 
 class Mapper:

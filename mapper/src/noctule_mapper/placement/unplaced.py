@@ -8,11 +8,11 @@ import numpy as np
 from noctule.bounds import UNKNOWN_SIGMA_POSITION_M
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.contour import PoseState, UnitPose
+from noctule_mapper.placement.landmarks import PlacedUnit
+from noctule_mapper.placement.unit_views import view_of
+from noctule_mapper.placement.unknown_poses import FoundPose, find_poses
 from noctule_mapper.readings.looks import is_fine
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.refinement.landmarks import PlacedUnit
-from noctule_mapper.refinement.unit_views import view_of
-from noctule_mapper.refinement.unknown_poses import FoundPose, find_poses
 
 _MOST_KNOWN_SIGMA_M = 0.2  # a worse stated pose tells others nothing
 _TELLING_SWEEPS = 4  # of a unit: more tell the same again

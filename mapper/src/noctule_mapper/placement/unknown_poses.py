@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from noctule_mapper.placement.landmarks import PlacedUnit, landmarks_of
+from noctule_mapper.placement.pose_adjustment import adjusted, grouped
+from noctule_mapper.placement.pose_search import Standing, standings
+from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.refinement.landmarks import PlacedUnit, landmarks_of
-from noctule_mapper.refinement.pose_adjustment import adjusted, grouped
-from noctule_mapper.refinement.pose_search import Standing, standings
-from noctule_mapper.refinement.unit_views import UnitView
 
 MARGIN_NATS = 10.0  # by which a pose must stand above all others together; wrong ones have been seen at 8
 _MOST_HYPOTHESES = 3

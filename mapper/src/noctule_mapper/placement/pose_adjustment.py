@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from noctule_mapper.placement.landmarks import Members, PlacedUnit, landmarks_of, point_model, wall_model
+from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.refinement.landmarks import Members, PlacedUnit, landmarks_of, point_model, wall_model
-from noctule_mapper.refinement.pose_scores import Tolerance, matched
 
 _EXACT_M, _EXACT_RAD = 0.001, np.radians(0.1)  # no stated pose is better
 _LEAST_SHARED = 2  # units that hear a landmark, or it tells nothing of their poses

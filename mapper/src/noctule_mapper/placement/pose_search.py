@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.refinement.landmarks import Landmarks, PlacedUnit
-from noctule_mapper.refinement.pose_scores import (
+from noctule_mapper.placement.landmarks import Landmarks, PlacedUnit
+from noctule_mapper.placement.pose_scores import (
     Fit,
     Surroundings,
     Tolerance,
@@ -21,7 +20,8 @@ from noctule_mapper.refinement.pose_scores import (
     silence_nats,
     ways_and_stubs,
 )
-from noctule_mapper.refinement.unit_views import UnitView
+from noctule_mapper.placement.unit_views import UnitView
+from noctule_mapper.readings.angles import wrapped
 
 _STEP_M = 0.12  # along the lines
 _BEYOND_M = 1.0  # the landmarks

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from noctule_mapper.placement.landmarks import Landmarks
+from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.refinement.landmarks import Landmarks
-from noctule_mapper.refinement.unit_views import UnitView
 
 _SPAN_M = 4.0  # ranges of a new reflector lie anywhere in it
 _NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears

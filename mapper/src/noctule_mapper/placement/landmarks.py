@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.refinement.unit_views import UnitView
 
 
 @dataclass(frozen=True, eq=False)  # of arrays

@@ -1,0 +1,1 @@
+"""Placement: where units stand whose poses nobody has stated, by the walls that they share with the others."""
