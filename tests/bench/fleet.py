@@ -8,8 +8,8 @@ import socket
 import subprocess
 from dataclasses import dataclass
 
-from noctule_gateway.codec import FrameReader, encode
-from noctule_gateway.frames import Ack, Hello, Start, Sweep
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import Ack, Hello, Start, Sweep
 
 COMMAND = ("noctule-sim", "--firmware", "firmware/build/noctule.ihx", "--speed", "1", "--tcp", "127.0.0.1:0")
 SIMULATORS_CORE = {0}

@@ -4,8 +4,8 @@ from random import Random
 
 from firmware.stepped_unit import SteppedUnit
 
-from noctule_gateway.codec import encode
-from noctule_gateway.frames import AskStatus, Sweep
+from noctule_gateway.wire.codec import encode
+from noctule_gateway.wire.frames import AskStatus, Sweep
 
 BURST_S = 0.1
 BURST_BYTES = 1130  # of the 1152 that the line takes in that time: acknowledgements must get through too

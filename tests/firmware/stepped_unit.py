@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from noctule_gateway.codec import FrameReader, encode
-from noctule_gateway.frames import (
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import (
     Ack,
     AskHello,
     Enquiry,

@@ -6,7 +6,7 @@ import pytest
 from firmware.images import with_flash
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import Hello, Outcome, Reset
+from noctule_gateway.wire.frames import Hello, Outcome, Reset
 
 # firmware/README.md, Flash: base, its complement, then a bit for each boot in a page of 512 bytes
 FIRST_PAGE, SECOND_PAGE = 0xF200, 0xF400

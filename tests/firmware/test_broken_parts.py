@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     NO_WAYPOINT,
     AskClock,
     AskHello,

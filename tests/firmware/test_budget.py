@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from firmware.stepped_unit import stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     AskClock,
     AskHello,
     AskSettings,

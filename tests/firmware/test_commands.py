@@ -7,8 +7,8 @@ import pytest
 from cobs import cobs
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.codec import encode
-from noctule_gateway.frames import (
+from noctule_gateway.wire.codec import encode
+from noctule_gateway.wire.frames import (
     NO_WAYPOINT,
     AskClock,
     AskHello,

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import Ack, AskHello, AskStatus, Single, Sweep
+from noctule_gateway.wire.frames import Ack, AskHello, AskStatus, Single, Sweep
 
 # A round of the tasks, 2 ms, then 129 bytes of a sweep of 13 readings at 115200 bit/s, and a request's before it.
 HEARD_S = 0.002 + (129 + 13) * 10 / 115200

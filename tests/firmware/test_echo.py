@@ -8,7 +8,7 @@ import pytest
 from firmware.flood import flood
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import AskStatus, Configure, Reading, Single, Start, Status, Stop, Sweep
+from noctule_gateway.wire.frames import AskStatus, Configure, Reading, Single, Start, Status, Stop, Sweep
 
 # firmware/README.md, Frames and the table of echoes
 TICKS_PER_S = 4_000_000

@@ -13,7 +13,9 @@ from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import SERIAL, staged, update
 
 from noctule_gateway.errors import FlashError, HardwareError, UpdateError
-from noctule_gateway.frames import (
+from noctule_gateway.update.image import PAGES, Image, load
+from noctule_gateway.update.outcome import Current, Updated
+from noctule_gateway.wire.frames import (
     AskHello,
     AskStatus,
     Hello,
@@ -30,9 +32,7 @@ from noctule_gateway.frames import (
     Stay,
     Sweep,
 )
-from noctule_gateway.frames import Update as EnterLoader
-from noctule_gateway.update.image import PAGES, Image, load
-from noctule_gateway.update.outcome import Current, Updated
+from noctule_gateway.wire.frames import Update as EnterLoader
 
 APPLICATION = 0x1000
 CONFIRMED = 0x7FF1

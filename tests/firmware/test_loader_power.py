@@ -9,9 +9,9 @@ from firmware.images import with_flash
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import Update, staged, update
 
-from noctule_gateway.frames import AskHello, Hello, Loader
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Step, Updated
+from noctule_gateway.wire.frames import AskHello, Hello, Loader
 
 OLD, NEW = "0.2.0", "0.9.0"
 DESCRIPTION_BYTES = 16

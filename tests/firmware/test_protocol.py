@@ -9,7 +9,7 @@ import pytest
 from cobs import cobs
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     Ack,
     AskClock,
     AskHello,

@@ -11,9 +11,9 @@ from firmware.stepped_unit import stepped_unit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from noctule_gateway.codec import FrameReader, UnknownFrameError, decode, encode
 from noctule_gateway.errors import FrameError
-from noctule_gateway.frames import (
+from noctule_gateway.wire.codec import FrameReader, UnknownFrameError, decode, encode
+from noctule_gateway.wire.frames import (
     Ack,
     AskStatus,
     Calibrate,

@@ -8,7 +8,7 @@ import pytest
 from firmware.images import built_with_fault
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     AskHello,
     AskStatus,
     Configure,

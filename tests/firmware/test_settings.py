@@ -9,7 +9,7 @@ import pytest
 from firmware.images import built_with_fault, with_flash
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     NO_SERIAL,
     AskSettings,
     AskStatus,

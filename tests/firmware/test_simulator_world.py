@@ -18,8 +18,8 @@ from xml.etree import ElementTree
 import pytest
 from firmware.stepped_unit import IMAGE, SilenceError, SteppedUnit, stepped_unit
 
-from noctule_gateway.codec import FrameReader, encode
-from noctule_gateway.frames import (
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import (
     AskStatus,
     Configure,
     Hello,

@@ -12,7 +12,7 @@ from firmware.flood import flood
 from firmware.images import probed
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     AskStatus,
     Configure,
     Hello,

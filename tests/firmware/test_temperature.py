@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     NO_TEMPERATURE,
     AskSettings,
     AskStatus,

@@ -11,7 +11,7 @@ import pytest
 from firmware.flood import flood
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.frames import (
+from noctule_gateway.wire.frames import (
     AskClock,
     AskStatus,
     Calibrate,

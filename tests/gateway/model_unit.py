@@ -3,9 +3,9 @@
 from collections import deque
 from dataclasses import replace
 
-from noctule_gateway import frames
-from noctule_gateway.codec import FrameReader, encode
-from noctule_gateway.frames import NoEcho, Outcome, Reading, State, Sweep
+from noctule_gateway.wire import frames
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import NoEcho, Outcome, Reading, State, Sweep
 
 TICKS_PER_S = 4_000_000
 RING_SWEEPS = 24

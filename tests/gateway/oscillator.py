@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from random import Random
 
-from noctule_gateway.clock import TICK_S, Exchange
+from noctule_gateway.clock.regression import TICK_S, Exchange
 
 QUICK, EVERY_S = 8, 0.97
 TOLERANCE = 0.015  # of the C8051F340's internal oscillator: datasheet

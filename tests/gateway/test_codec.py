@@ -11,10 +11,10 @@ from gateway.bad_line import BadLine, Faults
 from hypothesis import given
 from hypothesis import strategies as st
 
-from noctule_gateway import frames
-from noctule_gateway.codec import MAX_FRAME_BYTES, FrameReader, UnknownFrameError, decode, encode
 from noctule_gateway.errors import FrameError
-from noctule_gateway.frames import Frame, Reading, Sweep
+from noctule_gateway.wire import frames
+from noctule_gateway.wire.codec import MAX_FRAME_BYTES, FrameReader, UnknownFrameError, decode, encode
+from noctule_gateway.wire.frames import Frame, Reading, Sweep
 
 VECTORS = json.loads((Path(__file__).parents[1] / "firmware" / "vectors" / "frames.json").read_text())
 TYPES = {frame_type.TYPE: frame_type for frame_type in get_args(Frame)}

@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import inf
 
 from noctule_gateway.errors import LineError
-from noctule_gateway.line import FIRST_RETRY_S, OF_USE_S, Line
+from noctule_gateway.line.line import FIRST_RETRY_S, OF_USE_S, Line
 
 
 class Silent:

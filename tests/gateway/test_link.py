@@ -8,11 +8,9 @@ import pytest
 from gateway.bad_line import BadLine, Faults
 from gateway.model_unit import ModelUnit
 
-from noctule_gateway import frames
-from noctule_gateway.agenda import HELLO_EVERY_S, QUICK_CLOCKS
-from noctule_gateway.codec import encode
 from noctule_gateway.errors import CommandError
-from noctule_gateway.events import (
+from noctule_gateway.link.enquiries import HELLO_EVERY_S, QUICK_CLOCKS
+from noctule_gateway.link.events import (
     ClockRead,
     Event,
     Identified,
@@ -24,11 +22,13 @@ from noctule_gateway.events import (
     StatusRead,
     SweepRead,
 )
-from noctule_gateway.link import LOADER_RETRY_S, Link
-from noctule_gateway.plans import OWN_PLAN
-from noctule_gateway.requests import ORDER_ATTEMPTS, TIMEOUT_S
-from noctule_gateway.setup import Wanted
-from noctule_gateway.silence import GARBLED_AFTER, SILENT_AFTER
+from noctule_gateway.link.link import LOADER_RETRY_S, Link
+from noctule_gateway.link.peer import GARBLED_AFTER, SILENT_AFTER
+from noctule_gateway.link.requests import ORDER_ATTEMPTS, TIMEOUT_S
+from noctule_gateway.link.standing_orders import Wanted
+from noctule_gateway.unit.plans import OWN_PLAN
+from noctule_gateway.wire import frames
+from noctule_gateway.wire.codec import encode
 
 E = TypeVar("E")
 

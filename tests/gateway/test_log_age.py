@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
-from gateway.test_log import append, arrival, opened, read
+from gateway.test_sweep_log import append, arrival, opened, read
 
 from noctule.messages_pb2 import Sweep
-from noctule_gateway.elapsed import Instant, now
-from noctule_gateway.log import SweepLog
-from noctule_gateway.log_file import Committed, Retention
+from noctule_gateway.clock.elapsed import Instant, now
+from noctule_gateway.log.log_file import Committed, Retention
+from noctule_gateway.log.sweep_log import SweepLog
 
 DAY_S = 86400.0
 NOON_S = 1_790_000_000.0  # some day of 2026

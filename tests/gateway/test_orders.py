@@ -7,10 +7,10 @@ import pytest
 from gateway.model_unit import ModelUnit
 
 from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
-from noctule_gateway import frames, orders, settings
 from noctule_gateway.errors import CommandError
-from noctule_gateway.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
-from noctule_gateway.plans import OWN_PLAN
+from noctule_gateway.unit.plans import OWN_PLAN
+from noctule_gateway.wire import frames, orders, settings_message
+from noctule_gateway.wire.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
 
 CALIBRATION = Calibrate(0, 1_043_397, 0, HomeKind.SWITCH, -27307)
 SETTINGS = Settings(
@@ -35,7 +35,7 @@ def test_a_calibration_keeps_the_present_value_of_what_it_leaves_out() -> None:
 
 
 def test_settings_come_to_the_bus_in_si_units() -> None:
-    told = settings.to_message(SETTINGS)
+    told = settings_message.to_message(SETTINGS)
     assert told.stored
     assert told.plan.first_bearing_rad == pytest.approx(-0.75 * pi)
     assert (told.plan.bearing_step_rad, told.plan.count, told.plan.pings) == (pytest.approx(pi / 8), 13, 1)
@@ -45,15 +45,15 @@ def test_settings_come_to_the_bus_in_si_units() -> None:
     assert (told.calibration.backlash_half_steps, told.calibration.home) == (3, Calibration.HOME_STOP)
     assert told.calibration.home_bearing_rad == pytest.approx(-30000 / 65536 * 2 * pi)
     assert told.temperature_trim_k == -2.5
-    untrimmed = settings.to_message(replace(SETTINGS, temperature_trim=frames.NO_TEMPERATURE))
+    untrimmed = settings_message.to_message(replace(SETTINGS, temperature_trim=frames.NO_TEMPERATURE))
     assert not untrimmed.HasField("temperature_trim_k")
 
 
 def test_settings_that_are_ordered_as_they_were_told_are_the_same_settings() -> None:
-    told = settings.to_message(SETTINGS)
+    told = settings_message.to_message(SETTINGS)
     unit = ModelUnit()
-    assert orders.configure(told.plan, unit.plan) == settings.plan_of(SETTINGS)
-    assert orders.calibrate(told.calibration, unit.calibration) == settings.calibration_of(SETTINGS)
+    assert orders.configure(told.plan, unit.plan) == settings_message.plan_of(SETTINGS)
+    assert orders.calibrate(told.calibration, unit.calibration) == settings_message.calibration_of(SETTINGS)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from serial.rfc2217 import PortManager
 from system.processes import wait_until
 
 from noctule_gateway.errors import LineError
-from noctule_gateway.port import Port, open_port
+from noctule_gateway.line.port import Port, open_port
 
 LONG_S = 20.0
 ALL_BYTES = bytes(range(256))

@@ -9,11 +9,11 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from gateway.test_log import WRITER, append, arrival, opened, read
+from gateway.test_sweep_log import WRITER, append, arrival, opened, read
 
 from noctule.folder_lock import FolderError, FolderLock, Owner, owner_of
 from noctule_gateway.errors import LogError
-from noctule_gateway.repair import repair
+from noctule_gateway.log.repair import repair
 
 ATTIC = Owner("gateway", "attic", "gateway")
 

@@ -11,7 +11,7 @@ import pytest
 from gateway.rfc2217_server import negotiate, server
 
 from noctule_gateway.errors import LineError
-from noctule_gateway.port import Port, open_port
+from noctule_gateway.line.port import Port, open_port
 
 UNASKED_ANSWER = bytes.fromhex("ff fa 2c 65 ff f0")  # SET-BAUDRATE is answered without a value, and was not asked
 PIECES = [

@@ -31,9 +31,10 @@ from noctule.messages_pb2 import (
     UnitStatus,
 )
 from noctule.site import load
-from noctule_gateway import elapsed, frames
-from noctule_gateway.elapsed import Instant
+from noctule_gateway.clock import elapsed
+from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.service import Gateway
+from noctule_gateway.wire import frames
 
 SITE = "test-site"
 UNIT = """

@@ -11,14 +11,14 @@ from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import staged
 from gateway.bad_line import BadLine, Faults
 
-from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import HardwareError, LineError, UnitGoneError, UpdateError, WrongUnitError
-from noctule_gateway.frames import Ack, AskHello, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
-from noctule_gateway.frames import Update as EnterLoader
 from noctule_gateway.update.image import Image, load
 from noctule_gateway.update.outcome import Current, Step, Updated
 from noctule_gateway.update.steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS
 from noctule_gateway.update.updater import GONE_AFTER_S, Updater
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import Ack, AskHello, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
+from noctule_gateway.wire.frames import Update as EnterLoader
 
 SERIAL = 1
 STEP_S = 0.005

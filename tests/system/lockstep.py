@@ -8,10 +8,10 @@ from typing import TypeVar
 from firmware.stepped_unit import SteppedUnit
 from gateway.bad_line import BadLine, Faults
 
-from noctule_gateway.codec import FrameReader
-from noctule_gateway.events import Event, OrderSettled, StatusRead, SweepRead
-from noctule_gateway.frames import Order, Status, Sweep
-from noctule_gateway.link import Link
+from noctule_gateway.link.events import Event, OrderSettled, StatusRead, SweepRead
+from noctule_gateway.link.link import Link
+from noctule_gateway.wire.codec import FrameReader
+from noctule_gateway.wire.frames import Order, Status, Sweep
 
 E = TypeVar("E", bound=Event)
 

@@ -14,10 +14,10 @@ from firmware.stepped_unit import stepped_unit
 from gateway.bad_line import Faults
 from system.lockstep import CLEAN, Lockstep
 
-from noctule_gateway.frames import Start, Stop
-from noctule_gateway.link import Link
-from noctule_gateway.plans import OWN_PLAN
-from noctule_gateway.setup import Wanted
+from noctule_gateway.link.link import Link
+from noctule_gateway.link.standing_orders import Wanted
+from noctule_gateway.unit.plans import OWN_PLAN
+from noctule_gateway.wire.frames import Start, Stop
 
 ONE_IN_TWENTY = Faults(corrupted=0.05)
 PULLED_EVERY_S = 600.0

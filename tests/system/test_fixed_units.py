@@ -13,11 +13,11 @@ from truth import compare, load_room
 from noctule.client import Client
 from noctule.messages_pb2 import Contour, Sweep
 from noctule.site import FixedPose, Site, load
-from noctule_gateway.frames import Start, State
-from noctule_gateway.link import Link
-from noctule_gateway.plans import OWN_PLAN, wanted_plan
-from noctule_gateway.setup import Wanted
-from noctule_gateway.sweep import bearing_rad
+from noctule_gateway.link.link import Link
+from noctule_gateway.link.standing_orders import Wanted
+from noctule_gateway.unit.plans import OWN_PLAN, wanted_plan
+from noctule_gateway.wire.frames import Start, State
+from noctule_gateway.wire.sweep_message import bearing_rad
 
 TICKS_PER_S = 4e6  # firmware/README.md, "Frames"
 HALF_STEP_DEG = 360 / 4075.77  # firmware/README.md, CALIBRATE

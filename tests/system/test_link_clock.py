@@ -13,11 +13,11 @@ from firmware.stepped_unit import stepped_unit
 from gateway.bad_line import Faults
 from system.lockstep import CLEAN, Lockstep
 
-from noctule_gateway.clock import GOOD_DRIFT_ERROR, Exchange, RegressedClock
-from noctule_gateway.events import ClockRead
-from noctule_gateway.frames import Start
-from noctule_gateway.link import Link
-from noctule_gateway.setup import Wanted
+from noctule_gateway.clock.regression import GOOD_DRIFT_ERROR, Exchange, RegressedClock
+from noctule_gateway.link.events import ClockRead
+from noctule_gateway.link.link import Link
+from noctule_gateway.link.standing_orders import Wanted
+from noctule_gateway.wire.frames import Start
 
 BAD = Faults(corrupted=0.05)
 SWEEPING = Wanted(plan=None, start=Start(0, 0), running=True)

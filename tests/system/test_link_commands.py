@@ -9,12 +9,12 @@ from firmware.stepped_unit import SteppedUnit, stepped_unit
 from system.lockstep import CLEAN, Lockstep
 
 from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan, UnitSettings
-from noctule_gateway import orders, settings
-from noctule_gateway.events import Identified, InLoader
-from noctule_gateway.frames import Start, State, Stay, Update
-from noctule_gateway.link import Link
-from noctule_gateway.setup import Wanted
-from noctule_gateway.sweep import bearing_rad
+from noctule_gateway.link.events import Identified, InLoader
+from noctule_gateway.link.link import Link
+from noctule_gateway.link.standing_orders import Wanted
+from noctule_gateway.wire import orders, settings_message
+from noctule_gateway.wire.frames import Start, State, Stay, Update
+from noctule_gateway.wire.sweep_message import bearing_rad
 
 AT_REST = Wanted(plan=None, start=Start(0, 0), running=False)
 RESET_ORDERED = 1  # reset_note: firmware/README.md, "Unit to host"
@@ -41,7 +41,7 @@ class Desk:
     def settings(self) -> UnitSettings:
         """As the link has read them last."""
         assert self.link.settings is not None
-        return settings.to_message(self.link.settings)
+        return settings_message.to_message(self.link.settings)
 
 
 @contextmanager

@@ -17,8 +17,8 @@ from noctule import bus, site
 from noctule.errors import NoctuleError
 from noctule.threads import end_process_when_one_fails
 from noctule_gateway.limits import allow_files
-from noctule_gateway.log_file import Retention
-from noctule_gateway.repair import repair as repair_logs
+from noctule_gateway.log.log_file import Retention
+from noctule_gateway.log.repair import repair as repair_logs
 from noctule_gateway.service import Gateway
 from noctule_gateway.update.image import load
 from noctule_gateway.update.report import Bars, report

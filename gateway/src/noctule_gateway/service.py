@@ -16,15 +16,15 @@ from noctule import bus, keys
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
-from noctule_gateway import elapsed
-from noctule_gateway.clock_watch import ClockWatch
-from noctule_gateway.elapsed import Instant
-from noctule_gateway.log import SweepLog
-from noctule_gateway.log_file import Retention
-from noctule_gateway.outbox import Outbox
+from noctule_gateway.bus.outbox import Outbox
+from noctule_gateway.bus.unit_on_bus import Presence
+from noctule_gateway.clock import elapsed
+from noctule_gateway.clock.clock_watch import ClockWatch
+from noctule_gateway.clock.elapsed import Instant
+from noctule_gateway.log.log_file import Retention
+from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
-from noctule_gateway.presence import Presence
-from noctule_gateway.unit import UnitServer
+from noctule_gateway.unit.unit_server import UnitServer
 
 _LOG_READERS = 2
 _LISTED = 10  # units that a status names; a site may have hundreds

@@ -5,10 +5,10 @@ import time
 from collections.abc import Callable, Sequence
 
 from noctule.site import Unit
-from noctule_gateway.frames import MAX_REQUEST
-from noctule_gateway.line import Line
+from noctule_gateway.line.line import Line
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.updater import Updater
+from noctule_gateway.wire.frames import MAX_REQUEST
 
 _LOOK_EVERY_S = 0.1
 

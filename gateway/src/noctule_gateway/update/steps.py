@@ -11,7 +11,11 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from noctule_gateway.errors import FlashError, HardwareError, UnitGoneError, UpdateError, WrongUnitError
-from noctule_gateway.frames import (
+from noctule_gateway.link.peer import mismatch
+from noctule_gateway.update.blocks import BlockSize
+from noctule_gateway.update.image import PAGES, Image
+from noctule_gateway.update.outcome import Current, Step, Updated
+from noctule_gateway.wire.frames import (
     MAX_REQUEST,
     AskHello,
     Hello,
@@ -26,10 +30,6 @@ from noctule_gateway.frames import (
     Stop,
     Update,
 )
-from noctule_gateway.identity import mismatch
-from noctule_gateway.update.blocks import BlockSize
-from noctule_gateway.update.image import PAGES, Image
-from noctule_gateway.update.outcome import Current, Step, Updated
 
 TIMEOUT_S = 0.1  # a loader answers within 20 ms, PROGRAM and RUN within 80
 LONG_TIMEOUT_S = 0.5  # every so many attempts, for lines that take their time

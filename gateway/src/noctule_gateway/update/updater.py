@@ -2,12 +2,12 @@
 
 from math import inf
 
-from noctule_gateway.codec import FrameReader, encode
 from noctule_gateway.errors import GatewayError, LineError, UnitGoneError
-from noctule_gateway.frames import AskHello, Frame, Hello, Loader, Rejected, Result, Stop, Update
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Ending, Progress
 from noctule_gateway.update.steps import Answer, Attempt, RestartedError, Steps
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import AskHello, Frame, Hello, Loader, Rejected, Result, Stop, Update
 
 GONE_AFTER_S = 20.0  # longer than a unit copies, or fails to start eight times
 REST_S = 0.02  # for what is still on its way to go by, before what was not understood is sent again

@@ -1,0 +1,1 @@
+"""What a unit has on the bus."""

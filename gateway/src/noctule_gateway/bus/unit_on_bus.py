@@ -1,0 +1,120 @@
+"""A unit on the bus: its sweeps, status, log, commands and liveliness, as long as this gateway serves it."""
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import zenoh
+
+from noctule import bounds, bus, keys
+from noctule.errors import BoundsError
+from noctule.messages_pb2 import CommandReply, CommandRequest, LogRecords, Pose, Sweep, UnitStatus
+from noctule.site import PoseKey, Unit
+from noctule_gateway.bus.command_cache import Commands, Server
+from noctule_gateway.bus.outbox import Outbox
+from noctule_gateway.errors import LogError
+from noctule_gateway.log.sweep_log import SweepLog
+from noctule_gateway.pose import PoseTrack
+
+_MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
+_MOST_DIGITS = 18  # a count that SQLite holds
+
+MAX_RECORDS = 500
+MAX_REPLY_BYTES = 2**20
+
+
+class Presence:
+    """What one unit has on the bus. ``readers`` reads the log for queries: Zenoh's own threads must never wait."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        site: str,
+        unit: Unit,
+        log: SweepLog,
+        track: PoseTrack,
+        server: Server,
+        outbox: Outbox,
+        readers: ThreadPoolExecutor,
+    ) -> None:
+        self._log, self._track, self._outbox, self._readers = log, track, outbox, readers
+        self._commands = Commands(server)
+        self._log_key = keys.log(site, unit.name)
+        self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
+        self._status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)
+        session.declare_queryable(self._log_key, self._on_log_query, complete=True)
+        session.declare_queryable(keys.rpc(site, unit.name, keys.ANY), self._on_command, complete=True)
+        if isinstance(unit.pose, PoseKey):
+            session.declare_subscriber(keys.pose(site, unit.name), self._on_pose)
+        self._alive = session.liveliness().declare_token(keys.alive(site, unit.name))
+
+    def publish(self, record: bytes) -> None:
+        """Publish a committed sweep."""
+        self._outbox.post(lambda: self._sweeps.put(record))
+
+    def report(self, status: UnitStatus) -> None:
+        """Publish the unit's status."""
+        self._outbox.post(lambda: self._status.put(status))
+
+    def _on_pose(self, sample: zenoh.Sample) -> None:
+        try:
+            pose = bounds.decode(Pose, sample.payload.to_bytes())
+        except BoundsError:
+            self._track.refused += 1
+        else:
+            time_s = _time_of(pose, sample)
+            if time_s > time.time() + _MOST_AHEAD_S:
+                self._track.refused += 1
+                return
+            pose.ClearField("time")  # a sweep has its own
+            self._track.add(time_s, pose)
+
+    def _on_log_query(self, query: zenoh.Query) -> None:
+        self._readers.submit(self._answer_from_log, query)
+
+    def _answer_from_log(self, query: zenoh.Query) -> None:
+        with query:
+            try:
+                records = read_records(self._log, query.parameters.get)
+            except (LogError, ValueError) as error:
+                query.reply_err(str(error))
+            else:
+                query.reply(self._log_key, records.SerializeToString(), encoding=bus.encoding(LogRecords))
+
+    def _on_command(self, query: zenoh.Query) -> None:
+        name = str(query.key_expr).rsplit("/", 1)[-1]
+        try:
+            request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
+        except BoundsError as error:
+            query.reply_err(str(error))
+            return
+        reply = self._commands.carry_out(name, request)
+        reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))
+
+
+def _reply(query: zenoh.Query, reply: "Future[CommandReply]") -> None:
+    with query:
+        query.reply(query.key_expr, reply.result().SerializeToString(), encoding=bus.encoding(CommandReply))
+
+
+def read_records(log: SweepLog, parameter: Callable[[str], str | None]) -> LogRecords:
+    """The records that ``from=N;max=M`` asks for, as many as one reply may hold. Raises ValueError and LogError."""
+    first, most = (_number(name, parameter(name), default) for name, default in (("from", 1), ("max", MAX_RECORDS)))
+    found = log.read(first, min(most, MAX_RECORDS), MAX_REPLY_BYTES)
+    sweeps = [Sweep.FromString(record) for record in found.records]
+    return LogRecords(log_id=found.log_id, head=found.head, tail=found.tail, sweeps=sweeps)
+
+
+def _number(name: str, text: str | None, default: int) -> int:
+    if text is None:
+        return default
+    if not text.isdecimal() or len(text) > _MOST_DIGITS:
+        raise ValueError(f"{name}={text} is not a count: ask with from=N;max=M")
+    return int(text)
+
+
+def _time_of(pose: Pose, sample: zenoh.Sample) -> float:
+    """When the unit was there: as the tracker says, else as stamped on the way, else now."""
+    if pose.HasField("time"):
+        return pose.time.ToNanoseconds() * 1e-9
+    return sample.timestamp.get_time().timestamp() if sample.timestamp else time.time()

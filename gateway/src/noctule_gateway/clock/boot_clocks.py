@@ -1,0 +1,79 @@
+"""The clocks of a unit's boots: its ring outlives a reset, so sweeps of earlier boots may still come."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from noctule_gateway.clock.regression import Exchange, HostTime, NominalClock, RegressedClock, UnitClock
+
+UNKNOWN_BOOT_ERROR_S = 3600.0  # nothing tells how long a sweep has waited; a ring of them is rarely older than this
+_KEPT_BOOTS = 8
+
+Anchor = tuple[int, HostTime]
+
+
+class BootClocks:
+    """Tells when a tick of any boot was, in UTC.
+
+    The clocks run on the host's monotonic time, and ``utc_offset_s`` (UTC less monotonic) is added only when a time is
+    told, so that a host whose UTC is set right does not confuse them. ``anchor`` finds a boot's newest sweep in the
+    log: its start tick and time in UTC, or None.
+    """
+
+    def __init__(self, nominal: bool, anchor: Callable[[int], Anchor | None]) -> None:
+        self._make: type[NominalClock] | type[RegressedClock] = NominalClock if nominal else RegressedClock
+        self._anchor = anchor
+        self._clocks: OrderedDict[int, UnitClock] = OrderedDict()
+        self._boot = 0
+        self._begun_s = 0.0
+        self._last_tick = 0
+
+    def begin(self, boot: int, now_s: float, utc_offset_s: float) -> None:
+        """The unit has shown at ``now_s``, in the host's monotonic time, that it runs under ``boot``."""
+        self._boot = boot
+        self._begun_s = now_s
+        self._clock_of(boot, utc_offset_s)
+
+    def add(self, exchange: Exchange) -> bool:
+        """Take in an exchange of the present boot; False if it was refused."""
+        self._last_tick = exchange.sent_tick
+        return self._clocks[self._boot].add(exchange)
+
+    def at(self, boot: int, tick: int, utc_offset_s: float) -> HostTime:
+        """When ``tick`` of ``boot`` was, in UTC. Of a boot that nothing is known of: before the present one began."""
+        known = self._clock_of(boot, utc_offset_s).at(tick)
+        if known is not None:
+            return HostTime(known.time_s + utc_offset_s, known.error_s)
+        began = self._clocks[self._boot].at(0)
+        began_s = began.time_s if began is not None else self._begun_s
+        return HostTime(began_s + utc_offset_s, UNKNOWN_BOOT_ERROR_S)
+
+    @property
+    def error_s(self) -> float:
+        """One standard deviation of the time told for now."""
+        now = self._clocks[self._boot].at(self._last_tick) if self._boot in self._clocks else None
+        return now.error_s if now is not None else UNKNOWN_BOOT_ERROR_S
+
+    @property
+    def drift(self) -> float:
+        """By how much the unit's oscillator is fast, seconds per second."""
+        return self._clocks[self._boot].drift if self._boot in self._clocks else 0.0
+
+    def good_drift(self, boot: int) -> float | None:
+        """The drift that ``boot`` ran with, where that is known; else the present boot's: it is the same oscillator."""
+        known = (self._clocks[each].good_drift for each in (boot, self._boot) if each in self._clocks)
+        return next((drift for drift in known if drift is not None), None)
+
+    def _clock_of(self, boot: int, utc_offset_s: float) -> UnitClock:
+        if boot not in self._clocks:
+            found = self._anchor(boot)
+            if found is None:
+                self._clocks[boot] = self._make()
+            else:
+                tick, utc = found
+                self._clocks[boot] = self._make(HostTime(utc.time_s - utc_offset_s, utc.error_s), tick)
+        if self._boot in self._clocks:  # the present boot's is never the one to go
+            self._clocks.move_to_end(self._boot)
+        self._clocks.move_to_end(boot)
+        if len(self._clocks) > _KEPT_BOOTS:
+            self._clocks.popitem(last=False)
+        return self._clocks[boot]

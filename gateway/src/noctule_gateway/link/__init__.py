@@ -1,0 +1,1 @@
+"""The conversation with a unit, without I/O and without a clock."""

@@ -1,0 +1,89 @@
+"""What a unit is asked of the gateway's own accord, and when; times are those that go into the link.
+
+HELLO now and again, for a reset may show in nothing else. After a HELLO that finds another boot, CLOCK exchanges in a
+row, until the unit's time can be told; SETTINGS once; STATUS and CLOCK in turn from then on.
+"""
+
+from math import inf
+
+from noctule_gateway.wire.frames import AskClock, AskHello, AskSettings, AskStatus, Enquiry
+
+QUICK_CLOCKS = 8
+CLOCK_EVERY_S = 0.97  # not in step with STATUS, nor with what a unit does once a second
+STATUS_EVERY_S = 1.0
+HELLO_EVERY_S = 10.0
+HELLO_RETRY_S = 0.5
+SETTINGS_RETRY_S = 2.0
+
+
+class Agenda:
+    """The enquiries that are due. It begins with HELLO, and knows of nothing else until identified()."""
+
+    def __init__(self) -> None:
+        self._identified = False
+        self._clocks_to_begin_with = QUICK_CLOCKS
+        self._hello_due_s = self._clock_due_s = self._status_due_s = self._settings_due_s = 0.0
+
+    @property
+    def due_s(self) -> float:
+        """When the next enquiry is due."""
+        if not self._identified:
+            return self._hello_due_s
+        if not self.time_is_known:
+            return -inf
+        return min(self._hello_due_s, self._clock_due_s, self._status_due_s, self._settings_due_s)
+
+    @property
+    def time_is_known(self) -> bool:
+        """There have been enough CLOCK exchanges with this boot to tell when its sweeps were made."""
+        return self._clocks_to_begin_with == 0
+
+    def urgent(self, now_s: float) -> Enquiry | None:
+        """What goes before any order, if something does: who is there, and its time."""
+        if not self._identified or now_s >= self._hello_due_s:
+            self._hello_due_s = now_s + HELLO_RETRY_S
+            return AskHello(0)
+        return None if self.time_is_known else AskClock(0)
+
+    def routine(self, now_s: float) -> Enquiry:
+        """What is asked when there is nothing else to say."""
+        if now_s >= self._settings_due_s:
+            self._settings_due_s = now_s + SETTINGS_RETRY_S
+            return AskSettings(0)
+        if now_s >= self._status_due_s:
+            self._status_due_s = now_s + STATUS_EVERY_S
+            return AskStatus(0)
+        self._clock_due_s = now_s + CLOCK_EVERY_S
+        return AskClock(0)
+
+    def greet(self, at_s: float) -> None:
+        """Nothing is known of who is there: HELLO from ``at_s`` on, and nothing else."""
+        self._identified = False
+        self._hello_due_s = at_s
+
+    def greet_again(self, now_s: float) -> None:
+        """There is doubt who is there."""
+        self._hello_due_s = now_s
+
+    def identified(self, now_s: float, rebooted: bool) -> None:
+        """The unit has said who it is, under another boot than last time if ``rebooted``."""
+        if not self._identified:
+            self._clock_due_s = self._status_due_s = self._settings_due_s = now_s
+            # One at least: only its ticks show a unit that was given power anew and forgot how often that has been.
+            self._clocks_to_begin_with = max(self._clocks_to_begin_with, 1)
+        if rebooted:
+            self._clocks_to_begin_with = QUICK_CLOCKS
+        self._identified = True
+        self._hello_due_s = now_s + HELLO_EVERY_S
+
+    def clock_came(self) -> None:
+        """A CLOCK exchange has succeeded."""
+        self._clocks_to_begin_with = max(0, self._clocks_to_begin_with - 1)
+
+    def settings_came(self) -> None:
+        """SETTINGS has been answered."""
+        self._settings_due_s = inf
+
+    def settings_changed(self, now_s: float) -> None:
+        """An order has changed the unit's settings: read them anew."""
+        self._settings_due_s = now_s

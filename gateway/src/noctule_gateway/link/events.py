@@ -1,0 +1,72 @@
+"""What a link has to tell its caller."""
+
+from dataclasses import dataclass
+
+from noctule_gateway.clock.regression import Exchange
+from noctule_gateway.errors import CommandError, WrongUnitError
+from noctule_gateway.wire.frames import Hello, Loader, Order, Status, Sweep
+
+
+@dataclass(frozen=True)
+class Identified:
+    """The unit is the one expected. ``rebooted``: under another boot than at the last HELLO, or it is the first."""
+
+    hello: Hello
+    rebooted: bool
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Who answers is not the unit expected."""
+
+    error: WrongUnitError
+
+
+@dataclass(frozen=True)
+class InLoader:
+    """The unit is the one expected, but its application does not run: it sits in its loader."""
+
+    loader: Loader
+
+
+@dataclass(frozen=True)
+class Silent:
+    """The unit has stopped answering."""
+
+
+@dataclass(frozen=True)
+class ClockRead:
+    """A CLOCK exchange, the bytes' own time on a 115200 baud line taken out."""
+
+    exchange: Exchange
+
+
+@dataclass(frozen=True)
+class StatusRead:
+    """What the unit says of itself."""
+
+    status: Status
+
+
+@dataclass(frozen=True)
+class SettingsRead:
+    """Link.settings are known: after the unit was identified, and again after each order that changes them."""
+
+
+@dataclass(frozen=True)
+class SweepRead:
+    """A sweep to commit: call Link.committed() then, or Link.failed()."""
+
+    sweep: Sweep
+
+
+@dataclass(frozen=True)
+class OrderSettled:
+    """What became of an order given by Link.order(): ``error`` is None if it was carried out."""
+
+    order: Order
+    ticket: int
+    error: CommandError | None
+
+
+Event = Identified | Refused | InLoader | Silent | ClockRead | StatusRead | SettingsRead | SweepRead | OrderSettled

@@ -1,0 +1,250 @@
+"""The link to one unit, without I/O and without a clock: bytes and times go in, bytes and events come out.
+
+HELLO comes first, and nothing is believed of a unit that is not the one expected. Then what enquiries.py has to ask,
+what standing_orders.py has to order, and what the caller orders. A unit in its loader is asked nothing but HELLO. A
+sweep is acknowledged when the caller says that it is committed, and again each time it comes again, or may have.
+"""
+
+from noctule_gateway.errors import CommandError
+from noctule_gateway.link.enquiries import Agenda
+from noctule_gateway.link.events import (
+    ClockRead,
+    Event,
+    Identified,
+    InLoader,
+    Refused,
+    SettingsRead,
+    Silent,
+    StatusRead,
+    SweepRead,
+)
+from noctule_gateway.link.order_queue import CHANGES_SETTINGS, OrderQueue
+from noctule_gateway.link.peer import BootWatch, Silence, mismatch
+from noctule_gateway.link.receipts import Receipts, Standing
+from noctule_gateway.link.requests import Requests, RoundTrip
+from noctule_gateway.link.standing_orders import Setup, Wanted
+from noctule_gateway.wire import frames
+from noctule_gateway.wire.codec import FrameReader, encode
+from noctule_gateway.wire.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
+
+REFUSED_RETRY_S = 5.0
+LOADER_RETRY_S = 5.0
+
+
+class Link:
+    """One unit on one line: connected() when the line is open, then receive(), advance() and output() by ``next_s``.
+
+    Times are seconds of any one clock that never goes back.
+    """
+
+    def __init__(self, serial: int, wanted: Wanted, first_request: int) -> None:
+        self.reader = FrameReader()
+        self.setup = Setup(wanted)
+        self.receipts = Receipts()
+        self.timeouts = 0
+        self.identified = False
+        self._serial = serial
+        self._agenda = Agenda()
+        self._requests = Requests(first_request)
+        self._out = bytearray()
+        self._boot = BootWatch()
+        self._setup_waits = False
+        self._settings: Settings | None = None
+        self._settings_told = False
+        self._orders = OrderQueue(self.setup)
+        self._round_trip = RoundTrip()
+        self._silence = Silence()
+        self._hushed_until_s = 0.0
+        self._greet(0.0, "")
+
+    def connected(self, now_s: float, why: str = "the line to the unit was cut") -> list[Event]:
+        """The line has been opened, or changes hands; what was ordered before and is not settled fails, for ``why``."""
+        self.reader.reset()
+        self._out.clear()
+        return self._greet(now_s, why)
+
+    def set_up_again(self) -> None:
+        """Somebody else has spoken to the unit: it may not be doing what it is to do."""
+        self.setup.drop()
+        self._setup_waits = True
+
+    def receive(self, data: bytes, now_s: float) -> list[Event]:
+        """Take in what came over the line."""
+        bad_before = self.reader.frames_bad
+        read = self.reader.feed(data)
+        if self.reader.frames_bad > bad_before:
+            self._garbled(now_s)
+        events = [event for frame in read for event in self._take(frame, now_s)]
+        return events + self._tell_settings()
+
+    def advance(self, now_s: float) -> list[Event]:
+        """Take in that time has passed."""
+        return self._advance(now_s) + self._tell_settings()
+
+    def _advance(self, now_s: float) -> list[Event]:
+        if not self._requests.overdue(now_s):
+            return []
+        self.timeouts += 1
+        self._silence.timed_out()
+        if self.identified and self._silence.lasts:
+            return [*self._greet(now_s, "the unit has stopped answering"), Silent()]
+        again = self._requests.repeat(now_s)
+        if again is not None:
+            self._out += again
+            return []
+        return self._settle(None, now_s) if self._orders.given else []
+
+    def output(self, now_s: float) -> bytes:
+        """What to write to the line, at once. Nothing while a unit stores its settings, for then it hears nothing."""
+        if self._requests.pending and now_s < self._hushed_until_s:
+            return b""
+        if not self._requests.pending and now_s >= self.next_s:
+            self._out += self._requests.ask(self._next_request(now_s), now_s)
+            self._round_trip.asked(now_s, len(self._out))
+        if isinstance(self._orders.given, frames.Store) and self._requests.due_s is not None:
+            self._hushed_until_s = self._requests.due_s
+        written = bytes(self._out)
+        self._out.clear()
+        return written
+
+    @property
+    def next_s(self) -> float:
+        """When advance() and output() are due, if nothing happens before."""
+        if self._requests.due_s is not None:
+            return self._requests.due_s
+        if not self.identified:
+            return self._agenda.due_s
+        return min(self._agenda.due_s, self._orders.due_s)
+
+    def order(self, order: Order) -> int:
+        """Have the unit carry ``order`` out; OrderSettled comes with the ticket returned. Raises CommandError."""
+        if not self.identified:
+            raise CommandError("the unit is not connected")
+        ticket = self._orders.add(order)
+        self._tell_settings()
+        return ticket
+
+    @property
+    def settings(self) -> Settings | None:
+        """As the unit has them; None until they have been read, and as long as an order that changes them is under way.
+
+        The plan that ``setup`` is still to give is not in them.
+        """
+        return None if self._setup_waits or self._orders.changes_settings else self._settings
+
+    def committed(self, sweep: Sweep) -> None:
+        """``sweep`` is safe: the unit may forget it."""
+        self.receipts.committed(sweep)
+        self._acknowledge(sweep)
+
+    def failed(self, sweep: Sweep) -> None:
+        """``sweep`` could not be committed; it is taken again when the unit sends it again."""
+        self.receipts.failed(sweep)
+
+    def _next_request(self, now_s: float) -> Enquiry | Order:
+        urgent = self._agenda.urgent(now_s)
+        if urgent is not None:
+            return urgent
+        return self._orders.give() if now_s >= self._orders.due_s else self._agenda.routine(now_s)
+
+    def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
+        """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
+        self._requests.abandon()
+        self.identified = False
+        self._settings = None
+        self._silence.broken()
+        self._agenda.greet(now_s + again_s)
+        return self._orders.fail(why)
+
+    def _garbled(self, now_s: float) -> None:
+        """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
+        self._silence.garbled()
+        if self.identified and (sweep := self.receipts.to_acknowledge_again(now_s)) is not None:
+            self._acknowledge(sweep)
+
+    def _take(self, frame: frames.Frame, now_s: float) -> list[Event]:
+        self._silence.broken()
+        match frame:
+            case Hello() | Loader() if frame.request == 0 or self._requests.answered(frame):
+                return self._met(frame, now_s)
+        if not self.identified:
+            return []
+        match frame:
+            case Sweep():
+                return self._sweep(frame, now_s)
+            case Status() if frame.request == 0 or self._requests.answered(frame):
+                return self._status(frame, now_s)
+            case Clock() if self._requests.answered(frame):
+                return self._clock(frame, now_s)
+            case Settings() if self._requests.answered(frame):
+                self._settings = frame
+                self._agenda.settings_came()
+            case Result() if self._requests.answered(frame):
+                return self._settle(frame, now_s)
+        return []
+
+    def _met(self, frame: Hello | Loader, now_s: float) -> list[Event]:
+        error = mismatch(frame, self._serial)
+        if error is not None:
+            return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
+        if isinstance(frame, Loader):
+            return [*self._greet(now_s, "the unit is in its loader", LOADER_RETRY_S), InLoader(frame)]
+        return self._hello(frame, now_s)
+
+    def _hello(self, hello: Hello, now_s: float) -> list[Event]:
+        rebooted = self._boot.is_another(hello.boot)
+        if self.identified and not rebooted:
+            self._agenda.identified(now_s, rebooted=False)
+            return []
+        done = self._orders.unit_was_reset() if rebooted else []
+        lost = self._greet(now_s, "the unit was reset")
+        self._agenda.identified(now_s, rebooted)
+        self.identified = True
+        if rebooted:
+            self._boot.begin(hello.boot)
+            self.setup.drop()
+            self._setup_waits = True
+        return [*done, *lost, Identified(hello, rebooted)]
+
+    def _status(self, status: Status, now_s: float) -> list[Event]:
+        if self._boot.refuted_by_tick(status.tick):
+            return self._doubt(now_s)
+        if self._setup_waits:
+            self._setup_waits = False
+            self.setup.begin(status)
+        return [StatusRead(status)]
+
+    def _clock(self, clock: Clock, now_s: float) -> list[Event]:
+        if self._boot.refuted_by_tick(clock.sent):
+            return self._doubt(now_s)
+        self._agenda.clock_came()
+        return [ClockRead(self._round_trip.exchange(clock, now_s))]
+
+    def _doubt(self, now_s: float) -> list[Event]:
+        """What has just come may be of another boot: leave it, and ask."""
+        self._agenda.greet_again(now_s)
+        return []
+
+    def _settle(self, result: Result | None, now_s: float) -> list[Event]:
+        if result is not None and isinstance(self._orders.given, CHANGES_SETTINGS):
+            self._settings = None
+            self._agenda.settings_changed(now_s)
+        return self._orders.settle(result, now_s)
+
+    def _tell_settings(self) -> list[Event]:
+        told, self._settings_told = self._settings_told, self.settings is not None
+        return [SettingsRead()] if self._settings_told and not told else []
+
+    def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
+        if not self._agenda.time_is_known:
+            return []  # it comes again
+        if self._boot.doubted_by_sweep(sweep.boot):
+            return self._doubt(now_s)
+        standing = self.receipts.arrive(sweep)
+        if standing is Standing.COMMITTED:
+            self._acknowledge(sweep)
+        return [SweepRead(sweep)] if standing is Standing.NEW else []
+
+    def _acknowledge(self, sweep: Sweep) -> None:
+        self.receipts.acknowledged(sweep)
+        self._out += encode(frames.Ack(sweep.boot, sweep.sequence))

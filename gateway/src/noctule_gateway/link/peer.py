@@ -1,0 +1,78 @@
+"""Who is at the other end of the line: the unit expected or another, there or gone, the same boot or a later one."""
+
+from noctule_gateway.errors import WrongUnitError
+from noctule_gateway.wire.frames import NO_SERIAL, PROTOCOL, Hello, Loader
+
+SILENT_AFTER = 6  # time-outs in a row, and nothing between them
+GARBLED_AFTER = 60  # time-outs in a row, and between them nothing that can be read
+
+_SLACK_TICKS = 400_000  # frames may pass one another within the unit, but not by 0.1 s
+
+
+def mismatch(hello: Hello | Loader, serial: int) -> WrongUnitError | None:
+    """What is wrong with who says ``hello`` where unit ``serial`` is expected; None if nothing is."""
+    if hello.protocol != PROTOCOL:
+        return WrongUnitError(f"the unit speaks protocol {hello.protocol}, the gateway {PROTOCOL}: update one of them")
+    if hello.serial != serial:
+        found = "a unit without a serial number" if hello.serial == NO_SERIAL else f"unit {hello.serial}"
+        return WrongUnitError(f"{found} answers where the site file has {serial}: check cable and address")
+    return None
+
+
+class Silence:
+    """Time-outs since something came, and since something that could be read came."""
+
+    def __init__(self) -> None:
+        self._nothing_came = self._nothing_read = 0
+
+    def timed_out(self) -> None:
+        """An answer has not come."""
+        self._nothing_came += 1
+        self._nothing_read += 1
+
+    def garbled(self) -> None:
+        """Something has come that can't be read."""
+        self._nothing_came = 0
+
+    def broken(self) -> None:
+        """Something has come that can be read, or all begins anew."""
+        self._nothing_came = self._nothing_read = 0
+
+    @property
+    def lasts(self) -> bool:
+        """There is nobody any more, or nobody to be understood."""
+        return self._nothing_came >= SILENT_AFTER or self._nothing_read >= GARBLED_AFTER
+
+
+class BootWatch:
+    """The boot that the unit last named in a HELLO, and what has spoken against it since."""
+
+    def __init__(self) -> None:
+        self._boot: int | None = None
+        self._last_tick = 0
+        self._ticks_went_back = False
+        self._doubted: set[int] = set()
+
+    def is_another(self, boot: int) -> bool:
+        """A HELLO that names ``boot`` is of another boot, maybe under the same number."""
+        return boot != self._boot or self._ticks_went_back
+
+    def begin(self, boot: int) -> None:
+        """The unit runs under ``boot``, from its first tick on."""
+        self._boot = boot
+        self._last_tick, self._ticks_went_back = 0, False
+
+    def refuted_by_tick(self, tick: int) -> bool:
+        """``tick``, or one before it, is of another boot."""
+        if tick + _SLACK_TICKS < self._last_tick:
+            self._ticks_went_back = True
+        self._last_tick = tick
+        return self._ticks_went_back
+
+    def doubted_by_sweep(self, boot: int) -> bool:
+        """A sweep of ``boot`` is the first of a later boot, as far as 16 bits can tell. Each boot is doubted once."""
+        later = self._boot is not None and 0 < (boot - self._boot) % 0x10000 < 0x8000
+        if not later or boot in self._doubted:
+            return False
+        self._doubted.add(boot)
+        return True

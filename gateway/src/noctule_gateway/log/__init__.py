@@ -1,0 +1,1 @@
+"""A unit's log on the disk."""

@@ -1,0 +1,1 @@
+"""A unit's status in words and figures."""

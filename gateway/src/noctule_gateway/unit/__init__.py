@@ -1,0 +1,1 @@
+"""One unit served, from its line to its log."""

@@ -1,0 +1,127 @@
+"""The commands of the bus to one unit: carried out through its link, or answered from what is known of it.
+
+All methods are called on the line's thread, but for the futures' own.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
+from noctule_gateway.errors import CommandError, GatewayError
+from noctule_gateway.link.events import OrderSettled
+from noctule_gateway.link.link import Link
+from noctule_gateway.update.image import Image, parse
+from noctule_gateway.update.outcome import Ending, describe
+from noctule_gateway.wire import orders, settings_message
+from noctule_gateway.wire.frames import Settings
+
+AT_ONCE = ("hello", "status")
+SETTINGS = "settings"
+UPDATE = "update"
+BEING_UPDATED = "the unit is being updated: wait until that is over, its status says how far it is"
+
+
+@dataclass(frozen=True)
+class _Command:
+    name: str
+    request: CommandRequest
+    reply: Future[CommandReply]
+
+
+class Execution:
+    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
+
+    ``update`` gets the image, and whether to send one that the unit has already.
+    """
+
+    def __init__(self, link: Link, status: Callable[[], UnitStatus], update: Callable[[Image, bool], None]) -> None:
+        self._link, self._status, self._update = link, status, update
+        self._updating: _Command | None = None
+        self._ordered: dict[int, _Command] = {}
+        self._await_settings: deque[_Command] = deque()
+
+    def begin(self, name: str, request: CommandRequest, reply: Future[CommandReply]) -> None:
+        """Carry out a command; ``reply`` says what became of it, when that is known."""
+        command = _Command(name, request, reply)
+        try:
+            if name in AT_ONCE:
+                self._end(command)
+            elif self._updating is not None:
+                raise CommandError(BEING_UPDATED)
+            elif name == UPDATE:
+                self._begin_update(command)
+            elif name == SETTINGS or orders.needs_settings(name):
+                self._begin_with_settings(command)
+            else:
+                self._ordered[self._link.order(orders.order(name, request))] = command
+        except GatewayError as error:
+            self._end(command, error)
+
+    def settings_read(self) -> None:
+        """The link has read the unit's settings: go on with what waits for them."""
+        waiting, self._await_settings = self._await_settings, deque()
+        for command in waiting:
+            self.begin(command.name, command.request, command.reply)
+
+    def settled(self, event: OrderSettled) -> None:
+        """Something became of an order."""
+        self._end(self._ordered.pop(event.ticket), event.error)
+
+    def lost(self, why: str) -> None:
+        """The unit can't be asked any more."""
+        waiting, self._await_settings = self._await_settings, deque()
+        for command in waiting:
+            self._end(command, CommandError(why))
+
+    def updated(self, outcome: Ending, image: Image) -> None:
+        """The update is over."""
+        command, self._updating = self._updating, None
+        assert command is not None
+        failed = isinstance(outcome, GatewayError)
+        command.reply.set_result(
+            CommandReply(
+                request_id=command.request.request_id,
+                done=not failed,
+                error=str(outcome) if failed else "",
+                detail="" if failed else describe(outcome, image),
+            )
+        )
+
+    def stopped(self, why: str) -> None:
+        """The gateway ends, in the midst of an update maybe."""
+        command, self._updating = self._updating, None
+        if command is not None:
+            self._end(command, CommandError(f"{why}: update the unit again, it goes on where it was"))
+
+    def _begin_update(self, command: _Command) -> None:
+        if not command.request.image:
+            raise CommandError("image is empty: give what the firmware's build/update.hex holds")
+        self._update(parse(command.request.image, "the image"), command.request.force)
+        self._updating = command
+
+    def _begin_with_settings(self, command: _Command) -> None:
+        present = self._link.settings
+        if not self._link.identified:
+            raise CommandError("the unit is not connected")
+        if present is None:
+            self._await_settings.append(command)
+        elif command.name == SETTINGS:
+            self._end(command, known=present)
+        else:
+            if (plan := self._link.setup.plan_to_give) is not None:
+                present = settings_message.with_plan(present, plan)
+            order = orders.order_over(command.name, command.request, present)
+            self._ordered[self._link.order(order)] = command
+
+    def _end(self, command: _Command, error: GatewayError | None = None, known: Settings | None = None) -> None:
+        command.reply.set_result(
+            CommandReply(
+                request_id=command.request.request_id,
+                done=error is None,
+                error="" if error is None else str(error),
+                status=self._status(),
+                settings=None if known is None else settings_message.to_message(known),
+            )
+        )

@@ -1,0 +1,234 @@
+"""One unit served: its link, or an update of it, speaks on its line, and what comes of that goes where it belongs."""
+
+import logging
+import random
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
+from noctule.site import Site, Unit
+from noctule_gateway.errors import CommandError, GatewayError, LineError
+from noctule_gateway.line.line import Line
+from noctule_gateway.link.events import (
+    ClockRead,
+    Event,
+    Identified,
+    InLoader,
+    OrderSettled,
+    Refused,
+    SettingsRead,
+    Silent,
+    StatusRead,
+    SweepRead,
+)
+from noctule_gateway.link.link import Link
+from noctule_gateway.link.standing_orders import Wanted
+from noctule_gateway.log.sweep_log import SweepLog
+from noctule_gateway.pose import PoseTrack
+from noctule_gateway.status import reset_causes, unit_status
+from noctule_gateway.unit.command_runner import BEING_UPDATED, Execution
+from noctule_gateway.unit.plans import wanted_plan
+from noctule_gateway.unit.sweep_intake import Intake, utc_offset_s
+from noctule_gateway.unit.unit_state import Knowledge
+from noctule_gateway.update.image import Image
+from noctule_gateway.update.outcome import Current, Ending, describe
+from noctule_gateway.update.updater import Updater
+from noctule_gateway.wire import orders
+from noctule_gateway.wire.frames import MAX_REQUEST, Loader
+
+REPORT_EVERY_S = 1.0
+
+_STOPPED = "the gateway that served it was stopped"
+
+_log = logging.getLogger(__name__)
+
+
+class UnitServer:
+    """Serves ``unit`` from start() to stop(); its thread is the line's.
+
+    ``publish`` is called with each sweep's record after its commit, ``report`` with the unit's status each second and
+    when it changes; neither may block. Raises CommandError if the site file's plan does not fit a unit.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        unit: Unit,
+        log: SweepLog,
+        track: PoseTrack,
+        publish: Callable[[bytes], None],
+        report: Callable[[UnitStatus], None],
+    ) -> None:
+        self._site, self._unit, self._report = site, unit, report
+        wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
+        self._line = Line(unit.address, self, unit.name)
+        self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
+        self._intake = Intake(site, unit, log, track, self._link, publish, self._line.call)
+        self._known = Knowledge(site, unit, log, track, self._link, self._intake)
+        self._execution = Execution(self._link, self._known.message, self._begin_update)
+        self._updater: Updater | None = None  # has the line in place of the link
+        self._line_is_open = False
+        self._report_due_s = 0.0
+
+    def start(self) -> None:
+        """Begin to serve the unit."""
+        self._line.start()
+
+    def stop(self) -> None:
+        """Serve it no more, soon. What is on its way to the log is still committed."""
+        self._line.stop()
+
+    def join(self) -> None:
+        """Wait for the end after stop()."""
+        self._line.join()
+        self._handle(self._link.connected(time.monotonic(), _STOPPED))
+        self._lose(_STOPPED)
+        self._execution.stopped(_STOPPED)
+        self._known.update = ""
+        self._report(self._known.message())
+
+    def command(self, name: str, request: CommandRequest) -> Future[CommandReply]:
+        """Carry out a command of the bus; the reply says what went wrong. From any thread."""
+        future: Future[CommandReply] = Future()
+        self._line.call(lambda: self._execution.begin(name, request, future))
+        return future
+
+    @property
+    def late(self) -> bool:
+        """Its sweeps are acknowledged later than they should be: the machine can't keep up."""
+        return self._intake.lateness.too_late(time.monotonic())
+
+    @property
+    def connected(self) -> bool:
+        """The unit answers, and is the one expected."""
+        return self._link.identified
+
+    @property
+    def updating(self) -> bool:
+        """Its firmware is being updated."""
+        return self._updater is not None
+
+    # ---- The line's thread, as line.Talker ----
+
+    @property
+    def next_s(self) -> float:
+        """When the link, or the update, or the next report is due."""
+        return min(self._link.next_s if self._updater is None else self._updater.next_s, self._report_due_s)
+
+    def opened(self, now_s: float) -> None:
+        """Greet whoever is there."""
+        self._line_is_open = True
+        self._known.lines_opened += 1
+        self._greet(now_s)
+        if self._updater is not None:
+            self._updater.opened(now_s)
+
+    def closed(self, error: LineError, now_s: float) -> None:
+        """Tell why there is no line."""
+        self._line_is_open = False
+        self._handle(self._link.connected(now_s))
+        self._lose(str(error))
+        if self._updater is not None:
+            self._updater.closed(error, now_s)
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Hand what has come to the link, or to the update."""
+        if self._updater is None:
+            self._handle(self._link.receive(data, now_s))
+        else:
+            self._updater.receive(data, now_s)
+
+    def advance(self, now_s: float) -> None:
+        """Time-outs, and the report of each second."""
+        if self._updater is None:
+            self._handle(self._link.advance(now_s))
+        else:
+            self._advance_update(self._updater, now_s)
+        if now_s >= self._report_due_s:
+            self._report_due_s = now_s + REPORT_EVERY_S
+            self._report(self._known.report())
+
+    def output(self, now_s: float) -> bytes:
+        """What the link, or the update, has to say."""
+        return self._link.output(now_s) if self._updater is None else self._updater.output(now_s)
+
+    def _greet(self, now_s: float) -> None:
+        self._handle(self._link.connected(now_s))
+        self._lose(f"no answer on {self._unit.address}")
+        self._report_due_s = now_s + REPORT_EVERY_S  # most units answer before that needs telling
+
+    # ---- What the link tells ----
+
+    def _handle(self, events: list[Event]) -> None:
+        for event in events:
+            match event:
+                case Identified():
+                    self._identified(event)
+                case Refused(error):
+                    self._lose(str(error))
+                case InLoader(loader):
+                    self._lose(unit_status.in_loader(loader, self._unit, self._site.name), loader)
+                case Silent():
+                    self._lose(f"no answer on {self._unit.address}")
+                case ClockRead(exchange):
+                    self._known.clocks_refused += not self._intake.clocks.add(exchange)
+                case StatusRead(read):
+                    changed = self._known.status is None or read.state != self._known.status.state
+                    self._known.status = read
+                    self._report_due_s = 0.0 if changed else self._report_due_s
+                case SettingsRead():
+                    self._execution.settings_read()
+                case SweepRead(sweep):
+                    self._intake.take(sweep)
+                case OrderSettled():
+                    self._execution.settled(event)
+
+    def _identified(self, event: Identified) -> None:
+        hello, name = event.hello, self._unit.name
+        _log.info("%s: unit %d, firmware %s, boot %d", name, hello.serial, hello.version, hello.boot)
+        if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._known.hello is not None)):
+            _log.warning("%s has started anew: %s", name, warning)
+        self._known.hello, self._known.loader, self._known.trouble = hello, None, ""
+        self._intake.clocks.begin(hello.boot, time.monotonic(), utc_offset_s())
+        self._report_due_s = 0.0
+
+    def _lose(self, why: str, loader: Loader | None = None) -> None:
+        """The unit can't be asked for anything, until it is identified again."""
+        self._known.trouble, self._known.loader = why, loader
+        self._execution.lost(why)
+        self._report_due_s = 0.0
+
+    # ---- An update, which has the line until it is over ----
+
+    def _begin_update(self, image: Image, again: bool) -> None:
+        if not self._line_is_open:
+            raise CommandError(self._known.trouble)
+        now_s = time.monotonic()
+        self._handle(self._link.connected(now_s, BEING_UPDATED))
+        self._lose(BEING_UPDATED)
+        self._updater = Updater(self._unit.serial, image, again, random.randrange(MAX_REQUEST))
+        self._updater.opened(now_s)
+        _log.info("%s: its firmware is being updated to %s", self._unit.name, image.version_text)
+
+    def _advance_update(self, updater: Updater, now_s: float) -> None:
+        updater.advance(now_s)
+        self._known.update = f"updating: {updater.progress}"
+        if updater.outcome is not None:
+            self._updater, self._known.update = None, ""
+            self._end_update(updater.image, updater.outcome, now_s)
+
+    def _end_update(self, image: Image, outcome: Ending, now_s: float) -> None:
+        failed = isinstance(outcome, GatewayError)
+        _log.log(
+            logging.WARNING if failed else logging.INFO,
+            "%s: %s: %s",
+            self._unit.name,
+            "its firmware was not updated" if failed else "the update is over",
+            describe(outcome, image),
+        )
+        if not isinstance(outcome, Current):
+            self._link.set_up_again()
+        if self._line_is_open:
+            self._greet(now_s)
+        self._execution.updated(outcome, image)

@@ -1,0 +1,144 @@
+"""What a unit is told to do, from SI units to the wire's integers. ``request`` is 0: the link numbers what it sends."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
+from noctule_gateway.errors import CommandError, FrameError
+from noctule_gateway.wire.codec import encode
+from noctule_gateway.wire.frames import (
+    NO_WAYPOINT,
+    Calibrate,
+    Configure,
+    GoTo,
+    Home,
+    Order,
+    Reset,
+    Settings,
+    SetWaypoint,
+    Single,
+    Start,
+    Stop,
+    Store,
+    TrimTemperature,
+)
+from noctule_gateway.wire.settings_message import HALF_STEP_PARTS, HOMES, calibration_of, plan_of
+from noctule_gateway.wire.sweep_message import BEARING_RAD
+
+T = TypeVar("T", bound=Order)
+
+_PLAN_SCALES = {
+    "first_bearing": ("first_bearing_rad", 1 / BEARING_RAD),
+    "bearing_step": ("bearing_step_rad", 1 / BEARING_RAD),
+    "count": ("count", 1),
+    "ping_interval_ms": ("ping_interval_s", 1000),
+    "top_speed": ("top_speed_half_steps_s", 1),
+    "ramp_ms": ("ramp_s", 1000),
+    "settle_ms": ("settle_s", 1000),
+    "pings": ("pings", 1),
+}
+_CALIBRATION_SCALES = {
+    "half_steps_per_turn": ("half_steps_per_turn", HALF_STEP_PARTS),
+    "backlash": ("backlash_half_steps", 1),
+    "home_bearing": ("home_bearing_rad", 1 / BEARING_RAD),
+}
+
+
+def configure(plan: SweepPlan, present: Configure) -> Configure:
+    """``plan`` over the ``present`` one. Raises CommandError if a value does not fit the frame."""
+    return _fitting(replace(present, **_given(plan, _PLAN_SCALES)))
+
+
+def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
+    """``calibration`` over the ``present`` one. Raises CommandError if a value does not fit the frame."""
+    given = _given(calibration, _CALIBRATION_SCALES)
+    if calibration.HasField("home"):
+        kinds = {home: kind for kind, home in HOMES.items()}
+        if calibration.home not in kinds:
+            raise CommandError(f"home {calibration.home} is no kind of home: give HOME_SWITCH or HOME_STOP")
+        given["home"] = kinds[calibration.home]
+    return _fitting(replace(present, **given))
+
+
+def start(pause_s: float) -> Start:
+    """Sweep until told to stop, with ``pause_s`` between two sweeps. Raises CommandError if that does not fit."""
+    return _fitting(Start(0, _integer("pause_s", pause_s, 1000)))
+
+
+def _set_waypoint(request: CommandRequest) -> SetWaypoint:
+    return _fitting(SetWaypoint(0, request.waypoint if request.HasField("waypoint") else NO_WAYPOINT))
+
+
+def _go_to(request: CommandRequest) -> GoTo:
+    return _fitting(GoTo(0, _needed(request, "bearing_rad", 1 / BEARING_RAD)))
+
+
+def _trim_temperature(request: CommandRequest) -> TrimTemperature:
+    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", 100)))
+
+
+_SIMPLE: dict[str, Callable[[CommandRequest], Order]] = {
+    "start": lambda request: start(request.pause_s),
+    "stop": lambda _: Stop(0),
+    "single": lambda _: Single(0),
+    "home": lambda _: Home(0),
+    "set_waypoint": _set_waypoint,
+    "go_to": _go_to,
+    "trim_temperature": _trim_temperature,
+    "store": lambda _: Store(0),
+    "reset": lambda _: Reset(0),
+}
+# What changes a part of the unit's settings needs the rest of them.
+_OVER_PRESENT: dict[str, Callable[[CommandRequest, Settings], Order]] = {
+    "configure": lambda request, present: configure(request.plan, plan_of(present)),
+    "calibrate": lambda request, present: calibrate(request.calibration, calibration_of(present)),
+}
+
+
+def needs_settings(name: str) -> bool:
+    """The command ``name`` is told by order_over() and not by order()."""
+    return name in _OVER_PRESENT
+
+
+def order(name: str, request: CommandRequest) -> Order:
+    """The order that the command ``name`` means. Raises CommandError if it makes no sense."""
+    if name not in _SIMPLE:
+        known = ", ".join(sorted([*_SIMPLE, *_OVER_PRESENT]))
+        raise CommandError(f"there is no command {name!r}: there are {known}")
+    return _SIMPLE[name](request)
+
+
+def order_over(name: str, request: CommandRequest, present: Settings) -> Order:
+    """The order that the command ``name`` means to a unit that goes by ``present``. Raises CommandError."""
+    return _OVER_PRESENT[name](request, present)
+
+
+def _given(message: SweepPlan | Calibration, scales: dict[str, tuple[str, float]]) -> dict[str, int]:
+    """The wire's integers of the fields that are set."""
+    return {
+        wire: _integer(name, getattr(message, name), scale)
+        for wire, (name, scale) in scales.items()
+        if message.HasField(name)
+    }
+
+
+def _needed(request: CommandRequest, name: str, scale: float) -> int:
+    if not request.HasField(name):
+        raise CommandError(f"{name} is not set: give it")
+    return _integer(name, getattr(request, name), scale)
+
+
+def _integer(name: str, value: float, scale: float) -> int:
+    try:
+        return round(value * scale)
+    except (ValueError, OverflowError) as error:
+        raise CommandError(f"{name} is {value}: give a finite number") from error
+
+
+def _fitting(order: T) -> T:
+    try:
+        encode(order)
+    except FrameError as error:
+        raise CommandError(f"out of range: {error}") from error
+    return order
