@@ -12,7 +12,7 @@ from google.protobuf import json_format
 from mapper.command import Result, noctule_mapper
 from mapper.live_site import SITE, paper_survey
 
-from noctule import scene, survey
+from noctule import rerun_paths, survey
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Wall
 from noctule_mapper.export.svg import NAMESPACE, svg
 from noctule_mapper.readings.sweep import SweepReadings
@@ -117,17 +117,24 @@ def test_a_recording_holds_the_entities_of_the_live_map(file: Path) -> None:
     assert result.exit_code == 0, result.complaint
     reader = rerun.chunk.RrdReader(file.with_name("map.rrd"))
     (recording,) = reader.recordings()
-    assert (recording.application_id, recording.recording_id) == (scene.APPLICATION_ID, SITE)
+    assert (recording.application_id, recording.recording_id) == (rerun_paths.APPLICATION_ID, SITE)
     assert reader.blueprints()
     statics, sweeps = set(), set()
     for chunk in reader.stream(store=recording).to_chunks():
         if chunk.is_static:
             statics.add(chunk.entity_path)
-        elif chunk.entity_path == f"/{scene.unit_rays('u1')}":
-            sweeps |= set(chunk.to_record_batch().column(scene.SWEEP).to_pylist())
-    lasting = (scene.WORLD, scene.WALLS, scene.CORNERS, scene.CYLINDERS, scene.FEATURES, scene.ECHOES)
+        elif chunk.entity_path == f"/{rerun_paths.unit_rays('u1')}":
+            sweeps |= set(chunk.to_record_batch().column(rerun_paths.SWEEP).to_pylist())
+    lasting = (
+        rerun_paths.WORLD,
+        rerun_paths.WALLS,
+        rerun_paths.CORNERS,
+        rerun_paths.CYLINDERS,
+        rerun_paths.FEATURES,
+        rerun_paths.ECHOES,
+    )
     assert {f"/{path}" for path in lasting} <= statics
-    assert any(path.startswith(f"/{scene.GRID}/") for path in statics)
+    assert any(path.startswith(f"/{rerun_paths.GRID}/") for path in statics)
     assert sweeps == set(range(len(paper_survey())))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mapper.rerun_relay import Viewer, relay, viewer
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.messages_pb2 import (
     POSE_STATE_FITTED,
     POSE_STATE_OPEN,
@@ -74,10 +74,10 @@ def test_walls_bear_their_lengths_and_cylinders_their_radii(shown: tuple[RerunLo
         cylinders=[Cylinder(x_m=1.0, y_m=2.0, radius_m=0.448)],
     )
     log.show_contour(contour)
-    assert watching.values(scene.WALLS, "LineStrips2D:strips") == [[[[0.0, 0.0], [3.0, 4.0]]]]
-    assert watching.values(scene.WALLS, "LineStrips2D:labels") == [["5.00 m"]]
-    assert watching.values(scene.CYLINDERS, "Points2D:labels") == [["r 0.45 m"]]
-    assert watching.values(scene.CYLINDERS, "Ellipses2D:half_sizes") == [[pytest.approx([0.448, 0.448])]]
+    assert watching.values(rerun_paths.WALLS, "LineStrips2D:strips") == [[[[0.0, 0.0], [3.0, 4.0]]]]
+    assert watching.values(rerun_paths.WALLS, "LineStrips2D:labels") == [["5.00 m"]]
+    assert watching.values(rerun_paths.CYLINDERS, "Points2D:labels") == [["r 0.45 m"]]
+    assert watching.values(rerun_paths.CYLINDERS, "Ellipses2D:half_sizes") == [[pytest.approx([0.448, 0.448])]]
 
 
 def test_a_touch_is_a_bar_across_its_direction_that_bears_what_it_may_be(shown: tuple[RerunLog, Viewer]) -> None:
@@ -85,10 +85,10 @@ def test_a_touch_is_a_bar_across_its_direction_that_bears_what_it_may_be(shown: 
     # Heard towards +x: 5 cm of error across, 2 mm along.
     touch = Touch(x_m=2.0, y_m=1.0, covariance=[4e-6, 0, 0, 25e-4], chance_wall=0.5, chance_corner=0.3)
     log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0), chance=0.997)], touches=[touch]))
-    ((bar,),) = watching.values(scene.TOUCHES, "LineStrips2D:strips")
+    ((bar,),) = watching.values(rerun_paths.TOUCHES, "LineStrips2D:strips")
     assert bar == [pytest.approx([2.0, 0.95]), pytest.approx([2.0, 1.05])]
-    assert watching.values(scene.TOUCHES, "LineStrips2D:labels") == [["wall? 50 %"]]
-    assert watching.values(scene.WALLS, "LineStrips2D:labels") == [["1.00 m, 99.7 %"]]
+    assert watching.values(rerun_paths.TOUCHES, "LineStrips2D:labels") == [["wall? 50 %"]]
+    assert watching.values(rerun_paths.WALLS, "LineStrips2D:labels") == [["1.00 m, 99.7 %"]]
 
 
 def test_a_unit_has_an_ellipse_of_its_error_and_a_wrong_one_is_named_and_tied_to_its_stated_place(
@@ -101,12 +101,12 @@ def test_a_unit_has_an_ellipse_of_its_error_and_a_wrong_one_is_named_and_tied_to
     wrong = UnitPose(unit="u2", x_m=3.0, stated=Pose(x_m=3.3), covariance=variances, state=POSE_STATE_WRONG)
     nowhere = UnitPose(unit="u3", stated=Pose(sigma_position_m=100), state=POSE_STATE_OPEN)
     log.show_contour(Contour(poses=[right, wrong, nowhere]))
-    (strips,) = watching.values(scene.POSES, "LineStrips2D:strips")
+    (strips,) = watching.values(rerun_paths.POSES, "LineStrips2D:strips")
     ellipse = np.array(strips[0])
     assert len(strips) == 2 + 3  # an ellipse and a wedge each, and the way from the stated place
     assert np.ptp(ellipse, axis=0) == pytest.approx([0.04, 0.08], rel=0.01)  # two sigmas to each side
     assert strips[-1] == [pytest.approx([3.3, 0.0]), pytest.approx([3.0, 0.0])]
-    assert watching.values(scene.POSES, "Points2D:labels") == [["u2: wrong pose"]]
+    assert watching.values(rerun_paths.POSES, "Points2D:labels") == [["u2: wrong pose"]]
 
 
 def test_the_rays_of_a_unit_whose_pose_is_unknown_are_drawn_where_the_contour_has_found_it(
@@ -118,7 +118,7 @@ def test_the_rays_of_a_unit_whose_pose_is_unknown_are_drawn_where_the_contour_ha
     found = UnitPose(unit="u1", x_m=4.0, y_m=1.0, stated=Pose(sigma_position_m=100), state=POSE_STATE_FITTED)
     log.show_contour(Contour(poses=[found]))
     log.show_sweep(sweep)
-    (rays,) = watching.values(scene.unit_rays("u1"), "LineStrips2D:strips")
+    (rays,) = watching.values(rerun_paths.unit_rays("u1"), "LineStrips2D:strips")
     assert rays[0] == [[4.0, 1.0], pytest.approx([5.5, 1.0])]
 
 
@@ -126,14 +126,14 @@ def test_a_contour_without_objects_takes_away_what_was_shown(shown: tuple[RerunL
     log, watching = shown
     log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0))], cylinders=[Cylinder(radius_m=0.1)]))
     log.show_contour(Contour())
-    assert watching.values(scene.WALLS, "LineStrips2D:strips", rows=2)[-1] == []
-    assert watching.values(scene.CYLINDERS, "Ellipses2D:half_sizes", rows=2)[-1] == []
+    assert watching.values(rerun_paths.WALLS, "LineStrips2D:strips", rows=2)[-1] == []
+    assert watching.values(rerun_paths.CYLINDERS, "Ellipses2D:half_sizes", rows=2)[-1] == []
 
 
 def test_rays_reach_their_echoes_and_are_short_where_nothing_was_heard(shown: tuple[RerunLog, Viewer]) -> None:
     log, watching = shown
     log.show_sweep(readings(1, x_m=0.5))
-    (rays,) = watching.values(scene.unit_rays("u1"), "LineStrips2D:strips")
+    (rays,) = watching.values(rerun_paths.unit_rays("u1"), "LineStrips2D:strips")
     assert rays == [
         [[0.5, 0.0], pytest.approx([0.5, 1.5])],
         [[0.5, 0.0], pytest.approx([0.25, 0.0], abs=1e-6)],
@@ -144,8 +144,10 @@ def test_a_unit_leaves_a_trail_that_outlives_a_restart(shown: tuple[RerunLog, Vi
     log, watching = shown
     log.recall_sweep(readings(1, x_m=0.0))
     log.show_sweep(readings(2, x_m=0.2))
-    (chunk,) = watching.wait_for(scene.unit_trail("u1"))
-    assert watching.values(scene.unit_trail("u1"), "LineStrips2D:strips") == [[[[0.0, 0.0], pytest.approx([0.2, 0.0])]]]
+    (chunk,) = watching.wait_for(rerun_paths.unit_trail("u1"))
+    assert watching.values(rerun_paths.unit_trail("u1"), "LineStrips2D:strips") == [
+        [[[0.0, 0.0], pytest.approx([0.2, 0.0])]]
+    ]
     batch = chunk.to_record_batch()
     assert batch.column("time").to_pylist()[0].timestamp() == 2_002.0
     assert batch.column("sweep").to_pylist() == [2]
@@ -155,7 +157,7 @@ def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog,
     log, watching = shown
     tile = GridTile(tile_x=-1, tile_y=2, x_m=-1.28, y_m=2.56, cell_m=0.02, columns=2, rows=1)
     tile.occupied, tile.free = bytes([240, 0]), bytes([0, 0])
-    path = scene.grid_tile("-1_2")
+    path = rerun_paths.grid_tile("-1_2")
     log.show_tiles([tile])
     assert watching.values(path, "Transform3D:translation") == [[pytest.approx([-1.28, 2.56, 0.0])]]
     ((png,),) = watching.values(path, "EncodedImage:blob")
@@ -174,19 +176,19 @@ def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(sho
         log.show_unit_status(status(UnitStatus.STATE_FAULT, "the stepper is stuck"))
     log.show_unit_status(status(UnitStatus.STATE_IDLE))
     log.show_unit_status(status(UnitStatus.STATE_DISCONNECTED, "no gateway serves it any more"))
-    assert watching.values(scene.unit_log("u1"), "TextLog:text", rows=3) == [
+    assert watching.values(rerun_paths.unit_log("u1"), "TextLog:text", rows=3) == [
         ["u1 fault: the stepper is stuck"],
         ["u1 is well again"],
         ["u1 disconnected: no gateway serves it any more"],
     ]
-    states = watching.values(scene.unit_state("u1"), "StateChange:state", rows=4)
+    states = watching.values(rerun_paths.unit_state("u1"), "StateChange:state", rows=4)
     assert states == [["sweeping"], ["fault"], ["idle"], ["disconnected"]]
-    assert watching.values(scene.unit_clock_error("u1"), "Scalars:scalars", rows=7) == [[2.0]] * 7
+    assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars", rows=7) == [[2.0]] * 7
 
 
 def test_the_mappers_figures_come_with_a_heartbeat_that_says_the_hour(shown: tuple[RerunLog, Viewer]) -> None:
     log, watching = shown
     log.show_service_status(ServiceStatus(site="paper-room", counters={"contours": 12}), "5 walls")
-    assert watching.values(scene.mapper_counter("contours"), "Scalars:scalars") == [[12.0]]
-    ((heading,),) = watching.values(scene.HEARTBEAT, "TextDocument:text")
+    assert watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars") == [[12.0]]
+    ((heading,),) = watching.values(rerun_paths.HEARTBEAT, "TextDocument:text")
     assert heading.startswith("### paper-room — 5 walls — ")

@@ -19,7 +19,7 @@ from mapper.live_site import paper_survey
 from mapper.room import paper_path, paper_room, survey
 from PIL import Image
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.survey import write
 from noctule_mapper.choices import Method
 from noctule_mapper.cli.reproduce import reproduce
@@ -124,20 +124,26 @@ def test_the_true_columns_are_the_simulated_room(made: Reproduced) -> None:
 def test_the_recording_steps_through_the_survey_and_holds_the_figures(made: Reproduced) -> None:
     reader = rerun.chunk.RrdReader(made.folder / "survey.rrd")
     (recording,) = reader.recordings()
-    assert recording.application_id == scene.APPLICATION_ID
+    assert recording.application_id == rerun_paths.APPLICATION_ID
     assert reader.blueprints()
     sweeps: dict[str, set[int]] = {}
     statics = set()
     for chunk in reader.stream(store=recording).to_chunks():
         if chunk.is_static:
             statics.add(chunk.entity_path)
-        elif scene.SWEEP in chunk.timeline_names:
-            column = chunk.to_record_batch().column(scene.SWEEP)
+        elif rerun_paths.SWEEP in chunk.timeline_names:
+            column = chunk.to_record_batch().column(rerun_paths.SWEEP)
             sweeps.setdefault(chunk.entity_path, set()).update(column.to_pylist())
     every = set(range(len(paper_path())))
-    for path in (scene.WALLS, scene.CORNERS, scene.CYLINDERS, scene.FEATURES, scene.unit_rays("u1")):
+    for path in (
+        rerun_paths.WALLS,
+        rerun_paths.CORNERS,
+        rerun_paths.CYLINDERS,
+        rerun_paths.FEATURES,
+        rerun_paths.unit_rays("u1"),
+    ):
         assert sweeps[f"/{path}"] == every
-    assert any(path.startswith(f"/{scene.GRID}/") for path in sweeps)
+    assert any(path.startswith(f"/{rerun_paths.GRID}/") for path in sweeps)
     assert {f"/figures/figure_{number:02d}" for number in FIGURES} | {"/report"} <= statics
 
 
@@ -148,7 +154,7 @@ def test_the_recording_ends_with_the_contour_of_the_first_seed(made: Reproduced)
         batch = chunk.to_record_batch()
         if "Ellipses2D:half_sizes" in batch.schema.names:
             sizes = batch.column("Ellipses2D:half_sizes").to_pylist()
-            radii_m |= dict(zip(batch.column(scene.SWEEP).to_pylist(), sizes, strict=True))
+            radii_m |= dict(zip(batch.column(rerun_paths.SWEEP).to_pylist(), sizes, strict=True))
     radius_m = mapped(SEEDS[0], "refined").cylinders[0].radius_m
     assert radii_m[len(paper_path()) - 1] == [pytest.approx([radius_m, radius_m], abs=1e-6)]
     assert radii_m[0] == [], "one sweep shows no cylinder"

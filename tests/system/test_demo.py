@@ -8,7 +8,7 @@ from system.processes import ROOT, free_ports, listens, programs, wait_until
 from system.site import SITE, SURVEY_SWEEPS
 from truth import compare, load_room
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.client import Client
 from noctule.messages_pb2 import Contour
 
@@ -29,7 +29,13 @@ def test_the_demo_maps_the_papers_room_and_its_viewer_shows_the_map(tmp_path: Pa
         running.start("demo", "python", "deploy/demo/run.py", env=environment | {"DEMO_DATA": str(tmp_path / "data")})
         contour = whole_survey(ports["ZENOH"], running.check)
         with viewer(f"rerun+http://127.0.0.1:{ports['RERUN']}/proxy", tmp_path) as late_joiner:
-            for part in (scene.WALLS, scene.CORNERS, scene.CYLINDERS, scene.FEATURES, scene.GRID):
+            for part in (
+                rerun_paths.WALLS,
+                rerun_paths.CORNERS,
+                rerun_paths.CYLINDERS,
+                rerun_paths.FEATURES,
+                rerun_paths.GRID,
+            ):
                 wait_until(lambda part=part: shows(late_joiner, part), f"{part} is not shown", within_s=30)
         running.end("demo")
     assert not any(listens(port) for port in ports.values())
@@ -56,5 +62,5 @@ def whole_survey(zenoh_port: int, check) -> Contour:
 
 
 def shows(viewer: Viewer, part: str) -> bool:
-    """The viewer has been sent something of that part of the scene."""
+    """The viewer has been sent something of that part of the view."""
     return any(entity.startswith(part) for entity in viewer.seen())

@@ -20,7 +20,7 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 from system.processes import Programs, free_ports, listens, programs, wait_until
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.messages_pb2 import GridTile
 from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer.relay import RERUN, Relay
@@ -58,28 +58,28 @@ def native_viewer(relay: Relay) -> Iterator[ViewerClient]:
 
 def log_room(relay: Relay) -> None:
     """A wall, a cylinder and a unit that was not there when the layout was made."""
-    recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id="paper-room")
+    recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="paper-room")
     recording.connect_grpc(relay.url)
-    recording.set_time(scene.TIME, timestamp=1_800_000_000.0)
-    recording.log(scene.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]]), static=True)
+    recording.set_time(rerun_paths.TIME, timestamp=1_800_000_000.0)
+    recording.log(rerun_paths.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]]), static=True)
     wall = rr.LineStrips2D([[[0, 2], [3, 2]]], colors=[WALL], radii=rr.Radius.ui_points(5))
-    recording.log(scene.WALLS, wall)
+    recording.log(rerun_paths.WALLS, wall)
     cylinder = rr.Ellipses2D(
         centers=[[1, 0]], half_sizes=[[0.5, 0.5]], colors=[CYLINDER], line_radii=rr.Radius.ui_points(5)
     )
-    recording.log(scene.CYLINDERS, cylinder)
-    recording.log(scene.unit_state("u9"), rr.StateChange(state="sweeping"))
-    recording.log(scene.unit_clock_error("u9"), rr.Scalars(0.2))
-    recording.log(scene.unit_log("u9"), rr.TextLog("u9 is well again"))
+    recording.log(rerun_paths.CYLINDERS, cylinder)
+    recording.log(rerun_paths.unit_state("u9"), rr.StateChange(state="sweeping"))
+    recording.log(rerun_paths.unit_clock_error("u9"), rr.Scalars(0.2))
+    recording.log(rerun_paths.unit_log("u9"), rr.TextLog("u9 is well again"))
     recording.flush(timeout_sec=10)
     recording.disconnect()
 
 
 def log_tile(relay: Relay, tile: GridTile) -> None:
     """A tile of the grid, as the mapper draws it."""
-    recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id="paper-room")
+    recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="paper-room")
     recording.connect_grpc(relay.url)
-    recording.set_time(scene.TIME, timestamp=1_800_000_000.0)
+    recording.set_time(rerun_paths.TIME, timestamp=1_800_000_000.0)
     for path, archetype in draw_tile(tile):
         recording.log(path, archetype)
     recording.flush()
@@ -168,7 +168,7 @@ def test_a_viewer_that_comes_late_gets_the_layout_once_and_no_empty_recording(
     relay = start_relay(running)
     with late_joiner(relay.url, tmp_path) as watching:
         layout = wait_until(watching.layouts, "no layout", within_s=30)
-        assert layout == [scene.APPLICATION_ID]
+        assert layout == [rerun_paths.APPLICATION_ID]
         assert watching.seen() == {}
 
 

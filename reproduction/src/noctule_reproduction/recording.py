@@ -1,4 +1,4 @@
-"""The survey of one seed as a Rerun recording: the live scene sweep by sweep, and the figures beside it."""
+"""The survey of one seed as a Rerun recording: the live view sweep by sweep, and the figures beside it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message, features_message, tile_message
 from noctule_mapper.readings.sweep import SweepReadings
@@ -23,7 +23,7 @@ def record(path: Path, name: str, sweeps: Sequence[SweepReadings], pictures: Map
     """Write ``path``: the map as it grows with ``sweeps``, on the timeline of the sweeps' numbers, and for good the
     ``pictures`` (PNG by name) and the ``report`` (Markdown).
     """
-    recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id=name)
+    recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=name)
     recording.save(path, default_blueprint=_layout(list(pictures)))
     log(recording, rerun_map.draw_frame(), static=True)
     recording.log(REPORT, rr.TextDocument(report, media_type="text/markdown"), static=True)
@@ -33,7 +33,7 @@ def record(path: Path, name: str, sweeps: Sequence[SweepReadings], pictures: Map
     mapper = Mapper()
     trail_m: list[tuple[float, float]] = []
     for number, sweep in enumerate(sweeps):
-        recording.set_time(scene.SWEEP, sequence=number)
+        recording.set_time(rerun_paths.SWEEP, sequence=number)
         mapper.register_sweep(sweep)
         trail_m.append((sweep.x_m, sweep.y_m))
         log(recording, rerun_map.draw_sweep(sweep, trail_m))
@@ -58,7 +58,7 @@ def _layout(pictures: Sequence[str]) -> rrb.Blueprint:
         rrb.Tabs(rrb.Horizontal(map_view(), report, column_shares=[3, 2], name="Survey"), *tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(timeline=scene.SWEEP),
+        rrb.TimePanel(timeline=rerun_paths.SWEEP),
         auto_layout=False,
         auto_views=False,
     )

@@ -11,11 +11,11 @@ from noctule.errors import BusError, KeyFormatError, NoctuleError, SiteFileError
 
 if TYPE_CHECKING:
     from noctule.client import Client
-    from noctule.follow import LogFollower
+    from noctule.log_follower import LogFollower
 
 __all__ = ["BusError", "Client", "KeyFormatError", "LogFollower", "NoctuleError", "SiteFileError", "SurveyError"]
 
-_ON_THE_BUS = {"Client": "noctule.client", "LogFollower": "noctule.follow"}
+_ON_THE_BUS = {"Client": "noctule.client", "LogFollower": "noctule.log_follower"}
 
 
 def __getattr__(name: str) -> Any:

@@ -24,7 +24,7 @@ from noctule.bounds import (
 )
 from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
-from noctule.path import walk
+from noctule.survey_path import walk
 from noctule.toml_table import Table
 
 MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none

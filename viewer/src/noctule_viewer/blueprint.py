@@ -9,7 +9,7 @@ import sys
 
 import rerun.blueprint as rrb
 
-from noctule import scene
+from noctule import rerun_paths
 
 # Rerun's own time of logging: in it a site, a simulated one that runs faster and a replayed survey are all live.
 _WATCHED = "log_time"
@@ -36,12 +36,14 @@ def blueprint() -> rrb.Blueprint:
 
 
 def _heartbeat() -> rrb.TextDocumentView:
-    return rrb.TextDocumentView(origin=f"/{scene.HEARTBEAT}", name="Noctule", titlebar=False)
+    return rrb.TextDocumentView(origin=f"/{rerun_paths.HEARTBEAT}", name="Noctule", titlebar=False)
 
 
 def _map() -> rrb.Spatial2DView:
     # The origin is the parent of the entity that turns y upwards: a view does not apply its own origin's transform.
-    return rrb.Spatial2DView(origin="/", contents=[f"/{scene.WORLD}/**"], name="Map", background=_CALM, titlebar=False)
+    return rrb.Spatial2DView(
+        origin="/", contents=[f"/{rerun_paths.WORLD}/**"], name="Map", background=_CALM, titlebar=False
+    )
 
 
 def _states() -> rrb.StateTimelineView:
@@ -53,13 +55,13 @@ def _clocks() -> rrb.TimeSeriesView:
 
 
 def _pace() -> rrb.TimeSeriesView:
-    counters = [f"/{scene.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
+    counters = [f"/{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
     return rrb.TimeSeriesView(origin="/", contents=counters, name="Contour, ms", time_ranges=_recent())
 
 
 def _events() -> rrb.TextLogView:
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
-    return rrb.TextLogView(origin=f"/{scene.LOG}", name="Events", columns=columns)
+    return rrb.TextLogView(origin=f"/{rerun_paths.LOG}", name="Events", columns=columns)
 
 
 def _recent() -> rrb.VisibleTimeRange:
@@ -71,4 +73,4 @@ def _recent() -> rrb.VisibleTimeRange:
 
 
 if __name__ == "__main__":
-    blueprint().connect_grpc(scene.APPLICATION_ID, url=sys.argv[1], make_active=True, make_default=True)
+    blueprint().connect_grpc(rerun_paths.APPLICATION_ID, url=sys.argv[1], make_active=True, make_default=True)

@@ -16,7 +16,7 @@ from noctule import bounds, bus, keys
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
-from noctule.follow import LogFollower
+from noctule.log_follower import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
 from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.map_worker import MapState, MapWorker

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import rerun as rr
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.errors import NoctuleError
 
 _log = logging.getLogger(__name__)
@@ -156,7 +156,7 @@ class RerunLink:
                 f"no Rerun relay at {self._url}: mapping goes on, viewers will see it once the relay is up",
             )
             return True
-        recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id=self._recording_id)
+        recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=self._recording_id)
         try:
             self._connect(recording)
             return self._serve(recording)
@@ -231,8 +231,8 @@ class RerunLink:
             return self._missed.pop(next(iter(self._missed))) if self._missed else None
 
     def _draw(self, recording: rr.RecordingStream, drawing: Drawing) -> None:
-        recording.set_time(scene.TIME, timestamp=drawing.time_s)
-        recording.set_time(scene.SWEEP, sequence=drawing.sweep)
+        recording.set_time(rerun_paths.TIME, timestamp=drawing.time_s)
+        recording.set_time(rerun_paths.SWEEP, sequence=drawing.sweep)
         try:
             self._log_entries(recording, drawing.draw(*drawing.arguments))
         except Exception:

@@ -7,7 +7,7 @@ from datetime import datetime
 from time import time
 from typing import Any
 
-from noctule import keys, poses, scene
+from noctule import keys, poses, rerun_paths
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
@@ -53,7 +53,7 @@ class RerunLog:
             x_m, y_m, heading_rad = self._poses[readings.unit]
             readings = replace(readings, x_m=x_m, y_m=y_m, heading_rad=heading_rad)
         trail_m = tuple(self._trails[readings.unit])
-        self._show(scene.unit_rays(readings.unit), readings.time_s, rerun_map.draw_sweep, readings, trail_m)
+        self._show(rerun_paths.unit_rays(readings.unit), readings.time_s, rerun_map.draw_sweep, readings, trail_m)
 
     def show_contour(self, contour: Contour) -> None:
         """Walls, corners, cylinders and the units' poses."""
@@ -64,37 +64,37 @@ class RerunLog:
 
     def show_features(self, features: Features) -> None:
         """Feature points by kind."""
-        self._show(scene.FEATURES, _seconds(features), rerun_map.draw_features, features)
+        self._show(rerun_paths.FEATURES, _seconds(features), rerun_map.draw_features, features)
 
     def show_tiles(self, tiles: Iterable[GridTile]) -> None:
         """Those tiles of the reliability grid that have changed."""
         for tile in tiles:
-            path = scene.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
+            path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
             self._show(path, _seconds(tile), rerun_map.draw_tile, tile)
 
     def show_unit_status(self, status: UnitStatus) -> None:
         """A unit's state and clock, and in the log what it tells its operator."""
         now_s = time()
         if status.state != UnitStatus.STATE_DISCONNECTED:
-            self._show(scene.unit_clock_error(status.unit), now_s, rerun_status.draw_clock, status)
+            self._show(rerun_paths.unit_clock_error(status.unit), now_s, rerun_status.draw_clock, status)
         if self._states.get(status.unit) != status.state:
             self._states[status.unit] = status.state
-            self._show(scene.unit_state(status.unit), now_s, rerun_status.draw_state, status)
+            self._show(rerun_paths.unit_state(status.unit), now_s, rerun_status.draw_state, status)
         trouble = rerun_status.trouble(status)
         if self._troubles.get(status.unit, "") != trouble:
             self._troubles[status.unit] = trouble
             text, level = (trouble, "WARN") if trouble else (f"{status.unit} is well again", "INFO")
-            self._show(None, now_s, rerun_status.draw_event, scene.unit_log(status.unit), text, level)
+            self._show(None, now_s, rerun_status.draw_event, rerun_paths.unit_log(status.unit), text, level)
 
     def show_service_status(self, status: ServiceStatus, summary: str) -> None:
         """The mapper's own figures and, in a line, what its map holds; called each second, as a heartbeat."""
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"
-        self._show(scene.HEARTBEAT, time(), rerun_status.draw_service, status, heading)
+        self._show(rerun_paths.HEARTBEAT, time(), rerun_status.draw_service, status, heading)
 
     def show_event(self, text: str, level: str = "INFO") -> None:
         """A line in the log of events; ``level`` as INFO, WARN or ERROR."""
-        self._show(None, time(), rerun_status.draw_event, scene.LOG, text, level)
+        self._show(None, time(), rerun_status.draw_event, rerun_paths.LOG, text, level)
 
     def counters(self) -> dict[str, int]:
         """What became of what was to be shown."""

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from noctule import keys, poses, scene
+from noctule import keys, poses, rerun_paths
 from noctule.messages_pb2 import (
     CONTACT_KIND_CORNER,
     CONTACT_KIND_CYLINDER,
@@ -54,14 +54,14 @@ _LEVEL = 16
 
 def draw_frame() -> Entries:
     """What stands for good: the site's y axis points up, where Rerun's 2-D views have it down."""
-    yield scene.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
+    yield rerun_paths.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
 
 
 def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) -> Entries:
     """A unit's last sweep as rays, the unit itself, and the way it came, ``trail_m``, all in the site's frame."""
     here, colour = (readings.x_m, readings.y_m), unit_colour(readings.unit)
     trail = rr.LineStrips2D([trail_m], colors=[(*colour, 60)], radii=rr.Radius.ui_points(0.8), draw_order=_SWEEP_ORDER)
-    yield scene.unit_trail(readings.unit), trail
+    yield rerun_paths.unit_trail(readings.unit), trail
     yield from _rays(readings, here, colour)
     yield from _unit(readings, here, colour)
 
@@ -78,7 +78,7 @@ def draw_contour(contour: Contour) -> Entries:
         radii=rr.Radius.ui_points(5.0),
         draw_order=_CONTOUR_ORDER,
     )
-    yield scene.CORNERS, corners
+    yield rerun_paths.CORNERS, corners
     yield from _cylinders(contour)
     yield from _touches(contour)
     yield from _poses([pose for pose in contour.poses if poses.is_placed(pose)])
@@ -94,7 +94,7 @@ def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
         radii=rr.Radius.ui_points(2.0),
         draw_order=_SWEEP_ORDER,
     )
-    yield scene.ECHOES, dots
+    yield rerun_paths.ECHOES, dots
 
 
 def draw_features(features: Features) -> Entries:
@@ -105,12 +105,12 @@ def draw_features(features: Features) -> Entries:
         radii=rr.Radius.ui_points([1.0 + 2.0 * point.reliability for point in features.points]),
         draw_order=_FEATURE_ORDER,
     )
-    yield scene.FEATURES, points
+    yield rerun_paths.FEATURES, points
 
 
 def draw_tile(tile: GridTile) -> Entries:
     """A tile of the reliability grid: free space lit faintly, occupied cells brightly, unknown ones left dark."""
-    path = scene.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
+    path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
     yield path, rr.Transform3D(translation=[tile.x_m, tile.y_m, 0.0], scale=tile.cell_m)
     image = rr.EncodedImage(contents=_png(tile), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER)
     yield path, image
@@ -132,9 +132,9 @@ def _rays(readings: SweepReadings, here: tuple[float, float], colour: Colour) ->
         radii=rr.Radius.ui_points(0.6),
         draw_order=_SWEEP_ORDER,
     )
-    yield scene.unit_rays(readings.unit), rays
+    yield rerun_paths.unit_rays(readings.unit), rays
     ends = rr.Points2D(echoes_m, colors=[colour], radii=rr.Radius.ui_points(2.5), draw_order=_SWEEP_ORDER)
-    yield scene.unit_rays(readings.unit), ends
+    yield rerun_paths.unit_rays(readings.unit), ends
 
 
 def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:
@@ -145,7 +145,7 @@ def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) ->
         radii=rr.Radius.ui_points(2.5),
         draw_order=_UNIT_ORDER,
     )
-    yield scene.unit_pose(readings.unit), heading
+    yield rerun_paths.unit_pose(readings.unit), heading
     body = rr.Points2D(
         [here],
         colors=[colour],
@@ -154,7 +154,7 @@ def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) ->
         show_labels=True,
         draw_order=_UNIT_ORDER,
     )
-    yield scene.unit_pose(readings.unit), body
+    yield rerun_paths.unit_pose(readings.unit), body
 
 
 def _walls(contour: Contour) -> Entries:
@@ -171,7 +171,7 @@ def _walls(contour: Contour) -> Entries:
         show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
-    yield scene.WALLS, walls
+    yield rerun_paths.WALLS, walls
 
 
 def _cylinders(contour: Contour) -> Entries:
@@ -184,7 +184,7 @@ def _cylinders(contour: Contour) -> Entries:
         line_radii=rr.Radius.ui_points(3.0),
         draw_order=_CONTOUR_ORDER,
     )
-    yield scene.CYLINDERS, circles
+    yield rerun_paths.CYLINDERS, circles
     centres = rr.Points2D(
         centres_m,
         colors=[_CYLINDER],
@@ -193,7 +193,7 @@ def _cylinders(contour: Contour) -> Entries:
         show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
-    yield scene.CYLINDERS, centres
+    yield rerun_paths.CYLINDERS, centres
 
 
 def _touches(contour: Contour) -> Entries:
@@ -205,7 +205,7 @@ def _touches(contour: Contour) -> Entries:
         show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
-    yield scene.TOUCHES, touches
+    yield rerun_paths.TOUCHES, touches
 
 
 def _poses(placed: Sequence[UnitPose]) -> Entries:
@@ -221,7 +221,7 @@ def _poses(placed: Sequence[UnitPose]) -> Entries:
         lines_m += strips_m
         colours += [colour] * len(strips_m)
     errors = rr.LineStrips2D(lines_m, colors=colours, radii=rr.Radius.ui_points(1.2), draw_order=_UNIT_ORDER)
-    yield scene.POSES, errors
+    yield rerun_paths.POSES, errors
     wrong = [pose for pose in placed if pose.state == POSE_STATE_WRONG]
     names = rr.Points2D(
         [(pose.x_m, pose.y_m) for pose in wrong],
@@ -231,7 +231,7 @@ def _poses(placed: Sequence[UnitPose]) -> Entries:
         show_labels=True,
         draw_order=_UNIT_ORDER,
     )
-    yield scene.POSES, names
+    yield rerun_paths.POSES, names
 
 
 def _pose_colour(pose: UnitPose) -> Colour:

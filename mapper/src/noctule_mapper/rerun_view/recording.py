@@ -1,11 +1,11 @@
-"""A fitted survey as a Rerun recording: the scene of the live map, from a file."""
+"""A fitted survey as a Rerun recording: the view of the live map, from a file."""
 
 from pathlib import Path
 
 import rerun as rr
 import rerun.blueprint as rrb
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.messages_pb2 import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import features_message, tile_message
@@ -21,7 +21,7 @@ def record(path: Path, mapper: Mapper, contour: Contour, summary: str) -> None:
     sweep by sweep, on the timeline of their numbers, what each heard. Raises OSError where it can't be written.
     """
     path.open("wb").close()  # Rerun itself says neither which file nor why
-    recording = rr.RecordingStream(scene.APPLICATION_ID, recording_id=contour.site or path.stem)
+    recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=contour.site or path.stem)
     recording.save(path, default_blueprint=_layout())
     sweeps = mapper.sweeps()
     for entries in _map(mapper, contour):
@@ -31,7 +31,7 @@ def record(path: Path, mapper: Mapper, contour: Contour, summary: str) -> None:
     for number, sweep in enumerate(sweeps):
         trail_m = trails_m.setdefault(sweep.unit, [])
         trail_m.append((sweep.x_m, sweep.y_m))
-        recording.set_time(scene.SWEEP, sequence=number)
+        recording.set_time(rerun_paths.SWEEP, sequence=number)
         log(recording, rerun_map.draw_sweep(sweep, trail_m))
     recording.flush()
     recording.disconnect()
@@ -46,7 +46,7 @@ def log(recording: rr.RecordingStream, entries: Entries, static: bool = False) -
 def map_view() -> rrb.Spatial2DView:
     """The map as the viewer shows it."""
     # The origin is the parent of the entity that turns y upwards: a view does not apply its own origin's transform.
-    return rrb.Spatial2DView(origin="/", contents=[f"/{scene.WORLD}/**"], name="Map", background=_CALM)
+    return rrb.Spatial2DView(origin="/", contents=[f"/{rerun_paths.WORLD}/**"], name="Map", background=_CALM)
 
 
 def _map(mapper: Mapper, contour: Contour) -> list[Entries]:
@@ -62,7 +62,7 @@ def _layout() -> rrb.Blueprint:
         rrb.Vertical(map_view(), summary, row_shares=[3, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=scene.SWEEP),
+        rrb.TimePanel(state="collapsed", timeline=rerun_paths.SWEEP),
         auto_layout=False,
         auto_views=False,
     )

@@ -2,7 +2,7 @@
 
 import rerun as rr
 
-from noctule import scene
+from noctule import rerun_paths
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule_mapper.rerun_view.link import Entries
 
@@ -28,7 +28,7 @@ _TROUBLE = (
 
 def draw_state(status: UnitStatus) -> Entries:
     """The state that a unit has come into, for the timeline of states."""
-    path = scene.unit_state(status.unit)
+    path = rerun_paths.unit_state(status.unit)
     names, colours = zip(*_STATES.values(), strict=True)
     yield path, rr.StateConfiguration(values=names, labels=names, colors=colours)
     yield path, rr.StateChange(state=_name(status))
@@ -36,14 +36,14 @@ def draw_state(status: UnitStatus) -> Entries:
 
 def draw_clock(status: UnitStatus) -> Entries:
     """How well a unit's time is known, in milliseconds."""
-    yield scene.unit_clock_error(status.unit), rr.Scalars(status.clock_error_s * 1e3)
+    yield rerun_paths.unit_clock_error(status.unit), rr.Scalars(status.clock_error_s * 1e3)
 
 
 def draw_service(status: ServiceStatus, heading: str) -> Entries:
     """The mapper's own figures under ``heading``, in which people see at a glance that what they watch is live."""
-    yield scene.HEARTBEAT, rr.TextDocument(heading, media_type="text/markdown")
+    yield rerun_paths.HEARTBEAT, rr.TextDocument(heading, media_type="text/markdown")
     for counter, value in status.counters.items():
-        yield scene.mapper_counter(counter), rr.Scalars(value)
+        yield rerun_paths.mapper_counter(counter), rr.Scalars(value)
 
 
 def draw_event(path: str, text: str, level: str) -> Entries:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, joined
-from noctule.follow import LogFollower
+from noctule.log_follower import LogFollower
 from noctule.recording import Recording
 
 

@@ -1,4 +1,4 @@
-"""The names of the Rerun scene, shared by those who log and those who lay out views."""
+"""The names of what is shown in Rerun, shared by those who log and those who lay out views."""
 
 APPLICATION_ID = "noctule"
 DEFAULT_RELAY = "rerun+http://127.0.0.1:9876/proxy"
