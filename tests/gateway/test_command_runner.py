@@ -9,7 +9,7 @@ from noctule.messages_pb2 import CommandReply, CommandRequest, SweepPlan, UnitSt
 from noctule_gateway.link.events import OrderSettled, SettingsRead
 from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
-from noctule_gateway.unit.command_runner import Execution
+from noctule_gateway.unit.command_runner import CommandRunner
 from noctule_gateway.wire import frames
 
 STEP_S = 0.002
@@ -25,13 +25,13 @@ class Desk:
     def __init__(self, unit: ModelUnit, wanted: Wanted = AT_REST) -> None:
         self.unit = unit
         self.link = Link(unit.serial, wanted, first_request=0)
-        self.execution = Execution(self.link, UnitStatus, lambda _image, _again: None)
+        self.commands = CommandRunner(self.link, UnitStatus, lambda _image, _again: None)
         self.now_s = 100.0
         self.link.connected(self.now_s)
 
     def command(self, name: str, request: CommandRequest) -> Future[CommandReply]:
         reply: Future[CommandReply] = Future()
-        self.execution.begin(name, request, reply)
+        self.commands.begin(name, request, reply)
         return reply
 
     def run(self, duration_s: float) -> None:
@@ -46,9 +46,9 @@ class Desk:
         for event in (*events, *self.link.receive(self.unit.output(self.now_s), self.now_s)):
             match event:
                 case SettingsRead():
-                    self.execution.settings_read()
+                    self.commands.settings_read()
                 case OrderSettled():
-                    self.execution.settled(event)
+                    self.commands.settled(event)
 
 
 def test_the_second_of_two_plans_given_in_part_leaves_what_the_first_has_changed() -> None:

@@ -230,7 +230,7 @@ def test_a_plan_that_the_unit_refuses_is_told_and_nothing_is_started() -> None:
     unit = ModelUnit(SERIAL)
     rig = Rig(unit, replace(SWEEPING, plan=replace(PLAN, count=65)))
     rig.run(3.0)
-    assert "out of range" in rig.link.setup.error
+    assert "out of range" in rig.link.standing_orders.error
     assert unit.carried_out == []
 
 

@@ -1,4 +1,4 @@
-"""The gateway of a site: a server for each unit, a log for each, and their presence on the bus.
+"""The gateway of a site: a server for each unit, a log for each, and what each has on the bus.
 
 Units are served with or without a bus: what is committed while no router answers is read from the logs later.
 """
@@ -17,7 +17,7 @@ from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
 from noctule_gateway.bus.outbox import Outbox
-from noctule_gateway.bus.unit_on_bus import Presence
+from noctule_gateway.bus.unit_on_bus import UnitOnBus
 from noctule_gateway.clock import elapsed
 from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.clock.elapsed import Instant
@@ -35,12 +35,12 @@ _log = logging.getLogger(__name__)
 
 
 class _Served:
-    """One unit: its log, its server, and its presence once there is a bus."""
+    """One unit: its log, its server, and what it has on the bus, once there is one."""
 
     def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock) -> None:
         self.unit = unit
         self.track = PoseTrack()
-        self.presence: Presence | None = None
+        self.on_bus: UnitOnBus | None = None
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.server = UnitServer(site, unit, self.log, self.track, self._publish, self._report)
@@ -50,13 +50,13 @@ class _Served:
         self.log.close()
 
     def _publish(self, record: bytes) -> None:
-        if self.presence is not None:
-            self.presence.publish(record)
+        if self.on_bus is not None:
+            self.on_bus.publish(record)
 
     def _report(self, status: UnitStatus) -> None:
         status.gateway = self._gateway
-        if self.presence is not None:
-            self.presence.report(status)
+        if self.on_bus is not None:
+            self.on_bus.report(status)
 
 
 class Gateway:
@@ -94,7 +94,7 @@ class Gateway:
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
-            served.presence = Presence(
+            served.on_bus = UnitOnBus(
                 session,
                 self._site.name,
                 served.unit,

@@ -12,7 +12,7 @@ _REMEMBERED = 100
 Server = Callable[[str, CommandRequest], "Future[CommandReply]"]
 
 
-class Commands:
+class CommandCache:
     """The latest commands to one unit, and what became of them. From any thread."""
 
     def __init__(self, server: Server) -> None:

@@ -10,7 +10,7 @@ from noctule import bounds, bus, keys
 from noctule.errors import BoundsError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogRecords, Pose, Sweep, UnitStatus
 from noctule.site import PoseKey, Unit
-from noctule_gateway.bus.command_cache import Commands, Server
+from noctule_gateway.bus.command_cache import CommandCache, Server
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.sweep_log import SweepLog
@@ -23,7 +23,7 @@ MAX_RECORDS = 500
 MAX_REPLY_BYTES = 2**20
 
 
-class Presence:
+class UnitOnBus:
     """What one unit has on the bus. ``readers`` reads the log for queries: Zenoh's own threads must never wait."""
 
     def __init__(
@@ -38,7 +38,7 @@ class Presence:
         readers: ThreadPoolExecutor,
     ) -> None:
         self._log, self._track, self._outbox, self._readers = log, track, outbox, readers
-        self._commands = Commands(server)
+        self._commands = CommandCache(server)
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
         self._status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)

@@ -16,7 +16,7 @@ HELLO_RETRY_S = 0.5
 SETTINGS_RETRY_S = 2.0
 
 
-class Agenda:
+class Enquiries:
     """The enquiries that are due. It begins with HELLO, and knows of nothing else until identified()."""
 
     def __init__(self) -> None:

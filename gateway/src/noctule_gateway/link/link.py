@@ -6,7 +6,7 @@ sweep is acknowledged when the caller says that it is committed, and again each 
 """
 
 from noctule_gateway.errors import CommandError
-from noctule_gateway.link.enquiries import Agenda
+from noctule_gateway.link.enquiries import Enquiries
 from noctule_gateway.link.events import (
     ClockRead,
     Event,
@@ -22,7 +22,7 @@ from noctule_gateway.link.order_queue import CHANGES_SETTINGS, OrderQueue
 from noctule_gateway.link.peer import BootWatch, Silence, mismatch
 from noctule_gateway.link.receipts import Receipts, Standing
 from noctule_gateway.link.requests import Requests, RoundTrip
-from noctule_gateway.link.standing_orders import Setup, Wanted
+from noctule_gateway.link.standing_orders import StandingOrders, Wanted
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
@@ -39,19 +39,19 @@ class Link:
 
     def __init__(self, serial: int, wanted: Wanted, first_request: int) -> None:
         self.reader = FrameReader()
-        self.setup = Setup(wanted)
+        self.standing_orders = StandingOrders(wanted)
         self.receipts = Receipts()
         self.timeouts = 0
         self.identified = False
         self._serial = serial
-        self._agenda = Agenda()
+        self._enquiries = Enquiries()
         self._requests = Requests(first_request)
         self._out = bytearray()
         self._boot = BootWatch()
         self._setup_waits = False
         self._settings: Settings | None = None
         self._settings_told = False
-        self._orders = OrderQueue(self.setup)
+        self._orders = OrderQueue(self.standing_orders)
         self._round_trip = RoundTrip()
         self._silence = Silence()
         self._hushed_until_s = 0.0
@@ -65,7 +65,7 @@ class Link:
 
     def set_up_again(self) -> None:
         """Somebody else has spoken to the unit: it may not be doing what it is to do."""
-        self.setup.drop()
+        self.standing_orders.drop()
         self._setup_waits = True
 
     def receive(self, data: bytes, now_s: float) -> list[Event]:
@@ -113,8 +113,8 @@ class Link:
         if self._requests.due_s is not None:
             return self._requests.due_s
         if not self.identified:
-            return self._agenda.due_s
-        return min(self._agenda.due_s, self._orders.due_s)
+            return self._enquiries.due_s
+        return min(self._enquiries.due_s, self._orders.due_s)
 
     def order(self, order: Order) -> int:
         """Have the unit carry ``order`` out; OrderSettled comes with the ticket returned. Raises CommandError."""
@@ -128,7 +128,7 @@ class Link:
     def settings(self) -> Settings | None:
         """As the unit has them; None until they have been read, and as long as an order that changes them is under way.
 
-        The plan that ``setup`` is still to give is not in them.
+        The plan that ``standing_orders`` are still to give is not in them.
         """
         return None if self._setup_waits or self._orders.changes_settings else self._settings
 
@@ -142,10 +142,10 @@ class Link:
         self.receipts.failed(sweep)
 
     def _next_request(self, now_s: float) -> Enquiry | Order:
-        urgent = self._agenda.urgent(now_s)
+        urgent = self._enquiries.urgent(now_s)
         if urgent is not None:
             return urgent
-        return self._orders.give() if now_s >= self._orders.due_s else self._agenda.routine(now_s)
+        return self._orders.give() if now_s >= self._orders.due_s else self._enquiries.routine(now_s)
 
     def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
         """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
@@ -153,7 +153,7 @@ class Link:
         self.identified = False
         self._settings = None
         self._silence.broken()
-        self._agenda.greet(now_s + again_s)
+        self._enquiries.greet(now_s + again_s)
         return self._orders.fail(why)
 
     def _garbled(self, now_s: float) -> None:
@@ -178,7 +178,7 @@ class Link:
                 return self._clock(frame, now_s)
             case Settings() if self._requests.answered(frame):
                 self._settings = frame
-                self._agenda.settings_came()
+                self._enquiries.settings_came()
             case Result() if self._requests.answered(frame):
                 return self._settle(frame, now_s)
         return []
@@ -194,15 +194,15 @@ class Link:
     def _hello(self, hello: Hello, now_s: float) -> list[Event]:
         rebooted = self._boot.is_another(hello.boot)
         if self.identified and not rebooted:
-            self._agenda.identified(now_s, rebooted=False)
+            self._enquiries.identified(now_s, rebooted=False)
             return []
         done = self._orders.unit_was_reset() if rebooted else []
         lost = self._greet(now_s, "the unit was reset")
-        self._agenda.identified(now_s, rebooted)
+        self._enquiries.identified(now_s, rebooted)
         self.identified = True
         if rebooted:
             self._boot.begin(hello.boot)
-            self.setup.drop()
+            self.standing_orders.drop()
             self._setup_waits = True
         return [*done, *lost, Identified(hello, rebooted)]
 
@@ -211,24 +211,24 @@ class Link:
             return self._doubt(now_s)
         if self._setup_waits:
             self._setup_waits = False
-            self.setup.begin(status)
+            self.standing_orders.begin(status)
         return [StatusRead(status)]
 
     def _clock(self, clock: Clock, now_s: float) -> list[Event]:
         if self._boot.refuted_by_tick(clock.sent):
             return self._doubt(now_s)
-        self._agenda.clock_came()
+        self._enquiries.clock_came()
         return [ClockRead(self._round_trip.exchange(clock, now_s))]
 
     def _doubt(self, now_s: float) -> list[Event]:
         """What has just come may be of another boot: leave it, and ask."""
-        self._agenda.greet_again(now_s)
+        self._enquiries.greet_again(now_s)
         return []
 
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
         if result is not None and isinstance(self._orders.given, CHANGES_SETTINGS):
             self._settings = None
-            self._agenda.settings_changed(now_s)
+            self._enquiries.settings_changed(now_s)
         return self._orders.settle(result, now_s)
 
     def _tell_settings(self) -> list[Event]:
@@ -236,7 +236,7 @@ class Link:
         return [SettingsRead()] if self._settings_told and not told else []
 
     def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
-        if not self._agenda.time_is_known:
+        if not self._enquiries.time_is_known:
             return []  # it comes again
         if self._boot.doubted_by_sweep(sweep.boot):
             return self._doubt(now_s)

@@ -1,4 +1,4 @@
-"""The orders for one unit: the caller's in their turn, else the setup's; one is on its way at a time."""
+"""The orders for one unit: the caller's in their turn, else the standing ones; one is on its way at a time."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from math import inf
 
 from noctule_gateway.errors import CommandError
 from noctule_gateway.link.events import Event, OrderSettled
-from noctule_gateway.link.standing_orders import Setup, describe
+from noctule_gateway.link.standing_orders import StandingOrders, describe
 from noctule_gateway.wire.frames import Calibrate, Configure, Order, Outcome, Reset, Result, Store, TrimTemperature
 
 CHANGES_SETTINGS = (Configure, Calibrate, TrimTemperature, Store)
@@ -14,7 +14,7 @@ CHANGES_SETTINGS = (Configure, Calibrate, TrimTemperature, Store)
 
 @dataclass(frozen=True)
 class _Given:
-    """An order and the ticket that its caller knows it by; None is the setup's."""
+    """An order and the ticket that its caller knows it by; None is a standing one's."""
 
     order: Order
     ticket: int | None
@@ -23,8 +23,8 @@ class _Given:
 class OrderQueue:
     """Orders that wait, and the one that was given and is not settled. What becomes of each is told by OrderSettled."""
 
-    def __init__(self, setup: Setup) -> None:
-        self._setup = setup
+    def __init__(self, standing: StandingOrders) -> None:
+        self._standing = standing
         self._waiting: deque[_Given] = deque()
         self._given: _Given | None = None
         self._tickets = 0
@@ -43,7 +43,7 @@ class OrderQueue:
     @property
     def due_s(self) -> float:
         """When the next order is due."""
-        return -inf if self._waiting else self._setup.due_s
+        return -inf if self._waiting else self._standing.due_s
 
     def add(self, order: Order) -> int:
         """Let ``order`` wait for its turn; its ticket."""
@@ -53,7 +53,7 @@ class OrderQueue:
 
     def give(self) -> Order:
         """The order that is due now is on its way."""
-        self._given = self._waiting.popleft() if self._waiting else _Given(self._setup.order, None)
+        self._given = self._waiting.popleft() if self._waiting else _Given(self._standing.order, None)
         return self._given.order
 
     def settle(self, result: Result | None, now_s: float) -> list[Event]:
@@ -61,13 +61,13 @@ class OrderQueue:
         given, self._given = self._given, None
         assert given is not None
         if given.ticket is None:
-            self._setup.settle(result, now_s)
+            self._standing.settle(result, now_s)
             return []
         if result is None:
             return [OrderSettled(given.order, given.ticket, CommandError("the unit did not answer"))]
         if result.result != Outcome.DONE:
             return [OrderSettled(given.order, given.ticket, CommandError(describe(result)))]
-        self._setup.learn(given.order)
+        self._standing.learn(given.order)
         return [OrderSettled(given.order, given.ticket, None)]
 
     def unit_was_reset(self) -> list[Event]:

@@ -21,7 +21,7 @@ class Wanted:
     running: bool
 
 
-class Setup:
+class StandingOrders:
     """The orders that make a unit do what is wanted, one after the other. ``error`` says which one the unit refused."""
 
     def __init__(self, wanted: Wanted) -> None:

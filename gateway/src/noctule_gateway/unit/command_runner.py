@@ -30,7 +30,7 @@ class _Command:
     reply: Future[CommandReply]
 
 
-class Execution:
+class CommandRunner:
     """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
 
     ``update`` gets the image, and whether to send one that the unit has already.
@@ -110,7 +110,7 @@ class Execution:
         elif command.name == SETTINGS:
             self._end(command, known=present)
         else:
-            if (plan := self._link.setup.plan_to_give) is not None:
+            if (plan := self._link.standing_orders.plan_to_give) is not None:
                 present = settings_message.with_plan(present, plan)
             order = orders.order_over(command.name, command.request, present)
             self._ordered[self._link.order(order)] = command

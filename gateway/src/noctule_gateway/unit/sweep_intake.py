@@ -19,7 +19,7 @@ from noctule_gateway.wire.sweep_message import to_message, waypoint_of
 Call = Callable[[Callable[[], None]], None]
 
 
-class Intake:
+class SweepIntake:
     """``publish`` gets each sweep's record after its commit; ``call`` has a function called on the line's thread."""
 
     def __init__(

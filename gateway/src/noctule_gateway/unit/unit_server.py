@@ -27,10 +27,10 @@ from noctule_gateway.link.standing_orders import Wanted
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.status import reset_causes, unit_status
-from noctule_gateway.unit.command_runner import BEING_UPDATED, Execution
+from noctule_gateway.unit.command_runner import BEING_UPDATED, CommandRunner
 from noctule_gateway.unit.plans import wanted_plan
-from noctule_gateway.unit.sweep_intake import Intake, utc_offset_s
-from noctule_gateway.unit.unit_state import Knowledge
+from noctule_gateway.unit.sweep_intake import SweepIntake, utc_offset_s
+from noctule_gateway.unit.unit_state import UnitState
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Ending, describe
 from noctule_gateway.update.updater import Updater
@@ -64,9 +64,9 @@ class UnitServer:
         wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
         self._line = Line(unit.address, self, unit.name)
         self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
-        self._intake = Intake(site, unit, log, track, self._link, publish, self._line.call)
-        self._known = Knowledge(site, unit, log, track, self._link, self._intake)
-        self._execution = Execution(self._link, self._known.message, self._begin_update)
+        self._intake = SweepIntake(site, unit, log, track, self._link, publish, self._line.call)
+        self._state = UnitState(site, unit, log, track, self._link, self._intake)
+        self._commands = CommandRunner(self._link, self._state.message, self._begin_update)
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = False
         self._report_due_s = 0.0
@@ -84,14 +84,14 @@ class UnitServer:
         self._line.join()
         self._handle(self._link.connected(time.monotonic(), _STOPPED))
         self._lose(_STOPPED)
-        self._execution.stopped(_STOPPED)
-        self._known.update = ""
-        self._report(self._known.message())
+        self._commands.stopped(_STOPPED)
+        self._state.update = ""
+        self._report(self._state.message())
 
     def command(self, name: str, request: CommandRequest) -> Future[CommandReply]:
         """Carry out a command of the bus; the reply says what went wrong. From any thread."""
         future: Future[CommandReply] = Future()
-        self._line.call(lambda: self._execution.begin(name, request, future))
+        self._line.call(lambda: self._commands.begin(name, request, future))
         return future
 
     @property
@@ -119,7 +119,7 @@ class UnitServer:
     def opened(self, now_s: float) -> None:
         """Greet whoever is there."""
         self._line_is_open = True
-        self._known.lines_opened += 1
+        self._state.lines_opened += 1
         self._greet(now_s)
         if self._updater is not None:
             self._updater.opened(now_s)
@@ -147,7 +147,7 @@ class UnitServer:
             self._advance_update(self._updater, now_s)
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
-            self._report(self._known.report())
+            self._report(self._state.report())
 
     def output(self, now_s: float) -> bytes:
         """What the link, or the update, has to say."""
@@ -172,38 +172,38 @@ class UnitServer:
                 case Silent():
                     self._lose(f"no answer on {self._unit.address}")
                 case ClockRead(exchange):
-                    self._known.clocks_refused += not self._intake.clocks.add(exchange)
+                    self._state.clocks_refused += not self._intake.clocks.add(exchange)
                 case StatusRead(read):
-                    changed = self._known.status is None or read.state != self._known.status.state
-                    self._known.status = read
+                    changed = self._state.status is None or read.state != self._state.status.state
+                    self._state.status = read
                     self._report_due_s = 0.0 if changed else self._report_due_s
                 case SettingsRead():
-                    self._execution.settings_read()
+                    self._commands.settings_read()
                 case SweepRead(sweep):
                     self._intake.take(sweep)
                 case OrderSettled():
-                    self._execution.settled(event)
+                    self._commands.settled(event)
 
     def _identified(self, event: Identified) -> None:
         hello, name = event.hello, self._unit.name
         _log.info("%s: unit %d, firmware %s, boot %d", name, hello.serial, hello.version, hello.boot)
-        if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._known.hello is not None)):
+        if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._state.hello is not None)):
             _log.warning("%s has started anew: %s", name, warning)
-        self._known.hello, self._known.loader, self._known.trouble = hello, None, ""
+        self._state.hello, self._state.loader, self._state.trouble = hello, None, ""
         self._intake.clocks.begin(hello.boot, time.monotonic(), utc_offset_s())
         self._report_due_s = 0.0
 
     def _lose(self, why: str, loader: Loader | None = None) -> None:
         """The unit can't be asked for anything, until it is identified again."""
-        self._known.trouble, self._known.loader = why, loader
-        self._execution.lost(why)
+        self._state.trouble, self._state.loader = why, loader
+        self._commands.lost(why)
         self._report_due_s = 0.0
 
     # ---- An update, which has the line until it is over ----
 
     def _begin_update(self, image: Image, again: bool) -> None:
         if not self._line_is_open:
-            raise CommandError(self._known.trouble)
+            raise CommandError(self._state.trouble)
         now_s = time.monotonic()
         self._handle(self._link.connected(now_s, BEING_UPDATED))
         self._lose(BEING_UPDATED)
@@ -213,9 +213,9 @@ class UnitServer:
 
     def _advance_update(self, updater: Updater, now_s: float) -> None:
         updater.advance(now_s)
-        self._known.update = f"updating: {updater.progress}"
+        self._state.update = f"updating: {updater.progress}"
         if updater.outcome is not None:
-            self._updater, self._known.update = None, ""
+            self._updater, self._state.update = None, ""
             self._end_update(updater.image, updater.outcome, now_s)
 
     def _end_update(self, image: Image, outcome: Ending, now_s: float) -> None:
@@ -231,4 +231,4 @@ class UnitServer:
             self._link.set_up_again()
         if self._line_is_open:
             self._greet(now_s)
-        self._execution.updated(outcome, image)
+        self._commands.updated(outcome, image)

@@ -10,20 +10,22 @@ from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.status import unit_status
 from noctule_gateway.status.health import LineQuality
-from noctule_gateway.unit.sweep_intake import Intake
+from noctule_gateway.unit.sweep_intake import SweepIntake
 from noctule_gateway.wire.frames import Hello, Loader, Status
 
 _log = logging.getLogger(__name__)
 
 
-class Knowledge:
+class UnitState:
     """The latest of what the unit has said of itself, and why it says nothing.
 
     ``trouble`` is why it does not answer, empty while it does; ``update`` how far an update is, empty while there is
     none; ``loader`` is None unless it sits there.
     """
 
-    def __init__(self, site: Site, unit: Unit, log: SweepLog, track: PoseTrack, link: Link, intake: Intake) -> None:
+    def __init__(
+        self, site: Site, unit: Unit, log: SweepLog, track: PoseTrack, link: Link, intake: SweepIntake
+    ) -> None:
         self.trouble = self._told = "not connected yet"
         self.update = ""
         self.hello: Hello | None = None
@@ -60,7 +62,7 @@ class Knowledge:
             loader=self.loader,
             status=self.status,
             log=self._sweep_log.state,
-            setup_error=self._link.setup.error,
+            setup_error=self._link.standing_orders.error,
             lost_pose=self._intake.lost_pose,
             late=self._intake.lateness.too_late(time.monotonic()),
             bad_line=self._line_quality.bad,
