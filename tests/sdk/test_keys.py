@@ -1,11 +1,14 @@
 """Keys are built and taken apart in one place."""
 
+import inspect
+from pathlib import Path
+
 import pytest
 import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from noctule import keys
+from noctule import keys, messages_pb2
 from noctule.errors import KeyFormatError
 
 NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,20}", fullmatch=True)
@@ -47,3 +50,23 @@ def test_a_subscription_to_everything_sees_data_but_neither_logs_nor_commands(se
     everything = zenoh.KeyExpr(f"{keys.ROOT}/**")
     assert everything.intersects(zenoh.KeyExpr(keys.sweep("room", "u1")))
     assert not everything.intersects(zenoh.KeyExpr(sealed))
+
+
+def test_each_subject_has_a_function_that_builds_its_key():
+    for subject, described in keys.SUBJECTS.items():
+        build = getattr(keys, subject)
+        chunks = {name: name for name in inspect.signature(build).parameters}
+        assert build(**chunks) == f"{keys.ROOT}/{described.key.format_map(chunks)}"
+
+
+def test_each_subjects_message_is_one_of_the_contract():
+    known = {message.full_name for message in messages_pb2.DESCRIPTOR.message_types_by_name.values()}
+    told = {subject.message for subject in keys.SUBJECTS.values()}
+    assert told - known == {"", "google.protobuf.FileDescriptorSet"}
+
+
+def test_the_readme_lists_every_subject():
+    readme = (Path(__file__).parents[2] / "sdk/README.md").read_text()
+    for subject in keys.SUBJECTS.values():
+        message = f"`{subject.message.rsplit('.', 1)[-1]}`" if subject.message else ""
+        assert f"| `{subject.key}` | {message} | {subject.publisher} | {subject.meaning} |" in readme
