@@ -9,7 +9,7 @@ import pytest
 from noctule.site import load
 from noctule_gateway.unit.plans import FIXED_PLAN, OWN_PLAN, wanted_plan
 from noctule_gateway.wire.frames import Configure
-from noctule_gateway.wire.sweep_message import BEARING_RAD
+from noctule_gateway.wire.units import BEARING_RAD
 
 FIXED = "pose = { x_m = 1.0, y_m = 2.0, heading_deg = 90 }"
 CARRIED = (

@@ -23,36 +23,20 @@ from noctule_gateway.wire.frames import (
     Store,
     TrimTemperature,
 )
-from noctule_gateway.wire.settings_message import HALF_STEP_PARTS, HOMES, calibration_of, plan_of
-from noctule_gateway.wire.sweep_message import BEARING_RAD
+from noctule_gateway.wire.settings_message import HOMES, calibration_of, plan_of
+from noctule_gateway.wire.units import CALIBRATION, PER_KELVIN, PER_RADIAN, PER_SECOND, PLAN, Scale
 
 T = TypeVar("T", bound=Order)
-
-_PLAN_SCALES = {
-    "first_bearing": ("first_bearing_rad", 1 / BEARING_RAD),
-    "bearing_step": ("bearing_step_rad", 1 / BEARING_RAD),
-    "count": ("count", 1),
-    "ping_interval_ms": ("ping_interval_s", 1000),
-    "top_speed": ("top_speed_half_steps_s", 1),
-    "ramp_ms": ("ramp_s", 1000),
-    "settle_ms": ("settle_s", 1000),
-    "pings": ("pings", 1),
-}
-_CALIBRATION_SCALES = {
-    "half_steps_per_turn": ("half_steps_per_turn", HALF_STEP_PARTS),
-    "backlash": ("backlash_half_steps", 1),
-    "home_bearing": ("home_bearing_rad", 1 / BEARING_RAD),
-}
 
 
 def configure(plan: SweepPlan, present: Configure) -> Configure:
     """``plan`` over the ``present`` one. Raises CommandError if a value does not fit the frame."""
-    return _fitting(replace(present, **_given(plan, _PLAN_SCALES)))
+    return _fitting(replace(present, **_given(plan, PLAN)))
 
 
 def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
     """``calibration`` over the ``present`` one. Raises CommandError if a value does not fit the frame."""
-    given = _given(calibration, _CALIBRATION_SCALES)
+    given = _given(calibration, CALIBRATION)
     if calibration.HasField("home"):
         kinds = {home: kind for kind, home in HOMES.items()}
         if calibration.home not in kinds:
@@ -63,7 +47,7 @@ def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
 
 def start(pause_s: float) -> Start:
     """Sweep until told to stop, with ``pause_s`` between two sweeps. Raises CommandError if that does not fit."""
-    return _fitting(Start(0, _integer("pause_s", pause_s, 1000)))
+    return _fitting(Start(0, _integer("pause_s", pause_s, PER_SECOND)))
 
 
 def _set_waypoint(request: CommandRequest) -> SetWaypoint:
@@ -71,11 +55,11 @@ def _set_waypoint(request: CommandRequest) -> SetWaypoint:
 
 
 def _go_to(request: CommandRequest) -> GoTo:
-    return _fitting(GoTo(0, _needed(request, "bearing_rad", 1 / BEARING_RAD)))
+    return _fitting(GoTo(0, _needed(request, "bearing_rad", PER_RADIAN)))
 
 
 def _trim_temperature(request: CommandRequest) -> TrimTemperature:
-    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", 100)))
+    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", PER_KELVIN)))
 
 
 _SIMPLE: dict[str, Callable[[CommandRequest], Order]] = {
@@ -114,7 +98,7 @@ def order_over(name: str, request: CommandRequest, present: Settings) -> Order:
     return _OVER_PRESENT[name](request, present)
 
 
-def _given(message: SweepPlan | Calibration, scales: dict[str, tuple[str, float]]) -> dict[str, int]:
+def _given(message: SweepPlan | Calibration, scales: dict[str, Scale]) -> dict[str, int]:
     """The wire's integers of the fields that are set."""
     return {
         wire: _integer(name, getattr(message, name), scale)

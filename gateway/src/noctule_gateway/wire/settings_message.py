@@ -1,12 +1,11 @@
 """A unit's settings from the wire to the bus: plan, calibration and trim in SI units."""
 
 from dataclasses import replace
+from typing import Any
 
 from noctule.messages_pb2 import Calibration, SweepPlan, UnitSettings
 from noctule_gateway.wire.frames import NO_TEMPERATURE, Calibrate, Configure, HomeKind, Settings
-from noctule_gateway.wire.sweep_message import BEARING_RAD
-
-HALF_STEP_PARTS = 256  # of the wire, to a half step
+from noctule_gateway.wire.units import CALIBRATION, PER_KELVIN, PLAN, Scale
 
 HOMES: dict[int, Calibration.Home] = {
     HomeKind.SWITCH: Calibration.HOME_SWITCH,
@@ -49,22 +48,14 @@ def to_message(settings: Settings) -> UnitSettings:
     """The settings as the bus is told them."""
     trim = settings.temperature_trim
     return UnitSettings(
-        plan=SweepPlan(
-            first_bearing_rad=settings.first_bearing * BEARING_RAD,
-            bearing_step_rad=settings.bearing_step * BEARING_RAD,
-            count=settings.count,
-            ping_interval_s=settings.ping_interval_ms / 1000,
-            top_speed_half_steps_s=settings.top_speed,
-            ramp_s=settings.ramp_ms / 1000,
-            settle_s=settings.settle_ms / 1000,
-            pings=settings.pings,
-        ),
+        plan=SweepPlan(**_values(settings, PLAN)),
         calibration=Calibration(
-            half_steps_per_turn=settings.half_steps_per_turn / HALF_STEP_PARTS,
-            backlash_half_steps=settings.backlash,
-            home=HOMES.get(settings.home, Calibration.HOME_UNSPECIFIED),
-            home_bearing_rad=settings.home_bearing * BEARING_RAD,
+            home=HOMES.get(settings.home, Calibration.HOME_UNSPECIFIED), **_values(settings, CALIBRATION)
         ),
-        temperature_trim_k=None if trim == NO_TEMPERATURE else trim / 100,
+        temperature_trim_k=None if trim == NO_TEMPERATURE else trim / PER_KELVIN,
         stored=bool(settings.stored),
     )
+
+
+def _values(settings: Settings, scales: dict[str, Scale]) -> dict[str, Any]:
+    return {scale.field: scale.from_wire(getattr(settings, wire)) for wire, scale in scales.items()}

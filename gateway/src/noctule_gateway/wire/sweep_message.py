@@ -8,9 +8,7 @@ from noctule.site import Site, Unit
 from noctule_gateway.clock.regression import TICK_S, HostTime
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.frames import FIRST_NO_ECHO, NO_TEMPERATURE, NO_WAYPOINT, NoEcho
-
-BEARING_RAD = 2 * pi / 65536  # of one unit of the wire
-OFFSET_S = 16 * TICK_S
+from noctule_gateway.wire.units import BEARING_RAD, OFFSET_S, PER_KELVIN
 
 _STATUSES: dict[int, messages.ReadingStatus] = {
     NoEcho.NO_ECHO: messages.READING_STATUS_NO_ECHO,
@@ -57,7 +55,7 @@ def bearing_rad(bearing: int) -> float:
 
 def celsius(temperature: int) -> float | None:
     """A temperature of the wire in degrees C; None if it was not measured."""
-    return None if temperature == NO_TEMPERATURE else temperature / 100
+    return None if temperature == NO_TEMPERATURE else temperature / PER_KELVIN
 
 
 def _air_temperature_c(sweep: frames.Sweep, site: Site) -> float | None:
