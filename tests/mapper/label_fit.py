@@ -47,16 +47,16 @@ class Heard:
 
 def label_fit(room: Room, surveyed: Sequence[LabelledSweep]) -> LabelFit:
     """The best estimate of ``room`` from its echoes; false echoes are left out, late ones are not told apart."""
-    heard = _heard(surveyed)
+    heard = heard_of(surveyed)
     acute = room.interior_rad < np.pi / 2
-    truth = parameters = _parameters(room)
+    truth = parameters = parameters_of(room)
     information = np.eye(len(truth))
     for _ in range(ITERATIONS):
         slopes, residual = _whitened(parameters, acute, heard)
         information = slopes.T @ slopes + WEAK_PRIOR * np.eye(len(truth))
         step = np.linalg.solve(information, slopes.T @ residual + WEAK_PRIOR * (truth - parameters))
         parameters = parameters + step
-    return _reported(parameters, np.linalg.inv(information), len(acute), heard)
+    return reported(parameters, np.linalg.inv(information), len(acute), heard)
 
 
 def on_time(surveyed: Sequence[LabelledSweep]) -> list[LabelledSweep]:
@@ -79,11 +79,11 @@ def wall_lines(room: Room) -> np.ndarray:
     return np.stack([theta, room.vertices[:, 0] * np.cos(theta) + room.vertices[:, 1] * np.sin(theta)], axis=1)
 
 
-def _parameters(room: Room) -> np.ndarray:
+def parameters_of(room: Room) -> np.ndarray:
     return np.concatenate([wall_lines(room).ravel(), np.array(room.cylinders).ravel()])
 
 
-def _heard(surveyed: Sequence[LabelledSweep]) -> Heard:
+def heard_of(surveyed: Sequence[LabelledSweep]) -> Heard:
     known: list[tuple[LabelledSweep, int, Label]] = [
         (one, i, label)
         for one in surveyed
@@ -104,7 +104,7 @@ def _heard(surveyed: Sequence[LabelledSweep]) -> Heard:
     )
 
 
-def _corner_points(parameters: np.ndarray, corners: int) -> np.ndarray:
+def corner_points(parameters: np.ndarray, corners: int) -> np.ndarray:
     """Where wall i - 1 and wall i cross, (n, 2)."""
     theta, rho = parameters[: 2 * corners].reshape(-1, 2).T
     before, rho_before = np.roll(theta, 1), np.roll(rho, 1)
@@ -114,7 +114,7 @@ def _corner_points(parameters: np.ndarray, corners: int) -> np.ndarray:
     return np.stack([x, y], axis=1)
 
 
-def _predicted(parameters: np.ndarray, place: np.ndarray, acute: np.ndarray, heard: Heard) -> np.ndarray:
+def predicted(parameters: np.ndarray, place: np.ndarray, acute: np.ndarray, heard: Heard) -> np.ndarray:
     """Ranges (n,) from ``place`` (2, n).
 
     Wall R = rho - n . p, corner R = |c - p| k with k = sin(a) for an interior angle a < 90 degrees, else 1, cylinder
@@ -128,18 +128,18 @@ def _predicted(parameters: np.ndarray, place: np.ndarray, acute: np.ndarray, hea
     ranges[on] = rho - np.cos(theta) * place[0, on] - np.sin(theta) * place[1, on]
     on, who = heard.by_corner, heard.number[heard.by_corner]
     factor = np.where(acute[who], np.sin(walls[who, 0] - walls[who - 1, 0]), 1.0)
-    ranges[on] = factor * _distance(_corner_points(parameters, len(acute))[who].T, place[:, on])
+    ranges[on] = factor * distance(corner_points(parameters, len(acute))[who].T, place[:, on])
     on, who = heard.by_cylinder, heard.number[heard.by_cylinder]
-    ranges[on] = _distance(cylinders[who, :2].T, place[:, on]) - cylinders[who, 2]
+    ranges[on] = distance(cylinders[who, :2].T, place[:, on]) - cylinders[who, 2]
     return ranges
 
 
-def _distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Between points (2, n); np.hypot takes no complex numbers."""
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2)
 
 
-def _slopes(function: Callable[[np.ndarray], np.ndarray], parameters: np.ndarray) -> np.ndarray:
+def slopes_of(function: Callable[[np.ndarray], np.ndarray], parameters: np.ndarray) -> np.ndarray:
     """Derivatives of ``function`` (...,) by its parameters, (..., parameters)."""
     steps = 1j * STEP * np.eye(len(parameters))
     return np.stack([np.imag(function(parameters + step)) for step in steps], axis=-1) / STEP
@@ -148,9 +148,9 @@ def _slopes(function: Callable[[np.ndarray], np.ndarray], parameters: np.ndarray
 def _whitened(parameters: np.ndarray, acute: np.ndarray, heard: Heard) -> tuple[np.ndarray, np.ndarray]:
     """Slopes (n, parameters) and residuals (n,), by the inverse root of each place's sigma^2 I + s^2 N N^T."""
     place = np.stack([heard.x_m, heard.y_m])
-    slopes = _slopes(lambda moved: _predicted(moved, place, acute, heard), parameters)
-    by_place = _slopes(lambda moved: _predicted(parameters, place + moved[:, None], acute, heard), np.zeros(2))
-    residual = heard.range_m - np.real(_predicted(parameters, place, acute, heard))
+    slopes = slopes_of(lambda moved: predicted(moved, place, acute, heard), parameters)
+    by_place = slopes_of(lambda moved: predicted(parameters, place + moved[:, None], acute, heard), np.zeros(2))
+    residual = heard.range_m - np.real(predicted(parameters, place, acute, heard))
     _, visit = np.unique(place, axis=1, return_inverse=True)
     for number in np.unique(visit):
         rows = np.nonzero(visit.reshape(-1) == number)[0]
@@ -162,17 +162,17 @@ def _whitened(parameters: np.ndarray, acute: np.ndarray, heard: Heard) -> tuple[
     return slopes, residual
 
 
-def _reported(parameters: np.ndarray, covariance: np.ndarray, walls: int, heard: Heard) -> LabelFit:
+def reported(parameters: np.ndarray, covariance: np.ndarray, walls: int, heard: Heard) -> LabelFit:
     """The fitted parameters by kind, NaN where an object has too few echoes of its own."""
     cylinders = (len(parameters) - 2 * walls) // 3
     lonely = np.bincount(heard.number[heard.by_wall], minlength=walls) < LEAST_WALL_ECHOES
     adrift = lonely | np.roll(lonely, 1)
     unseen = np.bincount(heard.number[heard.by_cylinder], minlength=cylinders) < LEAST_CYLINDER_ECHOES
-    slopes = _slopes(lambda moved: _corner_points(moved, walls), parameters)
+    slopes = slopes_of(lambda moved: corner_points(moved, walls), parameters)
     return LabelFit(
         walls=_but_not(lonely, parameters[: 2 * walls].reshape(-1, 2)),
         wall_covariances=_but_not(lonely, _blocks(covariance[: 2 * walls, : 2 * walls], 2)),
-        corners=_but_not(adrift, _corner_points(parameters, walls)),
+        corners=_but_not(adrift, corner_points(parameters, walls)),
         corner_covariances=_but_not(adrift, slopes @ covariance @ slopes.transpose(0, 2, 1)),
         cylinders=_but_not(unseen, parameters[2 * walls :].reshape(-1, 3)),
         cylinder_covariances=_but_not(unseen, _blocks(covariance[2 * walls :, 2 * walls :], 3)),
