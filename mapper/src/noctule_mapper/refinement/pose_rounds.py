@@ -15,7 +15,7 @@ from noctule_mapper.contour.reflectors import Crossing, Line, Reflector
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence, with_stands
 from noctule_mapper.readings.stands import Stands
-from noctule_mapper.refinement.association import Claims
+from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.em_fit import Settled
 from noctule_mapper.refinement.joint_fit import Shared
 from noctule_mapper.refinement.pose_errors import Errors
@@ -30,7 +30,8 @@ _MOVES_NATS = 15.0  # so much more a unit must hear elsewhere, and the map be wo
 _WRONG_SQUARE = 25.0  # of a pose's deviation from the stated one: by chance in one of 65,000
 _LEAST_KNOWN = (0.001, np.radians(0.2))  # metres and radians: labels may be wrong, so no fitted pose is exact
 _SOUGHT = (0.03, np.radians(3.0))  # how well a pose is known that two plateaus tell
-_LOST_SHARE = 0.5  # of what a map was worth: poses fitted to other reflectors than those that were heard leave no more
+_FOLLOWS = 0.3  # sigmas of the pose: a scene whose poses move by less stays
+_AS_KNOWN = 1.5  # nor does a scene follow if the poses are known as well as before, to within this factor
 _EXCHANGED = (0.2, 0.2, np.radians(15.0))  # so near another's stated pose a unit may have been exchanged with it
 _LEAST_SENSOR = np.array([0.001, 0.001])  # metres and a share: changes below them leave every echo with its reflector
 
@@ -51,30 +52,42 @@ class Final:
 def posed(data: Evidence, fitted: Callable[[Evidence], Final]) -> tuple[Evidence, Final]:
     """The evidence with the units where they seem to be, and the fit to it; as it comes where no pose may move."""
     data, final = _still(data, fitted(data), fitted)
-    square = squares(data.stands, final.last.shared, final.last.errors)
+    square = squares(final.data.stands, final.last.shared, final.last.errors)
     if np.any(square > _WRONG_SQUARE):
-        data = with_stands(data, replace(data.stands, is_doubted=square > _WRONG_SQUARE))
+        data = with_stands(data, replace(final.data.stands, is_doubted=square > _WRONG_SQUARE))
         data, final = _named(*_still(data, fitted(data), fitted), fitted)
     tried: set[int] = set()
     while (sought := _sought(final, tried)) is not None:
         number, pose = sought
         tried.add(number)
-        elsewhere = with_stands(data, _put(data.stands, number, pose))
+        elsewhere = with_stands(data, _put(final.data.stands, number, pose))
         elsewhere, other = _still(elsewhere, fitted(elsewhere), fitted)
         if other.worth > final.worth + _MOVES_NATS:
             data, final = _named(elsewhere, other, fitted)
-    return data, final
+    return with_stands(data, final.data.stands), final
+
+
+def followed(scene: Scene, fitted: Settled) -> Scene:
+    """The scene with the poses and the sensors as ``fitted``; itself where that leaves every echo with its reflector."""
+    before = scene.data.stands
+    if not before.may_move:
+        return scene
+    after = at_fitted(before, fitted.shared, fitted.errors)
+    known = before.known[after.open] / after.known[after.open]
+    if _farthest(before, after) < _FOLLOWS and np.all((known < _AS_KNOWN) & (known > 1 / _AS_KNOWN)):
+        return scene
+    return Scene(with_stands(scene.data, after), scene.config)
 
 
 def _still(data: Evidence, final: Final, fitted: Callable[[Evidence], Final]) -> tuple[Evidence, Final]:
-    """The evidence moved to the fitted poses and fitted once more, until it stays, or the map is lost."""
+    """The evidence at the fitted poses and fitted once more from there, as long as that is worth more."""
     for _ in range(_MOST_ROUNDS if data.stands.may_move else 0):
-        stands = at_fitted(data.stands, final.last.shared, final.last.errors)
+        stands = at_fitted(final.data.stands, final.last.shared, final.last.errors)
         if _farthest(data.stands, stands) < _STILL:
             break
         there = with_stands(data, stands)
         other = fitted(there)
-        if other.worth < _LOST_SHARE * final.worth:
+        if other.worth < final.worth:
             break
         data, final = there, other
     return data, final
@@ -97,11 +110,12 @@ def _put(stands: Stands, number: int, pose: np.ndarray) -> Stands:
 
 def _named(data: Evidence, final: Final, fitted: Callable[[Evidence], Final]) -> tuple[Evidence, Final]:
     """The same with trust in the stated poses that are no farther off than they may be."""
-    square = squares(data.stands, final.last.shared, final.last.errors)
-    is_doubted = data.stands.is_doubted & (square > _WRONG_SQUARE)
-    if np.array_equal(is_doubted, data.stands.is_doubted):
+    stands = final.data.stands
+    square = squares(stands, final.last.shared, final.last.errors)
+    is_doubted = stands.is_doubted & (square > _WRONG_SQUARE)
+    if np.array_equal(is_doubted, stands.is_doubted):
         return data, final
-    data = with_stands(data, replace(data.stands, is_doubted=is_doubted))
+    data = with_stands(data, replace(stands, is_doubted=is_doubted))
     return _still(data, fitted(data), fitted)
 
 

@@ -11,7 +11,7 @@ from noctule_mapper.contour.contour import Contour
 from noctule_mapper.contour.corners import Link, contour_of, link_ends
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.echoes import Echoes
-from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_of_each_beam
+from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_of_each_beam, with_stands
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
@@ -20,8 +20,8 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
-from noctule_mapper.refinement.pose_rounds import Final, posed
-from noctule_mapper.refinement.poses import unit_poses
+from noctule_mapper.refinement.pose_rounds import Final, followed, posed
+from noctule_mapper.refinement.poses import stated_nats, unit_poses
 from noctule_mapper.refinement.touches import with_touches
 
 
@@ -74,7 +74,10 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
     """The objects that explain the evidence, fitted to all of it, with the poses where the evidence has them."""
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
-    best, scene = _explain(weighed, contacts, config), Scene(joined(data, _directions(weighed)), settings)
+    best = _explain(weighed, contacts, config)
+    weighed = best.scene.data
+    data = with_stands(data, weighed.stands)
+    scene = Scene(joined(data, _directions(weighed)), settings)
     objects, links = best.objects, best.links
     while True:
         claims = scene.claims(objects, links)
@@ -127,50 +130,60 @@ def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfi
 
 @dataclass(frozen=True)
 class _State:
-    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats."""
+    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats; in
+    a scene where the poses are as they have fitted best with these objects.
+    """
 
     objects: list[Reflector]
     links: list[Link]
     explained: np.ndarray
     worth: float
+    scene: Scene
 
 
 def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
     """The objects that explain the echoes for the least price, and which walls meet."""
-    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0)
+    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement))
     if not len(data.echoes):
         return state
-    library = candidates(data, found, config.contacts, config.cylinders, config.refinement)
-    scene = Scene(data, config.refinement)
+    library = _library(state, found, config)
     for _ in range(config.refinement.search.rounds):
-        added = add_objects(state.objects, state.explained, library, data, config)
-        tried = _state(added, scene, config)
+        added = add_objects(state.objects, state.explained, library, state.scene.data, config)
+        tried = _state(added, state.scene, config)
         if tried.worth < state.worth + _LEAST_RISE_NATS:
             break
+        if tried.scene is not state.scene:
+            library = _library(tried, found, config)
         state = tried
-    return _exchanged(state, library, scene, config)
+    return _exchanged(state, library, config)
+
+
+def _library(state: _State, found: Contacts, config: MapperConfig) -> list[Candidates]:
+    return candidates(state.scene.data, found, config.contacts, config.cylinders, config.refinement)
 
 
 _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
 
 
 def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _State:
-    objects, links = _settled(objects, scene, config)
+    objects, links, scene = _settled(objects, scene, config)
     explanation = scene.explain(scene.claims(objects, links))
-    return _State(objects, links, explanation.unexplained < 0.5, scene.worth(objects, links, explanation))
+    worth = scene.worth(objects, links, explanation) + stated_nats(scene.data.stands)
+    return _State(objects, links, explanation.unexplained < 0.5, worth, scene)
 
 
-def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> _State:
+def _exchanged(state: _State, library: Sequence[Candidates], config: MapperConfig) -> _State:
     """The state with points exchanged for walls or cylinders, and cylinders for walls, wherever that is worth more."""
     for kind, others in ((Spot, (Line, Circle)), (Circle, (Line,))):
         instead = [one for one in library if one.kind in others]
         for old in [one for one in state.objects if isinstance(one, kind)]:
-            rest = [one for one in state.objects if one is not old]
+            rest, scene = [one for one in state.objects if one is not old], state.scene
             unexplained = scene.explain(scene.claims(rest, _links(rest, scene, config))).unexplained
             added = add_objects(rest, unexplained < 0.5, instead, scene.data, config)
             if len(rest) < len(state.objects) and len(added) > len(rest):
                 links = _links(added, scene, config)
-                if scene.worth(added, links, scene.explain(scene.claims(added, links))) > state.worth - _HOPE_NATS:
+                worth = scene.worth(added, links, scene.explain(scene.claims(added, links)))
+                if worth + stated_nats(scene.data.stands) > state.worth - _HOPE_NATS:
                     tried = _state(added, scene, config)
                     state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
     return state
@@ -179,16 +192,18 @@ def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, confi
 _HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
 
 
-def _settled(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> tuple[list[Reflector], list[Link]]:
+def _settled(
+    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
+) -> tuple[list[Reflector], list[Link], Scene]:
     """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit anew."""
     while True:
-        objects, links = _fit_and_link(objects, scene, config)
+        objects, links, scene = _fit_and_link(objects, scene, config)
         kept = objects
         while (fewer := _without_one(kept, links, scene, config)) is not None:
             kept = fewer
             links = _links(kept, scene, config)
         if len(kept) == len(objects):
-            return objects, links
+            return objects, links, scene
         objects = kept
 
 
@@ -220,17 +235,19 @@ _SUSPECTS = 4  # the objects worth least, whose removal is tried
 
 def _fit_and_link(
     objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link]]:
+) -> tuple[list[Reflector], list[Link], Scene]:
+    """Fit the objects, and with them the poses, which the scene follows."""
     objects, links = list(objects), _links(objects, scene, config)
     for _ in range(2):
         claims = scene.claims(objects, links)
         fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
+        scene = followed(scene, fitted)
         objects = [
             trimmed(one, _made_mask(number, claims, fitted.share, scene.data), scene.data, config)
             for number, one in enumerate(fitted.fit.objects)
         ]
         links = _links(objects, scene, config)
-    return objects, links
+    return objects, links, scene
 
 
 def _made(number: int, claims: Claims, share: np.ndarray) -> np.ndarray:
