@@ -9,8 +9,9 @@ from scipy.optimize import least_squares
 
 from noctule_mapper.config import BeamConfig, RefinementConfig
 from noctule_mapper.contour.corners import Link
-from noctule_mapper.contour.reflectors import Circle, Line, Reflector
+from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector, Spot
 from noctule_mapper.refinement.em_fit import Settled, settle
+from noctule_mapper.refinement.joint_fit import linearise, offsets_of, rows_of, shared_by
 
 SIGMA_PLACE_M = 0.005
 SPAN_M = 1e12  # an echo from anywhere is so unlikely that no share is lost to it
@@ -99,3 +100,21 @@ def test_an_error_of_the_places_does_not_average_away_with_more_echoes_from_ther
     sure, unsure = (joint(measured, sigma_m).fit.covariance_of(WALL) for sigma_m in (1e-5, SIGMA_PLACE_M))
     # Of one range the variance is sigma^2, or sigma^2 + s^2: 3.8 times as much.
     assert unsure[1, 1] > 2.5 * sure[1, 1]
+
+
+@pytest.mark.parametrize("turn_deg", [70, 120], ids=["obtuse corner", "acute corner"])
+def test_what_a_place_does_to_ranges_is_their_slope_by_it(turn_deg: float) -> None:
+    """An acute corner's range is shorter than its distance, d sin(a), and so is what a step of the place makes of it:
+    or else such a corner would say where the room as a whole lies.
+    """
+    walls = [Line(0.1, 2.0, -9.0, 9.0), Line(0.1 + math.radians(turn_deg), 1.8, -9.0, 9.0)]
+    objects = [*walls, Circle(-1.2, -0.9, 0.25), Spot(0.9, -1.1)]
+    maker, corner = np.arange(5), Crossing(*walls)
+    data = evidence_of([(0.2, -0.1, 0.0, 1.0)] * 5, sigma_position_m=SIGMA_PLACE_M)
+    linear = linearise(objects, LINKS, maker, maker, data.echoes)
+    rows = rows_of(linear, maker, data.echoes, shared_by(data), int(offsets_of(objects)[-1]))
+    for axis in range(2):
+        step_m = 1e-6 * np.eye(2)[axis]
+        there, back = (evidence_of([(0.2 + dx, -0.1 + dy, 0.0, 1.0)]).echoes for dx, dy in (step_m, -step_m))
+        slopes = [float(one.ranges(there)[0] - one.ranges(back)[0]) / 2e-6 for one in (*objects, corner)]
+        assert rows.by_place[:, axis] == pytest.approx(slopes, abs=1e-6)

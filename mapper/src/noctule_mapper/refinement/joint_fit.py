@@ -4,7 +4,8 @@ Beside the objects' parameters t the fit has those of the sensors, q = (mean err
 long) of a unit, and of each place where echoes came from p = (dx, dy, dheading). An echo of range R and axis z, of a
 reflector that lies in direction f of its place at the range r, all linearised, obeys
 
-    R = r(t) - u(f) . (dx, dy) + b + s r                 u(f) the unit vector in direction f
+    R = r(t) - k u(f) . (dx, dy) + b + s r               u(f) the unit vector in direction f; k = sin(a) in a corner
+                                                         of an acute angle a, whose range is d sin(a), else 1
     z = f(t) + f'(dx, dy) - dheading                     only where the sweep is fine: else the beam alone tells
 
 and of q and p it is known beforehand to within which sigma they are what is stated. An error of a place moves all that
@@ -80,13 +81,14 @@ def shared_by(data: Evidence) -> Shared:
 @dataclass(frozen=True)
 class Linear:
     """Claims linearised about the objects: rows (claims,) of slopes by the parameters in ``columns``, both (claims, 4)
-    padded with zero slopes, predicted ranges, the directions of the echoes and their slopes by the same ``columns`` and
-    by the place, (claims, 2).
+    padded with zero slopes, predicted ranges and their slopes by the place, (claims, 2), the directions of the echoes
+    and their slopes by the same ``columns`` and by the place.
     """
 
     slopes: np.ndarray
     columns: np.ndarray
     predicted_m: np.ndarray
+    slopes_by_place: np.ndarray
     direction_rad: np.ndarray
     direction_slopes: np.ndarray
     direction_slopes_by_place: np.ndarray
@@ -103,7 +105,7 @@ def linearise(
     """Claims of ``maker`` (claims,), objects and then links, on echoes number ``echo`` (claims,)."""
     offsets = offsets_of(objects)
     slopes, columns = np.zeros((len(maker), 4)), np.zeros((len(maker), 4), int)
-    predicted, direction = np.zeros(len(maker)), np.zeros(len(maker))
+    predicted, direction, factor = np.zeros(len(maker)), np.zeros(len(maker)), np.ones(len(maker))
     turning, by_place = np.zeros((len(maker), 4)), np.zeros((len(maker), 2))
     order = np.argsort(maker, kind="stable")
     for rows in np.split(order, np.nonzero(np.diff(maker[order]))[0] + 1) if len(order) else []:
@@ -113,13 +115,15 @@ def linearise(
         else:
             link = links[number - len(objects)]
             model, owners = crossing(objects, link), (link.first, link.second)
+            factor[rows] = model.factor
         own = np.concatenate([np.arange(int(offsets[i]), int(offsets[i + 1])) for i in owners])
         heard = echoes.take(echo[rows])
         slopes[rows, : len(own)], columns[rows, : len(own)] = model.slopes(heard), own
         predicted[rows], direction[rows] = model.ranges(heard), model.directions(heard)
         turning[rows, : len(own)] = model.direction_slopes(heard)
         by_place[rows] = model.direction_slopes_by_place(heard)
-    return Linear(slopes, columns, predicted, direction, turning, by_place)
+    away = -factor[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
+    return Linear(slopes, columns, predicted, away, direction, turning, by_place)
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,7 @@ def rows_of(linear: Linear, echo: np.ndarray, echoes: Echoes, shared: Shared, pa
     """The rows of claims on echoes number ``echo`` (claims,); the sensors' columns come after the objects'."""
     place = shared.place[echo]
     none = np.zeros(len(echo))
-    away = np.column_stack([-np.cos(linear.direction_rad), -np.sin(linear.direction_rad), none])
+    away = np.column_stack([linear.slopes_by_place, none])
     turn_away = np.column_stack([linear.direction_slopes_by_place, none - 1])
     residual = echoes.range_m[echo] - linear.predicted_m - (away * shared.shift[place]).sum(axis=1)
     turn = wrapped(echoes.axis_rad[echo] - linear.direction_rad - (turn_away * shared.shift[place]).sum(axis=1))

@@ -68,7 +68,7 @@ def posed(data: Evidence, fitted: Callable[[Evidence], Final]) -> tuple[Evidence
 
 
 def followed(scene: Scene, fitted: Settled) -> Scene:
-    """The scene with the poses and the sensors as ``fitted``; itself where that leaves every echo with its reflector."""
+    """The scene with poses and sensors as ``fitted``; itself where that leaves every echo with its reflector."""
     before = scene.data.stands
     if not before.may_move:
         return scene

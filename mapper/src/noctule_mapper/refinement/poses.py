@@ -7,7 +7,7 @@ import numpy as np
 from noctule_mapper.contour.contour import PoseState, UnitPose
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
-from noctule_mapper.readings.stands import Stands, deviation
+from noctule_mapper.readings.stands import Stands
 from noctule_mapper.refinement.em_fit import Settled
 from noctule_mapper.refinement.joint_fit import Normal, Shared
 from noctule_mapper.refinement.pose_errors import Errors
@@ -34,15 +34,17 @@ def squares(stands: Stands, shared: Shared, errors: Errors) -> np.ndarray:
 _BEST_STATED = (0.005, 0.005, np.radians(0.5))  # metres and radians
 
 
-def stated_nats(stands: Stands) -> float:
-    """What the poses as they are add to a map's worth, beside the stated ones: how far they are off, and how much of
-    what was stated to be possible the map leaves to them. Poses that are doubted tell nothing.
+def stated_nats(stands: Stands, shared: Shared, errors: Errors) -> float:
+    """What fitted poses add to a map's worth, beside the stated ones: how far they are off, and how much of what was
+    stated to be possible the map leaves to them. Poses that are doubted tell nothing.
     """
-    number = stands.open[~stands.is_doubted[stands.open]]
+    at = np.nonzero(~stands.is_doubted[errors.open])[0]
+    number = errors.open[at]
     sigma = np.maximum(stands.sigma[number], _EXACT)
-    away = deviation(stands)[number] / sigma
-    left = np.minimum(stands.known[number][:, [0, 0, 1]] / sigma, 1.0)
-    return float(np.log(left).sum() - 0.5 * (away**2).sum())
+    away = (shared.shift - shared.stated)[number] / sigma
+    rows = (3 * at[:, None] + np.arange(3)).ravel()
+    left = errors.poses[np.ix_(rows, rows)] / np.outer(sigma, sigma)
+    return float(0.5 * np.linalg.slogdet(left)[1] - 0.5 * (away**2).sum())
 
 
 def unit_poses(data: Evidence, settled: Settled, units: Sequence[str]) -> tuple[UnitPose, ...]:

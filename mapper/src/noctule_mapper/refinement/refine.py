@@ -139,11 +139,12 @@ class _State:
     explained: np.ndarray
     worth: float
     scene: Scene
+    of_poses: float  # how much of the worth is that of the poses
 
 
 def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
     """The objects that explain the echoes for the least price, and which walls meet."""
-    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement))
+    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
     if not len(data.echoes):
         return state
     library = _library(state, found, config)
@@ -166,10 +167,10 @@ _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for thei
 
 
 def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _State:
-    objects, links, scene = _settled(objects, scene, config)
+    objects, links, scene, of_poses = _settled(objects, scene, config)
     explanation = scene.explain(scene.claims(objects, links))
-    worth = scene.worth(objects, links, explanation) + stated_nats(scene.data.stands)
-    return _State(objects, links, explanation.unexplained < 0.5, worth, scene)
+    worth = scene.worth(objects, links, explanation) + of_poses
+    return _State(objects, links, explanation.unexplained < 0.5, worth, scene, of_poses)
 
 
 def _exchanged(state: _State, library: Sequence[Candidates], config: MapperConfig) -> _State:
@@ -183,7 +184,7 @@ def _exchanged(state: _State, library: Sequence[Candidates], config: MapperConfi
             if len(rest) < len(state.objects) and len(added) > len(rest):
                 links = _links(added, scene, config)
                 worth = scene.worth(added, links, scene.explain(scene.claims(added, links)))
-                if worth + stated_nats(scene.data.stands) > state.worth - _HOPE_NATS:
+                if worth + state.of_poses > state.worth - _HOPE_NATS:
                     tried = _state(added, scene, config)
                     state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
     return state
@@ -194,16 +195,16 @@ _HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
 
 def _settled(
     objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link], Scene]:
+) -> tuple[list[Reflector], list[Link], Scene, float]:
     """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit anew."""
     while True:
-        objects, links, scene = _fit_and_link(objects, scene, config)
+        objects, links, scene, of_poses = _fit_and_link(objects, scene, config)
         kept = objects
         while (fewer := _without_one(kept, links, scene, config)) is not None:
             kept = fewer
             links = _links(kept, scene, config)
         if len(kept) == len(objects):
-            return objects, links, scene
+            return objects, links, scene, of_poses
         objects = kept
 
 
@@ -235,19 +236,20 @@ _SUSPECTS = 4  # the objects worth least, whose removal is tried
 
 def _fit_and_link(
     objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link], Scene]:
-    """Fit the objects, and with them the poses, which the scene follows."""
-    objects, links = list(objects), _links(objects, scene, config)
+) -> tuple[list[Reflector], list[Link], Scene, float]:
+    """Fit the objects, and with them the poses, which the scene follows; and what the poses are worth then."""
+    objects, links, of_poses = list(objects), _links(objects, scene, config), 0.0
     for _ in range(2):
         claims = scene.claims(objects, links)
         fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
+        of_poses = stated_nats(scene.data.stands, fitted.shared, fitted.errors)
         scene = followed(scene, fitted)
         objects = [
             trimmed(one, _made_mask(number, claims, fitted.share, scene.data), scene.data, config)
             for number, one in enumerate(fitted.fit.objects)
         ]
         links = _links(objects, scene, config)
-    return objects, links, scene
+    return objects, links, scene, of_poses
 
 
 def _made(number: int, claims: Claims, share: np.ndarray) -> np.ndarray:
