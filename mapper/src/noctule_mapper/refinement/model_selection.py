@@ -29,9 +29,10 @@ def add_objects(
     library: Sequence[Candidates],
     data: Evidence,
     config: MapperConfig,
+    most: int | None = None,
 ) -> list[Reflector]:
-    """``objects`` and what more the echoes that are not ``explained``, bool (n,), are worth."""
-    objects, free = list(objects), ~explained
+    """``objects`` and what more the echoes that are not ``explained``, bool (n,), are worth; no more than ``most`` of it if told."""
+    before, objects, free = len(objects), list(objects), ~explained
     prices = {kind: price_of(kind, config.refinement) for kind in (Line, Circle, Spot)}
     library = [one.promising(free, _LEAST_HOPE * prices[one.kind]) for one in library]
     while True:
@@ -49,6 +50,8 @@ def add_objects(
         if best is None:
             return objects
         objects.append(best)
+        if most is not None and len(objects) - before >= most:
+            return objects
         free &= gains(best, data, config.refinement) <= 0
 
 

@@ -147,16 +147,68 @@ def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
     state = _State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
     if not len(data.echoes):
         return state
+    ways = _WAYS if len(data.stands.open) else _WAYS[:1]
+    best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
+    best = _exchanged(best, library, config)
+    return _confirmed(best, config) if len(data.stands.open) else best
+
+
+def _confirmed(state: _State, config: MapperConfig) -> _State:
+    """The state without what the map is worth hardly less without, the poses fitted once more: an object that is heard
+    little may stand only because the poses have moved to suit it.
+    """
+    while True:
+        claims = state.scene.claims(state.objects, state.links)
+        share = state.scene.explain(claims).share
+        alone = np.bincount(claims.maker, -np.log1p(-np.minimum(share, 1 - 1e-12)), minlength=len(state.objects))
+        for number in np.argsort(alone[: len(state.objects)]):
+            if alone[number] > _DOUBTFUL_NATS:
+                return state
+            fewer = [one for other, one in enumerate(state.objects) if other != number]
+            tried = _state(fewer, state.scene, config)
+            if tried.worth > state.worth - _LEAST_PROOF_NATS:
+                state = tried
+                break
+        else:
+            return state
+
+
+_DOUBTFUL_NATS = 40.0  # that an object may explain alone and still be worth nothing when the poses move
+_LEAST_PROOF_NATS = 3.0
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What a round of a map's growth may add: objects of some ``kinds``, ``most`` of them before all are fitted."""
+
+    kinds: tuple[type[Reflector], ...] = (Line, Circle, Spot)
+    most: int | None = None
+
+
+_ALL = _Step()
+# Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all at
+# once; first the walls; first the four objects that are worth most, one after the other.
+_WAYS = ((), (_Step(kinds=(Line,)),), (_Step(most=1),) * 4)
+
+
+def _grown(
+    state: _State, way: Sequence[_Step], found: Contacts, config: MapperConfig
+) -> tuple[_State, list[Candidates]]:
+    """The state with objects added, as the ``way`` has it and then all that are worth more than they cost, and the
+    candidates that were left.
+    """
     library = _library(state, found, config)
-    for _ in range(config.refinement.search.rounds):
-        added = add_objects(state.objects, state.explained, library, state.scene.data, config)
+    for step in (*way, *(_ALL,) * config.refinement.search.rounds):
+        chosen = [one for one in library if one.kind in step.kinds]
+        added = add_objects(state.objects, state.explained, chosen, state.scene.data, config, step.most)
         tried = _state(added, state.scene, config)
-        if tried.worth < state.worth + _LEAST_RISE_NATS:
+        if tried.worth >= state.worth + _LEAST_RISE_NATS:
+            if tried.scene is not state.scene:
+                library = _library(tried, found, config)
+            state = tried
+        elif step is _ALL:
             break
-        if tried.scene is not state.scene:
-            library = _library(tried, found, config)
-        state = tried
-    return _exchanged(state, library, config)
+    return state, library
 
 
 def _library(state: _State, found: Contacts, config: MapperConfig) -> list[Candidates]:
