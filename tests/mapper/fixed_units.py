@@ -166,7 +166,9 @@ def _of_the_room(label: Label, room: Room) -> Label:
     return Label("false") if person else label
 
 
-def stated_by_tape(surveyed: Sequence[LabelledSweep], poses: np.ndarray) -> list[LabelledSweep]:
+def stated_by_tape(
+    surveyed: Sequence[LabelledSweep], poses: np.ndarray, sigma_m: float = TAPE_M, sigma_rad: float = TAPE_RAD
+) -> list[LabelledSweep]:
     """The survey with the units stated to be at ``poses`` (units, 3), to within a tape measure's error."""
     return [
         replace(
@@ -176,8 +178,8 @@ def stated_by_tape(surveyed: Sequence[LabelledSweep], poses: np.ndarray) -> list
                 x_m=float(x_m),
                 y_m=float(y_m),
                 heading_rad=float(heading_rad),
-                sigma_position_m=TAPE_M,
-                sigma_heading_rad=TAPE_RAD,
+                sigma_position_m=sigma_m,
+                sigma_heading_rad=sigma_rad,
             ),
         )
         for one in surveyed
@@ -190,14 +192,6 @@ def taped_room(rng: np.random.Generator, units: int | None = None) -> tuple[Room
     room, stated = fixed_room(rng, units)
     true = stated + rng.normal(0, 1, stated.shape) * (TAPE_M, TAPE_M, TAPE_RAD)
     return room, true, stated_by_tape(survey_fixed(room, true, rng), stated)
-
-
-def stated_exactly(surveyed: Sequence[LabelledSweep], poses: np.ndarray) -> list[LabelledSweep]:
-    """The survey with the units known to be at ``poses`` (units, 3)."""
-    return [
-        replace(one, sweep=replace(one.sweep, sigma_position_m=0.0, sigma_heading_rad=0.0))
-        for one in stated_by_tape(surveyed, poses)
-    ]
 
 
 def room_can_tell(room: Room, surveyed: Sequence[LabelledSweep], wrong: set[str]) -> bool:
@@ -280,13 +274,12 @@ def turned(contour: Contour, turn_rad: float) -> Contour:
 
 
 def judge_fixed(
-    contour: Contour, room: Room, surveyed: Sequence[LabelledSweep], exact: Sequence[LabelledSweep] | None = None
+    contour: Contour, room: Room, surveyed: Sequence[LabelledSweep], told: LabelFit | None = None
 ) -> Verdict:
-    """What the contour of ``surveyed`` is worth, by ``room``, in which it was made; its corners beside those of the fit
-    that knows every label, and of ``exact`` sweeps the poses too if there are such.
+    """What the contour of ``surveyed`` is worth, by ``room``, in which it was made, and beside ``told``, the fit that
+    knows every label: of exact poses if not given.
     """
-    told = label_fit(room, surveyed)
-    beside = label_fit(room, exact) if exact else told
+    told = label_fit(room, surveyed) if told is None else told
     walls, corners, cylinders = _due(room, surveyed, told)
     found_walls = {true_wall(wall, room) for wall in contour.walls}
     errors_m = corner_errors_m(contour, room)
@@ -304,7 +297,7 @@ def judge_fixed(
         missed=tuple(missed),
         false=false_objects(contour, room),
         corners_m=errors_m[corners & near],
-        label_fit_m=np.hypot(*(beside.corners - room.vertices).T)[corners & near],
+        label_fit_m=np.hypot(*(told.corners - room.vertices).T)[corners & near],
     )
 
 

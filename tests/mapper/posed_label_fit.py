@@ -28,7 +28,6 @@ ITERATIONS = 8
 SMALLEST_STEP = 1e-7  # metres or radians
 STEP_SHARE = 0.3  # of the step of bearings: the error of the middle of those that heard one thing
 KNOWN_M = 0.1  # a corner, or the frame's error included: worse ones do not say where the room lies
-LEAST_SWEEPS = 0.5  # in so many of them something else must answer beyond an end, for it to be cut short
 
 
 @dataclass(frozen=True)
@@ -131,8 +130,8 @@ def _middles(surveyed: Sequence[LabelledSweep]) -> Middles:
 
 
 def _cut(sweeps: Sequence[LabelledSweep], bearing: int) -> bool:
-    answered = sum(one.labels[bearing].index >= 0 for one in sweeps)
-    return answered > LEAST_SWEEPS * len(sweeps)
+    """Whether a sweep heard something there, so that what answers up to there may go on behind it."""
+    return any(one.labels[bearing].kind != "none" for one in sweeps)
 
 
 def _off(parameters: np.ndarray, poses: np.ndarray, corners: int, middles: Middles) -> np.ndarray:
@@ -165,14 +164,17 @@ def _aligned(parameters: np.ndarray, covariance: np.ndarray, room: Room, heard: 
         return corner_points(tried, corners).ravel()[known]
 
     for _ in range(3):
-        motion = slopes_of(lambda by: _moved(parameters, by, corners), np.zeros(3))
-        together = slopes_of(points, parameters) @ motion
+        together = slopes_of(points, parameters) @ _motion(parameters, corners)
         off = room.vertices.ravel()[known] - np.real(points(parameters))
         parameters = np.real(_moved(parameters, np.linalg.lstsq(together, off, rcond=None)[0], corners))
-    slopes = slopes_of(points, parameters)
-    motion = slopes_of(lambda by: _moved(parameters, by, corners), np.zeros(3))
+    slopes, motion = slopes_of(points, parameters), _motion(parameters, corners)
     rest = np.eye(len(parameters)) - motion @ np.linalg.pinv(slopes @ motion) @ slopes
     return parameters, rest @ covariance @ rest.T
+
+
+def _motion(parameters: np.ndarray, corners: int) -> np.ndarray:
+    """Derivatives of the parameters by a shift and a turn of all of them together, (parameters, 3)."""
+    return slopes_of(lambda by: _moved(parameters, by, corners), np.zeros(3))
 
 
 def _moved(parameters: np.ndarray, by: np.ndarray, corners: int) -> np.ndarray:

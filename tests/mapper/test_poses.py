@@ -14,11 +14,11 @@ from mapper.fixed_units import (
     judge_fixed,
     room_can_tell,
     stated_by_tape,
-    stated_exactly,
     survey_fixed,
     taped_room,
 )
 from mapper.judge import corner_errors_m
+from mapper.posed_label_fit import posed_label_fit
 from mapper.room import LabelledSweep, Room, paper_path, paper_room, survey
 from scipy.stats import chi2
 
@@ -178,15 +178,15 @@ def _room(seed: int) -> _Taped:
     room, true, surveyed = taped_room(np.random.default_rng(seed))
     contour = mapped(surveyed)
     return _Taped(
-        judge_fixed(aligned(contour, room, true), room, surveyed, stated_exactly(surveyed, true)),
+        judge_fixed(aligned(contour, room, true), room, surveyed, posed_label_fit(room, surveyed, true).room),
         tuple(pose.unit for pose in contour.poses if pose.is_wrong),
         tuple(square(pose, true[int(pose.unit[1:]) - 1]) for pose in contour.poses),
     )
 
 
 # What is reached, not yet what is wanted: 3 % of walls, 5 % of corners and of cylinders, 2 false objects in 50 rooms.
-MOST_MISSED = {"wall": 0.25, "corner": 0.25, "cylinder": 0.35}
-MOST_FALSE = 20
+MOST_MISSED = {"wall": 0.06, "corner": 0.08, "cylinder": 0.12}
+MOST_FALSE = 10
 
 
 @pytest.mark.soak
@@ -206,10 +206,10 @@ def test_hardly_anything_is_invented_by_tape_measure() -> None:
 
 
 @pytest.mark.soak
-def test_corners_by_tape_measure_err_by_little_more_than_where_every_pose_is_known() -> None:
-    """What is reached; wanted is 1.5 times the error of a fit that knows every label but no pose."""
+def test_corners_by_tape_measure_err_by_little_more_than_where_every_label_is_known() -> None:
+    """Beside the fit that knows what made each echo and, as the mapper, the poses by tape measure alone."""
     ours, told = (np.concatenate([getattr(one.verdict, of) for one in rooms()]) for of in ("corners_m", "label_fit_m"))
-    assert ours.mean() < told.mean() + 0.004
+    assert ours.mean() < 1.5 * told.mean()
 
 
 @pytest.mark.soak
@@ -218,13 +218,11 @@ def test_no_pose_of_a_tape_measure_is_called_wrong() -> None:
 
 
 @pytest.mark.soak
-def test_errors_of_most_poses_are_nearly_as_large_as_stated() -> None:
-    """The middle of the squares; rooms that were misunderstood are in the tail.
-
-    What is reached: 1.3 times chi-square's, so errors are a seventh larger than stated; wanted is chi-square itself.
-    """
-    squares = np.concatenate([one.squares for one in rooms()])
-    assert 0.75 < np.median(squares) / chi2.median(3) < 1.4
+def test_errors_of_poses_are_as_large_as_stated() -> None:
+    """Chi-square at 1 %, of a room one pose, so that all are independent."""
+    squares = [one.squares[number % len(one.squares)] for number, one in enumerate(rooms())]
+    low, high = chi2.ppf((0.005, 0.995), 3 * len(squares))
+    assert low < sum(squares) < high
 
 
 def _wrong(seed: int, kind: str) -> tuple[bool, set[str], set[str]]:

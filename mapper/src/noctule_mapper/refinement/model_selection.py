@@ -31,7 +31,9 @@ def add_objects(
     config: MapperConfig,
     most: int | None = None,
 ) -> list[Reflector]:
-    """``objects`` and what more the echoes that are not ``explained``, bool (n,), are worth; no more than ``most`` of it if told."""
+    """``objects`` and what more the echoes that are not ``explained``, bool (n,), are worth; of that the first ``most``
+    if there is such a limit.
+    """
     before, objects, free = len(objects), list(objects), ~explained
     prices = {kind: price_of(kind, config.refinement) for kind in (Line, Circle, Spot)}
     library = [one.promising(free, _LEAST_HOPE * prices[one.kind]) for one in library]

@@ -186,8 +186,8 @@ class _Step:
 
 
 _ALL = _Step()
-# Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all at
-# once; first the walls; first the four objects that are worth most, one after the other.
+# Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all
+# at once; first the walls; first the four objects that are worth most, one after the other.
 _WAYS = ((), (_Step(kinds=(Line,)),), (_Step(most=1),) * 4)
 
 
