@@ -1,15 +1,15 @@
 """The refinement: robust maximum likelihood on the raw ranges, walls, cylinders and corners together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from noctule_mapper.config import MapperConfig, RefinementConfig
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour
-from noctule_mapper.contour.corners import Link, contour_of, link_ends
-from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.contour.corners import contour_of
+from noctule_mapper.contour.reflectors import Reflector
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_of_each_beam, with_stands
 from noctule_mapper.readings.looks import Looks
@@ -17,11 +17,11 @@ from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
 from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
-from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
-from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
-from noctule_mapper.refinement.pose_rounds import Final, followed, posed
-from noctule_mapper.refinement.poses import stated_nats, unit_poses
+from noctule_mapper.refinement.map_search import best_map, links_of, made_by
+from noctule_mapper.refinement.model_selection import determined
+from noctule_mapper.refinement.pose_rounds import Final, posed
+from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
 
 
@@ -74,7 +74,7 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
     """The objects that explain the evidence, fitted to all of it, with the poses where the evidence has them."""
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
-    best = _explain(weighed, contacts, config)
+    best = best_map(weighed, contacts, config)
     weighed = best.scene.data
     data = with_stands(data, weighed.stands)
     scene = Scene(joined(data, _directions(weighed)), settings)
@@ -87,7 +87,7 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
         sure = _determined(last, claims, scene, config)
         if len(sure) == len(objects):
             return Final(last, scene.data, weighed, claims, links, best.worth)
-        objects, links = sure, _links(sure, scene, config)
+        objects, links = sure, links_of(sure, scene, config)
 
 
 def _about(echoes: Echoes, x_m: float, y_m: float) -> Echoes:
@@ -119,207 +119,10 @@ _LOOSE_M = 0.01  # so little a plateau's range weighs beside its readings
 def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfig) -> list[Reflector]:
     """The fitted objects that the echoes determine well enough."""
     places = [
-        len(np.unique(scene.data.place[_made(number, claims, last.share)])) for number in range(len(last.fit.objects))
+        len(np.unique(scene.data.place[made_by(number, claims, last.share)])) for number in range(len(last.fit.objects))
     ]
     return [
         one
         for number, one in enumerate(last.fit.objects)
         if determined(one, last.fit.held_covariance_of(number), places[number], scene.data, config)
     ]
-
-
-@dataclass(frozen=True)
-class _State:
-    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats; in
-    a scene where the poses are as they have fitted best with these objects.
-    """
-
-    objects: list[Reflector]
-    links: list[Link]
-    explained: np.ndarray
-    worth: float
-    scene: Scene
-    of_poses: float  # how much of the worth is that of the poses
-
-
-def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
-    """The objects that explain the echoes for the least price, and which walls meet."""
-    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
-    if not len(data.echoes):
-        return state
-    ways = _WAYS if len(data.stands.open) else _WAYS[:1]
-    best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
-    best = _exchanged(best, library, config)
-    return _confirmed(best, config) if len(data.stands.open) else best
-
-
-def _confirmed(state: _State, config: MapperConfig) -> _State:
-    """The state without what the map is worth hardly less without, the poses fitted once more: an object that is heard
-    little may stand only because the poses have moved to suit it.
-    """
-    while True:
-        claims = state.scene.claims(state.objects, state.links)
-        share = state.scene.explain(claims).share
-        alone = np.bincount(claims.maker, -np.log1p(-np.minimum(share, 1 - 1e-12)), minlength=len(state.objects))
-        for number in np.argsort(alone[: len(state.objects)]):
-            if alone[number] > _DOUBTFUL_NATS:
-                return state
-            fewer = [one for other, one in enumerate(state.objects) if other != number]
-            tried = _state(fewer, state.scene, config)
-            if tried.worth > state.worth - _LEAST_PROOF_NATS:
-                state = tried
-                break
-        else:
-            return state
-
-
-_DOUBTFUL_NATS = 40.0  # that an object may explain alone and still be worth nothing when the poses move
-_LEAST_PROOF_NATS = 3.0
-
-
-@dataclass(frozen=True)
-class _Step:
-    """What a round of a map's growth may add: objects of some ``kinds``, ``most`` of them before all are fitted."""
-
-    kinds: tuple[type[Reflector], ...] = (Line, Circle, Spot)
-    most: int | None = None
-
-
-_ALL = _Step()
-# Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all
-# at once; first the walls; first the four objects that are worth most, one after the other.
-_WAYS = ((), (_Step(kinds=(Line,)),), (_Step(most=1),) * 4)
-
-
-def _grown(
-    state: _State, way: Sequence[_Step], found: Contacts, config: MapperConfig
-) -> tuple[_State, list[Candidates]]:
-    """The state with objects added, as the ``way`` has it and then all that are worth more than they cost, and the
-    candidates that were left.
-    """
-    library = _library(state, found, config)
-    for step in (*way, *(_ALL,) * config.refinement.search.rounds):
-        chosen = [one for one in library if one.kind in step.kinds]
-        added = add_objects(state.objects, state.explained, chosen, state.scene.data, config, step.most)
-        tried = _state(added, state.scene, config)
-        if tried.worth >= state.worth + _LEAST_RISE_NATS:
-            if tried.scene is not state.scene:
-                library = _library(tried, found, config)
-            state = tried
-        elif step is _ALL:
-            break
-    return state, library
-
-
-def _library(state: _State, found: Contacts, config: MapperConfig) -> list[Candidates]:
-    return candidates(state.scene.data, found, config.contacts, config.cylinders, config.refinement)
-
-
-_LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
-
-
-def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _State:
-    objects, links, scene, of_poses = _settled(objects, scene, config)
-    explanation = scene.explain(scene.claims(objects, links))
-    worth = scene.worth(objects, links, explanation) + of_poses
-    return _State(objects, links, explanation.unexplained < 0.5, worth, scene, of_poses)
-
-
-def _exchanged(state: _State, library: Sequence[Candidates], config: MapperConfig) -> _State:
-    """The state with points exchanged for walls or cylinders, and cylinders for walls, wherever that is worth more."""
-    for kind, others in ((Spot, (Line, Circle)), (Circle, (Line,))):
-        instead = [one for one in library if one.kind in others]
-        for old in [one for one in state.objects if isinstance(one, kind)]:
-            rest, scene = [one for one in state.objects if one is not old], state.scene
-            unexplained = scene.explain(scene.claims(rest, _links(rest, scene, config))).unexplained
-            added = add_objects(rest, unexplained < 0.5, instead, scene.data, config)
-            if len(rest) < len(state.objects) and len(added) > len(rest):
-                links = _links(added, scene, config)
-                worth = scene.worth(added, links, scene.explain(scene.claims(added, links)))
-                if worth + state.of_poses > state.worth - _HOPE_NATS:
-                    tried = _state(added, scene, config)
-                    state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
-    return state
-
-
-_HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
-
-
-def _settled(
-    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link], Scene, float]:
-    """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit anew."""
-    while True:
-        objects, links, scene, of_poses = _fit_and_link(objects, scene, config)
-        kept = objects
-        while (fewer := _without_one(kept, links, scene, config)) is not None:
-            kept = fewer
-            links = _links(kept, scene, config)
-        if len(kept) == len(objects):
-            return objects, links, scene, of_poses
-        objects = kept
-
-
-def _without_one(
-    objects: list[Reflector], links: list[Link], scene: Scene, config: MapperConfig
-) -> list[Reflector] | None:
-    """The objects without one that is heard from too few places or that they are worth more without, None where there
-    is none.
-    """
-    claims = scene.claims(objects, links)
-    explanation = scene.explain(claims)
-    for number in range(len(objects)):
-        if len(np.unique(scene.data.place[_made(number, claims, explanation.share)])) < least_places(
-            type(objects[number]), scene.data, config
-        ):
-            return objects[:number] + objects[number + 1 :]
-    worth = scene.worth(objects, links, explanation)
-    alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))
-    for number in np.argsort(alone[: len(objects)])[:_SUSPECTS]:
-        fewer = [one for other, one in enumerate(objects) if other != number]
-        left = _links(fewer, scene, config)
-        if scene.worth(fewer, left, scene.explain(scene.claims(fewer, left))) > worth:
-            return fewer
-    return None
-
-
-_SUSPECTS = 4  # the objects worth least, whose removal is tried
-
-
-def _fit_and_link(
-    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link], Scene, float]:
-    """Fit the objects, and with them the poses, which the scene follows; and what the poses are worth then."""
-    objects, links, of_poses = list(objects), _links(objects, scene, config), 0.0
-    for _ in range(2):
-        claims = scene.claims(objects, links)
-        fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
-        of_poses = stated_nats(scene.data.stands, fitted.shared, fitted.errors)
-        scene = followed(scene, fitted)
-        objects = [
-            trimmed(one, _made_mask(number, claims, fitted.share, scene.data), scene.data, config)
-            for number, one in enumerate(fitted.fit.objects)
-        ]
-        links = _links(objects, scene, config)
-    return objects, links, scene, of_poses
-
-
-def _made(number: int, claims: Claims, share: np.ndarray) -> np.ndarray:
-    """Numbers of the echoes that the object ``number`` made, more likely than not."""
-    return claims.echo[(claims.maker == number) & (share > 0.5)]
-
-
-def _made_mask(number: int, claims: Claims, share: np.ndarray, data: Evidence) -> np.ndarray:
-    made = np.zeros(len(data.echoes), bool)
-    made[_made(number, claims, share)] = True
-    return made
-
-
-def _links(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> list[Link]:
-    """Which walls meet, by their gaps and by the echoes that neither walls nor cylinders explain."""
-    solid = [one for one in objects if not isinstance(one, Spot)]
-    free = scene.explain(scene.claims(solid, [])).unexplained
-    walls = {number: one for number, one in enumerate(objects) if isinstance(one, Line)}
-    return link_ends(
-        walls, scene.data, config.refinement, lambda corner: scene.support(corner, free), scene.heard_price, solid
-    )

@@ -1,0 +1,218 @@
+"""The search for the map: which objects explain the evidence for the least price, and which walls meet.
+
+A map grows by the objects that are worth more than they cost, is fitted, loses those that the others explain as well,
+and grows again. Where poses are uncertain they are fitted with the objects, and all is weighed with the poses as
+fitted: a map is worth what it is with the poses that suit it best, less what these cost beside the stated ones.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.contacts.voting import Contacts
+from noctule_mapper.contour.corners import Link, link_ends
+from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.refinement.association import Claims, Scene
+from noctule_mapper.refinement.candidates import Candidates, candidates
+from noctule_mapper.refinement.em_fit import settle
+from noctule_mapper.refinement.model_selection import add_objects, least_places, trimmed
+from noctule_mapper.refinement.pose_rounds import followed
+from noctule_mapper.refinement.poses import stated_nats
+
+
+@dataclass(frozen=True)
+class State:
+    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats; in
+    a scene where the poses are as they have fitted best with these objects.
+    """
+
+    objects: list[Reflector]
+    links: list[Link]
+    explained: np.ndarray
+    worth: float
+    scene: Scene
+    of_poses: float  # how much of the worth is that of the poses
+
+
+def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
+    """The objects that explain the echoes for the least price, and which walls meet."""
+    state = State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
+    if not len(data.echoes):
+        return state
+    ways = _WAYS if len(data.stands.open) else _WAYS[:1]
+    best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
+    best = _exchanged(best, library, config)
+    return _confirmed(best, config) if len(data.stands.open) else best
+
+
+def _confirmed(state: State, config: MapperConfig) -> State:
+    """The state without what the map is worth hardly less without, the poses fitted once more: an object that is heard
+    little may stand only because the poses have moved to suit it.
+    """
+    while True:
+        claims = state.scene.claims(state.objects, state.links)
+        share = state.scene.explain(claims).share
+        alone = np.bincount(claims.maker, -np.log1p(-np.minimum(share, 1 - 1e-12)), minlength=len(state.objects))
+        for number in np.argsort(alone[: len(state.objects)]):
+            if alone[number] > _DOUBTFUL_NATS:
+                return state
+            fewer = [one for other, one in enumerate(state.objects) if other != number]
+            tried = _state(fewer, state.scene, config)
+            if tried.worth > state.worth - _LEAST_PROOF_NATS:
+                state = tried
+                break
+        else:
+            return state
+
+
+_DOUBTFUL_NATS = 40.0  # that an object may explain alone and still be worth nothing when the poses move
+_LEAST_PROOF_NATS = 3.0
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What a round of a map's growth may add: objects of some ``kinds``, ``most`` of them before all are fitted."""
+
+    kinds: tuple[type[Reflector], ...] = (Line, Circle, Spot)
+    most: int | None = None
+
+
+_ALL = _Step()
+# Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all
+# at once; first the walls; first the four objects that are worth most, one after the other.
+_WAYS = ((), (_Step(kinds=(Line,)),), (_Step(most=1),) * 4)
+
+
+def _grown(state: State, way: Sequence[_Step], found: Contacts, config: MapperConfig) -> tuple[State, list[Candidates]]:
+    """The state with objects added, as the ``way`` has it and then all that are worth more than they cost, and the
+    candidates that were left.
+    """
+    library = _library(state, found, config)
+    for step in (*way, *(_ALL,) * config.refinement.search.rounds):
+        chosen = [one for one in library if one.kind in step.kinds]
+        added = add_objects(state.objects, state.explained, chosen, state.scene.data, config, step.most)
+        tried = _state(added, state.scene, config)
+        if tried.worth >= state.worth + _LEAST_RISE_NATS:
+            if tried.scene is not state.scene:
+                library = _library(tried, found, config)
+            state = tried
+        elif step is _ALL:
+            break
+    return state, library
+
+
+def _library(state: State, found: Contacts, config: MapperConfig) -> list[Candidates]:
+    return candidates(state.scene.data, found, config.contacts, config.cylinders, config.refinement)
+
+
+_LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
+
+
+def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> State:
+    objects, links, scene, of_poses = _settled(objects, scene, config)
+    explanation = scene.explain(scene.claims(objects, links))
+    worth = scene.worth(objects, links, explanation) + of_poses
+    return State(objects, links, explanation.unexplained < 0.5, worth, scene, of_poses)
+
+
+def _exchanged(state: State, library: Sequence[Candidates], config: MapperConfig) -> State:
+    """The state with points exchanged for walls or cylinders, and cylinders for walls, wherever that is worth more."""
+    for kind, others in ((Spot, (Line, Circle)), (Circle, (Line,))):
+        instead = [one for one in library if one.kind in others]
+        for old in [one for one in state.objects if isinstance(one, kind)]:
+            rest, scene = [one for one in state.objects if one is not old], state.scene
+            unexplained = scene.explain(scene.claims(rest, links_of(rest, scene, config))).unexplained
+            added = add_objects(rest, unexplained < 0.5, instead, scene.data, config)
+            if len(rest) < len(state.objects) and len(added) > len(rest):
+                links = links_of(added, scene, config)
+                worth = scene.worth(added, links, scene.explain(scene.claims(added, links)))
+                if worth + state.of_poses > state.worth - _HOPE_NATS:
+                    tried = _state(added, scene, config)
+                    state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
+    return state
+
+
+_HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
+
+
+def _settled(
+    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
+) -> tuple[list[Reflector], list[Link], Scene, float]:
+    """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit anew."""
+    while True:
+        objects, links, scene, of_poses = _fit_and_link(objects, scene, config)
+        kept = objects
+        while (fewer := _without_one(kept, links, scene, config)) is not None:
+            kept = fewer
+            links = links_of(kept, scene, config)
+        if len(kept) == len(objects):
+            return objects, links, scene, of_poses
+        objects = kept
+
+
+def _without_one(
+    objects: list[Reflector], links: list[Link], scene: Scene, config: MapperConfig
+) -> list[Reflector] | None:
+    """The objects without one that is heard from too few places or that they are worth more without, None where there
+    is none.
+    """
+    claims = scene.claims(objects, links)
+    explanation = scene.explain(claims)
+    for number in range(len(objects)):
+        if len(np.unique(scene.data.place[made_by(number, claims, explanation.share)])) < least_places(
+            type(objects[number]), scene.data, config
+        ):
+            return objects[:number] + objects[number + 1 :]
+    worth = scene.worth(objects, links, explanation)
+    alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))
+    for number in np.argsort(alone[: len(objects)])[:_SUSPECTS]:
+        fewer = [one for other, one in enumerate(objects) if other != number]
+        left = links_of(fewer, scene, config)
+        if scene.worth(fewer, left, scene.explain(scene.claims(fewer, left))) > worth:
+            return fewer
+    return None
+
+
+_SUSPECTS = 4  # the objects worth least, whose removal is tried
+
+
+def _fit_and_link(
+    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
+) -> tuple[list[Reflector], list[Link], Scene, float]:
+    """Fit the objects, and with them the poses, which the scene follows; and what the poses are worth then."""
+    objects, links, of_poses = list(objects), links_of(objects, scene, config), 0.0
+    for _ in range(2):
+        claims = scene.claims(objects, links)
+        fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
+        of_poses = stated_nats(scene.data.stands, fitted.shared, fitted.errors)
+        scene = followed(scene, fitted)
+        objects = [
+            trimmed(one, _made_mask(number, claims, fitted.share, scene.data), scene.data, config)
+            for number, one in enumerate(fitted.fit.objects)
+        ]
+        links = links_of(objects, scene, config)
+    return objects, links, scene, of_poses
+
+
+def made_by(number: int, claims: Claims, share: np.ndarray) -> np.ndarray:
+    """Numbers of the echoes that the object ``number`` made, more likely than not."""
+    return claims.echo[(claims.maker == number) & (share > 0.5)]
+
+
+def _made_mask(number: int, claims: Claims, share: np.ndarray, data: Evidence) -> np.ndarray:
+    made = np.zeros(len(data.echoes), bool)
+    made[made_by(number, claims, share)] = True
+    return made
+
+
+def links_of(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> list[Link]:
+    """Which walls meet, by their gaps and by the echoes that neither walls nor cylinders explain."""
+    solid = [one for one in objects if not isinstance(one, Spot)]
+    free = scene.explain(scene.claims(solid, [])).unexplained
+    walls = {number: one for number, one in enumerate(objects) if isinstance(one, Line)}
+    return link_ends(
+        walls, scene.data, config.refinement, lambda corner: scene.support(corner, free), scene.heard_price, solid
+    )
