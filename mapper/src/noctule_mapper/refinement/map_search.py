@@ -42,7 +42,7 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
     state = State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
     if not len(data.echoes):
         return state
-    ways = _WAYS if len(data.stands.open) else _WAYS[:1]
+    ways = _WAYS if len(data.stands.open) and not data.stands.is_doubted.any() else _WAYS[:1]
     best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
     best = _exchanged(best, library, config)
     return _confirmed(best, config) if len(data.stands.open) else best
@@ -82,7 +82,8 @@ class _Step:
 
 _ALL = _Step()
 # Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all
-# at once; first the walls; first the four objects that are worth most, one after the other.
+# at once; first the walls; first the four objects that are worth most, one after the other. A unit that is sought
+# elsewhere is put where it fits what the others have found, so there one way will do.
 _WAYS = ((), (_Step(kinds=(Line,)),), (_Step(most=1),) * 4)
 
 
