@@ -92,7 +92,8 @@ def _assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns, one to one, of the least total ``cost``; every row has a finite one in a column of its own."""
     is_least = cost == cost.min(axis=1, keepdims=True)
     if is_least.sum() == len(cost) == is_least.any(axis=0).sum():  # each row's least is in a column of its own
-        return np.nonzero(is_least)
+        ends, starts = np.nonzero(is_least)
+        return ends, starts
     # Loaded here, for it takes a while and only walls that may meet need it; scipy.optimize's takes twice as long.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
