@@ -212,6 +212,17 @@ def test_counts_do_not_run_over_however_often_a_place_is_called_free():
     assert_same_beliefs(grid, left)
 
 
+def test_a_place_called_free_a_thousand_times_forgets_all_but_the_times_that_stay():
+    # A cell's fresh counts are moved on after 127 strokes, so most of what goes here was moved on before it goes.
+    turned = np.random.default_rng(4).uniform(0, 2 * np.pi, 1000)
+    table = np.concatenate([cones((30, 30, axis, 40)).table for axis in turned])
+    grid, left = Grid(CONFIG), Grid(CONFIG)
+    grid.add_free(Cones(table))
+    grid.add_free(Cones(table[:990]), sign=-1)
+    left.add_free(Cones(table[990:]))
+    assert_same_beliefs(grid, left, tolerance=0)
+
+
 def test_all_evidence_of_a_long_walk_can_be_in_one_call_or_in_many():
     sweeps = survey(paper_room(), paper_path(), np.random.default_rng(5))
     parts = [free_space(sweep, CONFIG) for sweep in sweeps]

@@ -90,6 +90,10 @@ def link_ends(
 
 def _assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns, one to one, of the least total ``cost``; every row has a finite one in a column of its own."""
+    is_least = cost == cost.min(axis=1, keepdims=True)
+    if is_least.sum() == len(cost) == is_least.any(axis=0).sum():  # each row's least is in a column of its own
+        ends, starts = np.nonzero(is_least)
+        return ends, starts
     # Loaded here, for it takes a while and only walls that may meet need it; scipy.optimize's takes twice as long.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
@@ -160,7 +164,9 @@ def parting(corner: Crossing, data: Evidence, config: RefinementConfig) -> np.nd
 
     There may be a wall between these two that only one place has heard.
     """
-    known = np.isfinite(data.direction_sigma_rad)
+    known = data.tells_direction
+    if known is None:
+        return np.zeros(len(data.echoes), bool)
     normal = np.stack([np.cos(data.echoes.axis_rad), np.sin(data.echoes.axis_rad)], axis=1)
     rho_m = normal[:, 0] * data.echoes.x_m + normal[:, 1] * data.echoes.y_m + data.echoes.range_m
     seen = (corner.first.at(corner.first.high_m), corner.second.at(corner.second.low_m))

@@ -20,20 +20,29 @@ def gains(
     """Gain of each echo, (n,), 0 where the reflector can't have made it; a wall answers up to ``margin_m`` beyond what
     has been seen of it.
     """
-    residual = data.echoes.range_m - reflector.ranges(data.echoes)
-    gain = data.gain(residual) + data.direction_gain(reflector.directions(data.echoes))
-    return np.where(possible(reflector, data, config, margin_m), np.maximum(gain, 0), 0)
+    predicted, direction = reflector.ranges(data.echoes), reflector.directions(data.echoes)
+    at = np.nonzero(_possible(reflector, predicted, direction, data, config, margin_m))[0]
+    residual = data.echoes.range_m[at] - predicted[at]
+    gain = np.zeros(len(predicted))
+    gain[at] = np.maximum(data.gain(residual, at) + data.direction_gain(direction[at], at), 0)
+    return gain
 
 
-def possible(
-    reflector: Reflector | Crossing, data: Evidence, config: RefinementConfig, margin_m: float = 0.0
+def _possible(
+    reflector: Reflector | Crossing,
+    predicted_m: np.ndarray,
+    direction_rad: np.ndarray,
+    data: Evidence,
+    config: RefinementConfig,
+    margin_m: float,
 ) -> np.ndarray:
-    """Whether the geometry lets the reflector make each echo, bool (n,), whatever its range."""
+    """Whether the geometry lets the reflector, which predicts these ranges and directions, make each echo, bool (n,),
+    whatever its range.
+    """
     slack = config.beam.slack_rad + 2 * data.echoes.sigma_heading_rad
     slack = slack + (reflector.spread_rad if isinstance(reflector, Crossing) else 0.0)
-    off_axis = np.abs(wrapped(reflector.directions(data.echoes) - data.echoes.axis_rad))
-    predicted = reflector.ranges(data.echoes)
-    can = (predicted > 0) & (predicted <= data.span_m + config.beam.behind_m)
+    off_axis = np.abs(wrapped(direction_rad - data.echoes.axis_rad))
+    can = (predicted_m > 0) & (predicted_m <= data.span_m + config.beam.behind_m)
     can &= off_axis <= data.echoes.half_beam_rad + slack
     if isinstance(reflector, Line):
         along = reflector.along(data.echoes)

@@ -207,6 +207,10 @@ class Crossing:
 
     def point_slopes(self) -> np.ndarray:
         """Derivatives of the point by (theta, rho) of the first wall and of the second, (2, 4)."""
+        return self._point_slopes
+
+    @cached_property
+    def _point_slopes(self) -> np.ndarray:
         by_rho = np.linalg.inv(np.stack([self.first.normal, self.second.normal]))
         swing = [-float(wall.tangent @ self.point) for wall in (self.first, self.second)]
         return np.stack([swing[0] * by_rho[:, 0], by_rho[:, 0], swing[1] * by_rho[:, 1], by_rho[:, 1]], axis=1)
@@ -230,7 +234,7 @@ class Crossing:
         x, y = self.point
         return -_swing(x, y, echoes)
 
-    @property
+    @cached_property
     def _acute(self) -> bool:
         return self.sine > 0 and float(self.first.normal @ self.second.normal) < 0
 

@@ -76,8 +76,7 @@ def _price(
         predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS
     )
     sure &= (predicted_m > _NEAREST_M) & (predicted_m < _FARTHEST_SHARE * data.span_m)
-    sigma_m = np.hypot(looks.sigma_m, looks.shared_sigma_m)
-    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * sigma_m + config.beam.behind_m
+    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * data.looks.sigma_m + config.beam.behind_m
     at = np.nonzero(sure if chosen is None else sure & chosen)[0]
     if not len(at):
         return 0.0

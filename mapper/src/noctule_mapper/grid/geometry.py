@@ -6,6 +6,7 @@ import numpy as np
 from numba import f8, i8, njit, types
 
 from noctule_mapper.contacts.voting import Kind
+from noctule_mapper.grid import regions
 
 _NO_CONTACT = int(Kind.NONE)
 _READ, _KINDS = (types.Array(of, 1, "A", readonly=True) for of in (f8, i8))
@@ -13,19 +14,23 @@ TIE_CELLS = 1e-6  # a cell so near the edge of a cone may be on either side
 _LEVEL_RAY = 1e-9  # sine of a direction along the rows
 
 
-@njit(f8[:, ::1](i8, i8, _READ, _READ, f8, f8, f8, f8), cache=True)
-def beams(column, row, direction_rad, range_m, eps_m, cell_m, width_rad, farthest):
+_epsilon_m = njit("f8(f8, f8, f8)", cache=True)(regions.bounded_epsilon_m)
+
+
+@njit(f8[:, ::1](f8, f8, f8, _READ, _READ, f8, f8, f8, f8, f8), cache=True)
+def beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest):
     """``regions.Cones`` of one sweep: the beams (n,) that have a range, by rising axis."""
+    eps_m = _epsilon_m(sigma_m, sigmas, cell_m)
     axes, reaches, count = np.empty(len(range_m)), np.empty(len(range_m)), 0
     for n in range(len(range_m)):
         if math.isfinite(range_m[n]):
-            axis, k = direction_rad[n] % (2 * math.pi), count
+            axis, k = (heading_rad + bearing_rad[n]) % (2 * math.pi), count
             while k > 0 and axes[k - 1] > axis:  # sorted by insertion, as they nearly are
                 axes[k], reaches[k] = axes[k - 1], reaches[k - 1]
                 k -= 1
             axes[k], reaches[k] = axis, (range_m[n] - eps_m) / cell_m
             count += 1
-    cones = np.empty((count, 7))
+    column, row, cones = math.floor(x_m / cell_m), math.floor(y_m / cell_m), np.empty((count, 7))
     for n in range(count):
         axis = axes[n]
         before = axis - axes[n - 1] if n else axis + 2 * math.pi - axes[count - 1]
@@ -36,14 +41,14 @@ def beams(column, row, direction_rad, range_m, eps_m, cell_m, width_rad, farthes
     return cones
 
 
-@njit(f8[:, ::1](_KINDS, _READ, _READ, _READ, _READ, _READ), cache=True)
-def contact_arcs(kind, x_m, y_m, range_m, direction_rad, eps_m):
+@njit(f8[:, ::1](_KINDS, _READ, _READ, _READ, _READ, _READ, f8, f8), cache=True)
+def contact_arcs(kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas, cell_m):
     """``regions.Arcs`` of the echoes (n,) that have a contact."""
     arcs, found = np.empty((len(kind), 5)), 0
     for n in range(len(kind)):
         if kind[n] != _NO_CONTACT:
             arcs[found, 0], arcs[found, 1], arcs[found, 2] = x_m[n], y_m[n], range_m[n]
-            arcs[found, 3], arcs[found, 4] = direction_rad[n], eps_m[n]
+            arcs[found, 3], arcs[found, 4] = direction_rad[n], _epsilon_m(sigma_m[n], sigmas, cell_m)
             found += 1
     return arcs[:found]
 

@@ -1,7 +1,6 @@
 """The reliability grid: square tiles of cells, each cell with the evidence of all readings that speak of it."""
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -13,12 +12,10 @@ from noctule_mapper.fusion.sensor_model import FREE_LEVELS, arc_beliefs, free_be
 from noctule_mapper.fusion.streams import stream
 from noctule_mapper.grid.pcr5_fold import folded_pcr5
 from noctule_mapper.grid.regions import Arcs, Cones
-from noctule_mapper.grid.tiles import Box, Key, Tiles
+from noctule_mapper.grid.tiles import Key, Tiles
 
 _SECTORS_PER_BEAM = 16
 _NARROWEST_BEAM_RAD = math.radians(0.1)  # that the sectors follow
-_WIDEST_CELLS = 1 << 13  # from one to another in a stroke
-_MOST_ARC_CELLS = 1 << 15  # in a stroke of arcs
 
 
 class CellState(IntEnum):
@@ -52,30 +49,26 @@ class Grid:
     """Sparse: a tile exists while there is evidence in it. Evidence may be taken out again in any order."""
 
     def __init__(self, config: GridConfig, rule: Rule = "pcr6+") -> None:
-        from noctule_mapper.grid import geometry  # loads Numba, which only a grid that is made should cost
-
         beliefs = np.concatenate([free_beliefs(config.most_free), arc_beliefs(config.most_occupied)])
         self.cell_m = config.cell_m
         self.tile_size = config.tile_cells
-        self._geometry = geometry
         self._fusion = folded_pcr5(beliefs) if rule == "pcr5" else stream(rule, config.nodes)
         self._free_terms, arc_terms = np.split(self._fusion.terms(beliefs), [FREE_LEVELS])
         self._free_log_unknown = np.log(beliefs[:FREE_LEVELS, 2])
-        self._tiles = Tiles(config.tile_cells, arc_terms.astype(np.float32))
+        self._tiles = Tiles(config.tile_cells, config.cell_m, arc_terms.astype(np.float32))
         self._beliefs: dict[Key, tuple[int, GridTile]] = {}  # and the number of the stroke that they are made of
 
     def add_free(self, cones: Cones, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) the space before arcs; beams of one width."""
         if len(cones.table):
-            width_rad = max(cones.table[0, 6], _NARROWEST_BEAM_RAD)
-            sectors = 2 * math.ceil(np.pi / width_rad * _SECTORS_PER_BEAM)  # even, so that half a turn is whole ones
-            for part, box in _parts(cones.table, self._geometry.cone_box):
-                self._tiles.count_cones(part, box, sectors, sign)
+            width_rad = max(float(cones.table[0, 6]), _NARROWEST_BEAM_RAD)
+            sectors = 2 * math.ceil(math.pi / width_rad * _SECTORS_PER_BEAM)  # even, so that half a turn is whole ones
+            self._tiles.count_cones(cones.table, sectors, sign)
 
     def add(self, arcs: Arcs, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) contact regions."""
-        for part, box in _parts(arcs.table, lambda table: self._geometry.arc_box(table, self.cell_m), _MOST_ARC_CELLS):
-            self._tiles.add_arcs(part, box, self.cell_m, sign)
+        if len(arcs.table):
+            self._tiles.add_arcs(arcs.table, sign)
 
     def changed(self) -> list[GridTile]:
         """Tiles touched since this was last asked; one that has lost all its evidence comes as all unknown."""
@@ -110,19 +103,3 @@ class Grid:
         if len(touched):
             fused = self._fusion.belief(sums + counts[touched] @ self._free_terms)
             occupied[touched], free[touched] = fused[:, 0], fused[:, 1]
-
-
-def _parts(
-    table: np.ndarray, box_of: Callable[[np.ndarray], Box], most_cells: float = math.inf
-) -> Iterator[tuple[np.ndarray, Box]]:
-    """``table`` (n, columns) in parts for one stroke each, with their boxes: near one another and not too many."""
-    if not len(table):
-        return
-    box = box_of(table)
-    near = max(box[2] - box[0], box[3] - box[1]) - 2 * box[4] <= _WIDEST_CELLS
-    if len(table) == 1 or (near and len(table) * (2 * box[4] + 1) ** 2 <= most_cells):
-        yield table, box
-    else:
-        half = len(table) // 2
-        yield from _parts(table[:half], box_of, most_cells)
-        yield from _parts(table[half:], box_of, most_cells)

@@ -11,66 +11,84 @@ import numpy as np
 from numba import njit
 
 from noctule_mapper.fusion import sensor_model
-from noctule_mapper.grid.geometry import cone_rows, tip_m
-
-_SILENT = 255  # the level of a sector that a cone says nothing of
+from noctule_mapper.grid.geometry import arc_box, cone_box, cone_rows, tip_m
 
 _direction_trust = njit("f8(f8, f8)", cache=True)(sensor_model.direction_trust)  # Eq. 5
 _off_arc = njit("f8(f8, f8, f8)", cache=True)(sensor_model.off_arc)  # Eq. 6-7
 _free_level = njit("i8(f8)", cache=True)(sensor_model.free_level)
 _arc_level = njit("i8(f8, f8)", cache=True)(sensor_model.arc_level)
 
-# The directory of the tiles, as in module ``tiles``: corner, window, keys, pieces, stamps, spare, left.
-_TILES = "i8[::1], i4[:,::1], i8[:,::1], i8[::1], i8[::1], i4[::1], i8[::1]"
-_CONES = f"void(f8[:,::1], u2[:,::1], i8, {_TILES}, {{0}}[:,:,::1], i8, {{0}}, i8)"
-_ARCS = f"void(f8[:,::1], f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, f4, i8)"
+# The directory of the tiles, as in module ``tiles``: state, window, slots, spare.
+_TILES = "i8[::1], i4[:,::1], i8[:,::1], i4[::1]"
+_CONES = f"b1(f8[:,::1], u2[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8)"
+_ARCS = f"b1(f8[:,::1], f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i8, i8)"
+
+CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS = range(4)  # what ``state`` holds
+COLUMN, ROW, PIECES, STAMP, STROKES, FIELDS = range(6)  # what ``slots`` holds of a tile; the last is their number
+LANE_BITS = 8  # of a level in a cell's fresh counts
+MOST_STROKES = 127  # that a lane can hold, either way
+_LANE = np.uint64((1 << LANE_BITS) - 1)
+_HALF = np.uint64(1 << LANE_BITS - 1)
+_MIDDLES = np.uint64(sum(1 << LANE_BITS * k + LANE_BITS - 1 for k in range(sensor_model.FREE_LEVELS)))
+
+
+@njit("i8(UniTuple(i8, 5), i8, i8)", cache=True)
+def most_tiles(box, strokes, side):
+    """No more tiles than these are touched by so many strokes inside ``box``."""
+    wide, high = box[2] // side - box[0] // side + 1, box[3] // side - box[1] // side + 1
+    return min(wide * high, strokes * (2 * box[4] // side + 2) ** 2)
+
+
+@njit("b1(UniTuple(i8, 5), i8, i8[::1], i4[:,::1], i8)", cache=True)
+def has_room(box, strokes, state, window, side):
+    """Whether the window holds ``box`` and there are spare slots for the tiles that so many strokes may touch."""
+    first_column, first_row, last_column, last_row = box[0] // side, box[1] // side, box[2] // side, box[3] // side
+    column, row = state[CORNER_COLUMN], state[CORNER_ROW]
+    inside = first_column >= column and last_column < column + window.shape[1]
+    inside = inside and first_row >= row and last_row < row + window.shape[0]
+    return inside and state[SPARE_SLOTS] >= most_tiles(box, strokes, side)
 
 
 @njit(cache=True)
-def _slot(tile_column, tile_row, corner, window, spare, left):
+def _slot(tile_column, tile_row, state, window, slots, spare):
     """The slot of a tile of the window, the next spare one where it has none."""
-    slot = window[tile_row - corner[1], tile_column - corner[0]]
-    return slot if slot >= 0 else spare[left[0] - 1]
-
-
-@njit(cache=True)
-def _enter(slot, tile_column, tile_row, pieces_more, stamp, corner, window, keys, pieces, stamps, left):
-    """Write down what was done in the slot that ``_slot`` gave."""
-    row, column = tile_row - corner[1], tile_column - corner[0]
-    if window[row, column] < 0:
+    row, column = tile_row - state[CORNER_ROW], tile_column - state[CORNER_COLUMN]
+    slot = window[row, column]
+    if slot < 0:
+        state[SPARE_SLOTS] -= 1
+        slot = spare[state[SPARE_SLOTS]]
         window[row, column] = slot
-        keys[slot, 0], keys[slot, 1] = tile_column, tile_row
-        left[0] -= 1
-    pieces[slot] += pieces_more
-    stamps[slot] = stamp
+        slots[slot, COLUMN], slots[slot, ROW] = tile_column, tile_row
+    return slot
 
 
-@njit("UniTuple(i8, 2)(u1[::1], f8, f8, f8, f8)", cache=True)
-def _set_levels(level_of, axis_rad, low_rad, high_rad, width_rad):
-    """The level of each sector that has its middle between two directions; the first of them, and the one after the
-    last.
+@njit("UniTuple(i8, 2)(u8[::1], i8, f8, f8, f8, f8)", cache=True)
+def _set_changes(change_of, sign, axis_rad, low_rad, high_rad, width_rad):
+    """What each sector that has its middle between two directions adds to the counts of a cell; the first of them, and
+    the one after the last.
     """
-    sector_rad = 2 * math.pi / len(level_of)
+    sector_rad = 2 * math.pi / len(change_of)
     first, last = math.ceil(low_rad / sector_rad - 0.5), math.ceil(high_rad / sector_rad - 0.5)
-    last = min(last, first + len(level_of) // 2)  # beams are half a turn wide at most; more would be a rounding error
+    last = min(last, first + len(change_of) // 2)  # beams are half a turn wide at most; more would be a rounding error
     for turned in range(first, last):
         trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)
         if trust > 0:
-            level_of[turned % len(level_of)] = _free_level(trust)
+            one = np.uint64(1) << np.uint64(LANE_BITS * _free_level(trust))
+            change_of[turned % len(change_of)] = one if sign > 0 else ~one + np.uint64(1)
     return first, last
 
 
-@njit("UniTuple(i8, 2)(i8[::1], i8[::1], i8, u1[::1], u2[::1], i8, i8)", cache=True)
-def _trim(begins, ends, rows, level_of, sector_of, place, wide):
+@njit("UniTuple(i8, 2)(i8[::1], i8[::1], i8, u8[::1], u2[::1], i8, i8)", cache=True)
+def _trim(begins, ends, rows, change_of, sector_of, place, wide):
     """Take off each row's ends what the sectors leave out; the first column of all, and the last. ``place`` is the
     place of row 0, column 0 in ``sector_of``.
     """
     leftmost, rightmost = wide, -wide
     for k in range(rows):
         begin, end = begins[k], ends[k]
-        while begin < end and level_of[sector_of[place + begin]] == _SILENT:
+        while begin < end and change_of[sector_of[place + begin]] == 0:
             begin += 1
-        while begin < end and level_of[sector_of[place + end - 1]] == _SILENT:
+        while begin < end and change_of[sector_of[place + end - 1]] == 0:
             end -= 1
         if begin < end:
             leftmost, rightmost = min(leftmost, begin), max(rightmost, end - 1)
@@ -79,44 +97,71 @@ def _trim(begins, ends, rows, level_of, sector_of, place, wide):
     return leftmost, rightmost
 
 
-@njit([_CONES.format("u2"), _CONES.format("u4")], cache=True)
-def stroke_cones(
-    cones, sectors_about, sectors, corner, window, keys, pieces, stamps, spare, left, counts, side, change, stamp
-):
-    """Count cones in (``change`` 1) or out (-1 as an unsigned number): each of their cells at its level of trust.
+@njit(cache=True)
+def _settle(fresh, counts, slot):
+    """Move the fresh counts of a tile's cells to ``counts``."""
+    for cell in range(fresh.shape[1]):
+        lanes = fresh[slot, cell] + _MIDDLES
+        for level in range(counts.shape[2]):
+            counts[slot, cell, level] += (lanes >> np.uint64(LANE_BITS * level) & _LANE) - _HALF
+        fresh[slot, cell] = 0
 
-    cones (n, 7): as ``regions.Cones``. sectors_about: as in module ``polar_cells``. corner to left: the directory of
-    the tiles, with room for all of them. counts: (slots, cells of a tile, levels).
+
+@njit([_CONES.format("u2"), _CONES.format("u4")], cache=True)
+def stroke_cones(cones, sectors_about, sectors, state, window, slots, spare, fresh, counts, side, sign, stamp):
+    """Count cones in (``sign`` 1) or out (-1): each of their cells at its level of trust. Whether there was room for
+    it: where not, nothing is done.
+
+    cones (n, 7): as ``regions.Cones``. sectors_about: as in module ``polar_cells``. state to counts: as in module
+    ``tiles``.
     """
-    sign = 1 if change == 1 else -1
-    levels, cells, wide = np.uint64(counts.shape[2]), side * side, sectors_about.shape[1]
-    flat, sector_of = counts.ravel(), sectors_about.ravel()
+    box, wide = cone_box(cones), sectors_about.shape[1]
+    if box[4] > wide // 2 or not has_room(box, len(cones), state, window, side):
+        return False
+    flat, sector_of, cells = fresh.ravel(), sectors_about.ravel(), side * side
     middle = (wide // 2) * (wide + 1)  # the place of the sensor's cell in ``sector_of``
-    level_of = np.full(sectors, _SILENT, np.uint8)
+    change_of, sector_rad = np.zeros(sectors, np.uint64), 2 * math.pi / sectors
     begins, ends = np.empty(wide, np.int64), np.empty(wide, np.int64)
     for n in range(len(cones)):
         column, row = int(cones[n, 0]), int(cones[n, 1])
-        first, last = _set_levels(level_of, cones[n, 2], cones[n, 3], cones[n, 4], cones[n, 6])
-        sector_rad = 2 * math.pi / sectors
+        first, last = _set_changes(change_of, sign, cones[n, 2], cones[n, 3], cones[n, 4], cones[n, 6])
         lowest, rows = cone_rows(begins, ends, first * sector_rad, last * sector_rad, cones[n, 5])
-        leftmost, rightmost = _trim(begins, ends, rows, level_of, sector_of, middle + lowest * wide, wide)
+        leftmost, rightmost = _trim(begins, ends, rows, change_of, sector_of, middle + lowest * wide, wide)
         for tile_row in range((row + lowest) // side, (row + lowest + rows - 1) // side + 1):
             south = tile_row * side - row
             for tile_column in range((column + leftmost) // side, (column + rightmost) // side + 1):
-                west = tile_column * side - column
-                slot = _slot(tile_column, tile_row, corner, window, spare, left)
-                said = 0
+                west, slot, said = tile_column * side - column, np.int64(-1), 0
                 for y in range(max(south, lowest), min(south + side, lowest + rows)):
                     begin, end = max(begins[y - lowest], west), min(ends[y - lowest], west + side)
-                    said += max(end - begin, 0)
-                    sector, cell = np.uint64(middle + y * wide), np.uint64(slot * cells + (y - south) * side - west)
+                    if begin >= end:
+                        continue
+                    if slot < 0:
+                        slot = np.int64(_slot(tile_column, tile_row, state, window, slots, spare))
+                        if slots[slot, STROKES] == MOST_STROKES:
+                            _settle(fresh, counts, slot)
+                            slots[slot, STROKES] = 0
+                        slots[slot, STROKES] += 1
+                        slots[slot, STAMP] = stamp
+                    said += end - begin
+                    place, cell = np.uint64(middle + y * wide), np.uint64(slot * cells + (y - south) * side - west)
                     for x in range(begin, end):
-                        level = np.uint64(level_of[sector_of[sector + np.uint64(x)]])  # Eq. 5 and 7
-                        flat[(cell + np.uint64(x)) * levels + level] += change
+                        flat[cell + np.uint64(x)] += change_of[sector_of[place + np.uint64(x)]]  # Eq. 5 and 7
                 if said > 0:
-                    _enter(slot, tile_column, tile_row, sign * said, stamp, corner, window, keys, pieces, stamps, left)
+                    slots[slot, PIECES] += sign * said
         for turned in range(first, last):
-            level_of[turned % sectors] = _SILENT
+            change_of[turned % sectors] = 0
+    return True
+
+
+@njit("f8(f8, f8)", cache=True)
+def _angle_rad(aside, along):
+    """atan2(aside, along): near the axis by its series, which leaves out less than rounding does."""
+    if not 0 <= abs(aside) < 0.1 * along:
+        return math.atan2(aside, along)
+    slope = aside / along
+    square = slope * slope
+    tail = 1 / 5 - square * (1 / 7 - square * (1 / 9 - square * (1 / 11 - square * (1 / 13))))
+    return slope * (1 - square * (1 / 3 - square * tail))
 
 
 @njit("i8(f8, f8, f8, f8, f8, f8)", cache=True)
@@ -130,37 +175,27 @@ def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     off = _off_arc(math.sqrt(dx_m * dx_m + dy_m * dy_m), range_m, eps_m)  # Eq. 6-7
     if off > 1:
         return -1
-    trust = _direction_trust(math.atan2(aside_m, along_x * dx_m + along_y * dy_m), 6 * eps_m / range_m)  # Eq. 5
+    trust = _direction_trust(_angle_rad(aside_m, along_x * dx_m + along_y * dy_m), 6 * eps_m / range_m)  # Eq. 5
     return _arc_level(trust, off) if trust > 0 else -1
 
 
-@njit(_ARCS, cache=True)
-def stroke_arcs(
-    arcs,
-    cell_m,
-    corner,
-    window,
-    keys,
-    pieces,
-    stamps,
-    spare,
-    left,
-    rows,
-    spare_rows,
-    held,
-    sums,
-    terms,
-    side,
-    sign,
-    stamp,
-):
-    """Add (``sign`` 1) or take off (-1) the terms of contact regions in each of their cells.
+@njit("i8(i8, i8)", cache=True)
+def most_arc_cells(arcs, reach):
+    """No more cells than these are touched by so many arcs."""
+    return arcs * (2 * reach + 1) ** 2
 
-    arcs (n, 5): as ``regions.Arcs``. corner to left: the directory of the tiles, with room for all of them. rows:
-    (slots, cells of a tile): a cell's row of ``sums``, 0 where it has none; a cell that needs one takes number
-    ``left[1]`` - 1 of ``spare_rows``; a row that holds nothing any more is given back. held: beliefs in a row. terms:
-    (levels, width).
+
+@njit(_ARCS, cache=True)
+def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp):
+    """Add (``sign`` 1) or take off (-1) the terms of contact regions in each of their cells. Whether there was room for
+    it: where not, nothing is done.
+
+    arcs (n, 5): as ``regions.Arcs``. state to terms: as in module ``tiles``; a cell that needs a row takes number
+    ``state[SPARE_ROWS]`` - 1 of ``spare_rows``, and a row that holds nothing any more is given back.
     """
+    box = arc_box(arcs, cell_m)
+    if state[SPARE_ROWS] < most_arc_cells(len(arcs), box[4]) or not has_room(box, len(arcs), state, window, side):
+        return False
     for n in range(len(arcs)):
         x_m, y_m, range_m, eps_m = arcs[n, 0], arcs[n, 1], arcs[n, 2], arcs[n, 4]
         along_x, along_y = math.cos(arcs[n, 3]), math.sin(arcs[n, 3])
@@ -169,27 +204,30 @@ def stroke_arcs(
         deep_m = eps_m + 4.5 * eps_m * eps_m / range_m if 3 * eps_m <= range_m else long_m
         reach_x, reach_y = deep_m * abs(along_x) + long_m * abs(along_y), deep_m * abs(along_y) + long_m * abs(along_x)
         middle_x, middle_y = x_m + range_m * along_x, y_m + range_m * along_y
+        first_column, last_column = math.floor((middle_x - reach_x) / cell_m), math.floor((middle_x + reach_x) / cell_m)
+        slot, west, south = np.int64(-1), 0, 0  # of the tile of the last cell
         for row in range(math.floor((middle_y - reach_y) / cell_m), math.floor((middle_y + reach_y) / cell_m) + 1):
-            for column in range(
-                math.floor((middle_x - reach_x) / cell_m), math.floor((middle_x + reach_x) / cell_m) + 1
-            ):
+            for column in range(first_column, last_column + 1):
                 dx_m, dy_m = (column + 0.5) * cell_m - x_m, (row + 0.5) * cell_m - y_m
                 level = _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m)
                 if level < 0:
                     continue
-                tile_row, tile_column = row // side, column // side
-                slot = _slot(tile_column, tile_row, corner, window, spare, left)
-                _enter(slot, tile_column, tile_row, int(sign), stamp, corner, window, keys, pieces, stamps, left)
-                cell = (row - tile_row * side) * side + column - tile_column * side
+                if slot < 0 or not (0 <= column - west < side and 0 <= row - south < side):
+                    slot = np.int64(_slot(column // side, row // side, state, window, slots, spare))
+                    west, south = slots[slot, COLUMN] * side, slots[slot, ROW] * side
+                    slots[slot, STAMP] = stamp
+                slots[slot, PIECES] += sign
+                cell = (row - south) * side + column - west
                 if rows[slot, cell] == 0:
-                    left[1] -= 1
-                    rows[slot, cell] = spare_rows[left[1]]
+                    state[SPARE_ROWS] -= 1
+                    rows[slot, cell] = spare_rows[state[SPARE_ROWS]]
                 line = rows[slot, cell]
-                held[line] += int(sign)
+                held[line] += sign
                 for k in range(terms.shape[1]):
-                    sums[line, k] += sign * terms[level, k]
+                    sums[line, k] += np.float32(sign) * terms[level, k]
                 if held[line] == 0:
                     sums[line] = 0
                     rows[slot, cell] = 0
-                    spare_rows[left[1]] = line
-                    left[1] += 1
+                    spare_rows[state[SPARE_ROWS]] = line
+                    state[SPARE_ROWS] += 1
+    return True

@@ -34,11 +34,15 @@ class Cones:
 
 
 def epsilon_m(sigma_m: np.ndarray | float, config: GridConfig) -> np.ndarray:
-    """The paper's eps from the sensor's sigma; at least the way from a cell's centre to its corner, lest an arc slip
-    between cells, and no more than a grid so fine can afford.
+    """The paper's eps from the sensor's sigma; at least the way from a cell's centre to its corner, so that no arc
+    slips between cells, and no more than a grid so fine can afford.
     """
-    least_m, most_m = config.cell_m * _HALF_DIAGONAL_CELLS, config.cell_m * _WIDEST_ARC_CELLS
-    return np.minimum(np.maximum(config.epsilon_sigmas * sigma_m, least_m), most_m)
+    return bounded_epsilon_m(sigma_m, config.epsilon_sigmas, config.cell_m)
+
+
+def bounded_epsilon_m(sigma_m: np.ndarray | float, sigmas: float, cell_m: float) -> np.ndarray:
+    """The same; module ``geometry`` compiles it as it stands here."""
+    return np.minimum(np.maximum(sigmas * sigma_m, cell_m * _HALF_DIAGONAL_CELLS), cell_m * _WIDEST_ARC_CELLS)
 
 
 def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs:
@@ -48,8 +52,8 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs
     """
     from noctule_mapper.grid.geometry import contact_arcs  # loads Numba, which only a grid should cost
 
-    eps_m = epsilon_m(echoes.sigma_m, config)
-    return Arcs(contact_arcs(found.kind, echoes.x_m, echoes.y_m, echoes.range_m, found.direction_rad, eps_m))
+    touched = found.kind, echoes.x_m, echoes.y_m, echoes.range_m, found.direction_rad
+    return Arcs(contact_arcs(*touched, echoes.sigma_m, config.epsilon_sigmas, config.cell_m))
 
 
 def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
@@ -59,8 +63,7 @@ def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
     """
     from noctule_mapper.grid.geometry import beams  # loads Numba, which only a grid should cost
 
-    eps_m = epsilon_m(sweep.range_sigma_m or 0.0, config)
-    where = math.floor(sweep.x_m / config.cell_m), math.floor(sweep.y_m / config.cell_m)
-    return Cones(
-        beams(*where, sweep.direction_rad, sweep.range_m, eps_m, config.cell_m, sweep.beam_width_rad, _FARTHEST_CELLS)
-    )
+    pose = sweep.x_m, sweep.y_m, sweep.heading_rad
+    sensor = sweep.beam_width_rad, sweep.range_sigma_m or 0.0
+    grid = config.epsilon_sigmas, config.cell_m, _FARTHEST_CELLS
+    return Cones(beams(*pose, sweep.bearing_rad, sweep.range_m, *sensor, *grid))

@@ -7,6 +7,9 @@ A tile has a slot, its place in the arrays. The kernels find it in the window, a
 evidence, and take spare slots for new tiles themselves: so a stroke that stays inside the window costs one call.
 """
 
+import math
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from noctule_mapper.fusion.sensor_model import FREE_LEVELS
@@ -15,145 +18,160 @@ from noctule_mapper.grid.polar_cells import sectors_about
 Key = tuple[int, int]
 Box = tuple[int, int, int, int, int]  # least column and row, greatest column and row, reach of one piece of evidence
 
-_NO_TILES = (0, 0, -1, -1)
 _MOST_COUNT = np.iinfo(np.uint16).max  # in 16 bits
 _MARGIN_TILES = 8  # of a new window beyond what is needed now
+_WIDEST_CELLS = 1 << 13  # from one to another in a stroke
+_MOST_ARC_CELLS = 1 << 15  # in a stroke of arcs
+_LEAST_REACH = 128  # of a table of sectors
 
 
 class Tiles:
     """Square tiles of ``side`` cells; ``terms`` (levels, width) are those of the arcs' beliefs."""
 
-    def __init__(self, side: int, terms: np.ndarray) -> None:
-        from noctule_mapper.grid import kernels  # loads Numba, which only a grid that is made should cost
+    def __init__(self, side: int, cell_m: float, terms: np.ndarray) -> None:
+        from noctule_mapper.grid import geometry, kernels  # loads Numba, which only a grid that is made should cost
 
-        self._kernels = kernels
-        self._side, self._terms = side, terms
+        self._kernels, self._geometry = kernels, geometry
+        self._side, self._cell_m, self._terms = side, cell_m, terms
         self._stamp = 0  # number of the newest stroke
         self._asked = 0  # the newest that ``touched`` has told of
         self._gone: set[Key] = set()  # tiles that have lost their slot since
-        self._covered = _NO_TILES  # by the window: least column and row, greatest column and row, in tiles
-        self._corner = np.zeros(2, np.int64)
-        self._window = np.zeros((0, 0), np.int32)  # slots, -1 for none
-        self._left = np.zeros(2, np.int64)  # how many spare slots there are, and how many spare rows
-        self._spare = np.zeros(0, np.int32)
-        self._keys = np.zeros((0, 2), np.int64)  # column and row of the tile
-        self._pieces = np.zeros(0, np.int64)  # of evidence in the tile
-        self._stamps = np.zeros(0, np.int64)  # the newest stroke that touched it
+        self._state = np.zeros(4, np.int64)  # the window's corner, column and row; numbers of spare slots and rows
+        self._window = np.zeros((0, 0), np.int32)  # slots of the tiles from the corner on, -1 for none
+        self._spare = np.zeros(0, np.int32)  # slots
+        # Of each slot the tile's column and row, the pieces of evidence in it, the newest stroke that touched it, and
+        # how many strokes its fresh counts hold.
+        self._slots = np.zeros((0, kernels.FIELDS), np.int64)
+        self._reach_of: dict[int, int] = {}  # of the table in use for so many sectors
+        # How often a cell was called free is the sum of ``counts`` and of the lanes of ``fresh``, eight bits for each
+        # level: all levels of a cell take one addition, and a tile is settled before a lane can run over.
+        self._fresh = np.zeros((0, side * side), np.uint64)
         self._counts = np.zeros((0, side * side, FREE_LEVELS), np.uint16)
         self._highest = 0  # no count is above it
-        self._rows = np.zeros((0, side * side), np.int32)
-        self._spare_rows = np.zeros(1, np.int32)  # row 0 stands for none
-        self._held = np.zeros(1, np.int32)
+        self._rows = np.zeros((0, side * side), np.int32)  # of a cell in ``sums``, 0 for none
+        self._spare_rows = np.zeros(1, np.int32)
+        self._held = np.zeros(1, np.int32)  # beliefs in a row
         self._sums = np.zeros((1, terms.shape[1]), np.float32)
 
-    def count_cones(self, cones: np.ndarray, box: Box, sectors: int, sign: int) -> None:
-        """Count cones (n, 7) in (``sign`` 1) or out (-1), as in ``stroke_cones``; ``box`` holds them all."""
-        self._make_room(box, len(cones))
+    def count_cones(self, cones: np.ndarray, sectors: int, sign: int) -> None:
+        """Count cones (n, 7) in (``sign`` 1) or out (-1), as in ``stroke_cones``."""
         if sign > 0:
             self._reserve_counts(len(cones))
-        table = sectors_about(1 << box[4].bit_length(), sectors)
-        change = self._counts.dtype.type(1) if sign > 0 else ~self._counts.dtype.type(0)
-        self._kernels.stroke_cones(
-            *(cones, table, sectors, self._corner, self._window, self._keys, self._pieces, self._stamps),
-            *(self._spare, self._left, self._counts, self._side, change, self._stamp),
+        if not self._stroke_cones(cones, sectors, sign):
+            for part, box in _parts(cones, self._geometry.cone_box):
+                self._make_room(box, len(part))
+                least = max(_LEAST_REACH, 1 << box[4].bit_length())
+                self._reach_of[sectors] = max(least, self._reach_of.get(sectors, 0))
+                self._stroke_cones(part, sectors, sign)
+
+    def _stroke_cones(self, cones: np.ndarray, sectors: int, sign: int) -> bool:
+        self._stamp += 1
+        table = sectors_about(self._reach_of.get(sectors, 0), sectors)
+        return self._kernels.stroke_cones(
+            *(cones, table, sectors, self._state, self._window, self._slots, self._spare),
+            *(self._fresh, self._counts, self._side, sign, self._stamp),
         )
 
-    def add_arcs(self, arcs: np.ndarray, box: Box, cell_m: float, sign: int) -> None:
-        """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``; ``box`` holds them all."""
-        self._make_room(box, len(arcs))
-        self._reserve_rows(len(arcs) * (2 * box[4] + 1) ** 2)
-        self._kernels.stroke_arcs(
-            *(arcs, cell_m, self._corner, self._window, self._keys, self._pieces, self._stamps, self._spare),
-            *(self._left, self._rows, self._spare_rows, self._held, self._sums, self._terms),
-            *(self._side, sign, self._stamp),
+    def add_arcs(self, arcs: np.ndarray, sign: int) -> None:
+        """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``."""
+        if not self._stroke_arcs(arcs, sign):
+            for part, box in _parts(arcs, lambda table: self._geometry.arc_box(table, self._cell_m), _MOST_ARC_CELLS):
+                self._make_room(box, len(part))
+                self._reserve_rows(self._kernels.most_arc_cells(len(part), box[4]))
+                self._stroke_arcs(part, sign)
+
+    def _stroke_arcs(self, arcs: np.ndarray, sign: int) -> bool:
+        self._stamp += 1
+        return self._kernels.stroke_arcs(
+            *(arcs, self._cell_m, self._state, self._window, self._slots, self._spare, self._rows),
+            *(self._spare_rows, self._held, self._sums, self._terms, self._side, sign, self._stamp),
         )
 
     def slots(self) -> dict[Key, int]:
         """The tiles that hold evidence, and their slots."""
-        return self._by_key(self._pieces > 0)
+        return self._by_key(self._pieces() > 0)
 
     def touched(self) -> dict[Key, int | None]:
         """The tiles touched since this was last asked, and their slots; None for those that hold nothing any more."""
         told: dict[Key, int | None] = dict.fromkeys(self._gone)
-        lately = self._stamps > self._asked
-        told.update(dict.fromkeys(self._by_key(lately & (self._pieces == 0))))
-        told.update(self._by_key(lately & (self._pieces > 0)))
+        lately = self._slots[:, self._kernels.STAMP] > self._asked
+        told.update(dict.fromkeys(self._by_key(lately & (self._pieces() == 0))))
+        told.update(self._by_key(lately & (self._pieces() > 0)))
         self._gone, self._asked = set(), self._stamp
         return told
 
     def stamp(self, slot: int) -> int:
         """The number of the newest stroke that touched the tile: what was made of it then is still right."""
-        return int(self._stamps[slot])
+        return int(self._slots[slot, self._kernels.STAMP])
 
     def counts(self, slot: int) -> np.ndarray:
-        """How often each cell was called free, (cells, levels)."""
-        return self._counts[slot]
+        """How often each cell was called free, (cells, levels); as floats."""
+        middle = 1 << self._kernels.LANE_BITS - 1
+        middles = sum(middle << self._kernels.LANE_BITS * level for level in range(FREE_LEVELS))
+        lanes = (self._fresh[slot] + np.uint64(middles)).astype("<u8").view(np.uint8).reshape(-1, FREE_LEVELS)
+        return self._counts[slot] + (lanes - float(middle))
 
     def sums(self, slot: int) -> tuple[np.ndarray, np.ndarray]:
         """The cells that arcs touch, (n,), and their sums, (n, width)."""
         touched = np.flatnonzero(self._rows[slot])
         return touched, self._sums[self._rows[slot, touched]]
 
+    def _pieces(self) -> np.ndarray:
+        return self._slots[:, self._kernels.PIECES]
+
     def _by_key(self, chosen: np.ndarray) -> dict[Key, int]:
         slots = np.flatnonzero(chosen)
-        return {
-            (column, row): slot for (column, row), slot in zip(self._keys[slots].tolist(), slots.tolist(), strict=True)
-        }
+        keys = self._slots[slots][:, [self._kernels.COLUMN, self._kernels.ROW]]
+        return {(column, row): slot for (column, row), slot in zip(keys.tolist(), slots.tolist(), strict=True)}
 
     def _make_room(self, box: Box, strokes: int) -> None:
         """Let the window hold ``box`` and have spare slots for the tiles that so many strokes may touch."""
-        self._stamp += 1
-        side, covered = self._side, self._covered
-        first_column, first_row, last_column, last_row = (cell // side for cell in box[:4])
-        tiles = (last_column - first_column + 1) * (last_row - first_row + 1)
-        needed = min(tiles, strokes * (2 * box[4] // side + 2) ** 2)
-        inside = first_column >= covered[0] and first_row >= covered[1] and last_column <= covered[2]
-        if inside and last_row <= covered[3] and self._left[0] >= needed:
+        if self._kernels.has_room(box, strokes, self._state, self._window, self._side):
             return
         self._collect()
-        if self._left[0] < needed:
+        needed = self._kernels.most_tiles(box, strokes, self._side)
+        if self._state[self._kernels.SPARE_SLOTS] < needed:
             self._add_slots(needed)
-        margin = _MARGIN_TILES
-        self._look_at(first_column - margin, first_row - margin, last_column + margin, last_row + margin)
+        least, most = (np.array(cells) // self._side for cells in (box[:2], box[2:4]))
+        self._look_at(least - _MARGIN_TILES, most + _MARGIN_TILES)
 
     def _collect(self) -> None:
         """Make slots spare whose tiles hold nothing any more."""
-        empty = self._pieces == 0
-        self._gone.update(self._by_key(empty & (self._stamps > self._asked)))
-        self._stamps[empty] = 0
+        stamp, empty = self._kernels.STAMP, self._pieces() == 0
+        self._gone.update(self._by_key(empty & (self._slots[:, stamp] > self._asked)))
+        self._slots[empty, stamp] = 0
         spare = np.flatnonzero(empty)[::-1]
-        self._spare[: len(spare)], self._left[0] = spare, len(spare)
+        self._spare[: len(spare)], self._state[self._kernels.SPARE_SLOTS] = spare, len(spare)
 
     def _add_slots(self, needed: int) -> None:
-        before = len(self._pieces)
-        used = int(np.flatnonzero(self._pieces).max(initial=-1)) + 1
+        before = len(self._slots)
+        used = int(np.flatnonzero(self._pieces()).max(initial=-1)) + 1
         length = before + max(needed, before)
-        self._counts, self._rows, self._pieces, self._keys, self._stamps = (
-            _grown(array, used, length) for array in (self._counts, self._rows, self._pieces, self._keys, self._stamps)
+        self._slots, self._fresh, self._counts, self._rows = (
+            _grown(array, used, length) for array in (self._slots, self._fresh, self._counts, self._rows)
         )
         self._spare = np.zeros(length, np.int32)
         self._collect()
 
-    def _look_at(self, first_column: int, first_row: int, last_column: int, last_row: int) -> None:
-        """Lay the window over these tiles."""
-        self._covered = first_column, first_row, last_column, last_row
-        self._corner = np.array([first_column, first_row])
-        self._window = np.full((last_row - first_row + 1, last_column - first_column + 1), -1, np.int32)
-        place = self._keys - self._corner
-        size = last_column - first_column + 1, last_row - first_row + 1
-        slots = np.flatnonzero((self._pieces > 0) & np.all((place >= 0) & (place < size), axis=1))
+    def _look_at(self, least: np.ndarray, most: np.ndarray) -> None:
+        """Lay the window over the tiles from one (column, row) to another."""
+        kernels, size = self._kernels, most - least + 1
+        self._state[[kernels.CORNER_COLUMN, kernels.CORNER_ROW]] = least
+        self._window = np.full(size[::-1], -1, np.int32)
+        place = self._slots[:, [kernels.COLUMN, kernels.ROW]] - least
+        slots = np.flatnonzero((self._pieces() > 0) & np.all((place >= 0) & (place < size), axis=1))
         self._window[place[slots, 1], place[slots, 0]] = slots
 
     def _reserve_counts(self, more: int) -> None:
         """Let counts of 16 bits become 32 bits wide before one could run over."""
         self._highest += more
         if self._highest > _MOST_COUNT and self._counts.dtype == np.uint16:
-            self._highest = int(self._counts.max()) + more
+            self._highest = int(self._counts.max(initial=0)) + self._kernels.MOST_STROKES + more
             if self._highest > _MOST_COUNT:
                 self._counts = self._counts.astype(np.uint32)
 
     def _reserve_rows(self, needed: int) -> None:
-        left = int(self._left[1])
+        left = int(self._state[self._kernels.SPARE_ROWS])
         if left < needed:
             before = len(self._held)
             length = before + max(needed, before)
@@ -162,7 +180,7 @@ class Tiles:
             )
             kept, new = self._spare_rows[:left].copy(), np.arange(before, length, dtype=np.int32)[::-1]
             self._spare_rows[: len(new)], self._spare_rows[len(new) : len(new) + left] = new, kept
-            self._left[1] += len(new)
+            self._state[self._kernels.SPARE_ROWS] += len(new)
 
 
 def _grown(array: np.ndarray, used: int, length: int) -> np.ndarray:
@@ -170,3 +188,17 @@ def _grown(array: np.ndarray, used: int, length: int) -> np.ndarray:
     grown = np.zeros((length, *array.shape[1:]), array.dtype)
     grown[:used] = array[:used]
     return grown
+
+
+def _parts(
+    table: np.ndarray, box_of: Callable[[np.ndarray], Box], most_cells: float = math.inf
+) -> Iterator[tuple[np.ndarray, Box]]:
+    """``table`` (n, columns) in parts for one stroke each, with their boxes: near one another and not too many."""
+    box = box_of(table)
+    near = max(box[2] - box[0], box[3] - box[1]) - 2 * box[4] <= _WIDEST_CELLS
+    if len(table) == 1 or (near and len(table) * (2 * box[4] + 1) ** 2 <= most_cells):
+        yield table, box
+    else:
+        half = len(table) // 2
+        yield from _parts(table[:half], box_of, most_cells)
+        yield from _parts(table[half:], box_of, most_cells)

@@ -21,7 +21,15 @@ def take(rows: Rows, index: Index) -> Rows:
 
     ``take = arrays.take`` in a dataclass makes it a method. A field with the metadata SHARED stays as it is.
     """
-    return replace(rows, **{name: _rows_at(getattr(rows, name), index) for name in _names(type(rows))})
+    if isinstance(index, np.ndarray) and index.dtype == bool:
+        index = np.nonzero(index)  # once, not for every field
+    fields_of, taken = vars(rows), object.__new__(type(rows))  # whose fields are in order already: nothing to check
+    of_taken = vars(taken)
+    for name in _names(type(rows)):
+        of_taken[name] = _rows_at(fields_of[name], index)
+    for name in _shared(type(rows)):
+        of_taken[name] = fields_of[name]
+    return taken
 
 
 def join(parts: Sequence[Rows]) -> Rows:
@@ -35,6 +43,11 @@ def join(parts: Sequence[Rows]) -> Rows:
 @cache  # a fit asks a thousand times
 def _names(kind: type["DataclassInstance"]) -> list[str]:
     return [field.name for field in fields(kind) if "shared" not in field.metadata]
+
+
+@cache
+def _shared(kind: type["DataclassInstance"]) -> list[str]:
+    return [field.name for field in fields(kind) if "shared" in field.metadata]
 
 
 def _rows_at(value: Any, index: Index) -> Any:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,12 +34,12 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.range_m)
 
-    @property
+    @cached_property
     def is_fine(self) -> np.ndarray:
         """Which are of sweeps so fine that a reflector answers several bearings, bool (n,)."""
         return self.step_rad < self.half_beam_rad
 
-    @property
+    @cached_property
     def shared_sigma_m(self) -> np.ndarray:
         """Of a range, by what all ranges of the unit may have wrong together: its place and, of fine sweeps, which no
         short baselines relate, its sensor; (n,).

@@ -46,6 +46,17 @@ class Evidence:
         """Of an axis as a direction, the heading's error in it, (n,)."""
         return np.hypot(self.direction_sigma_rad, self.echoes.sigma_heading_rad)
 
+    @cached_property
+    def _most_gain(self) -> np.ndarray:
+        """Gain in nats of a residual of nothing, (n,)."""
+        return np.log(self.span_m / (self.own_sigma_m * np.sqrt(2 * np.pi)))
+
+    @cached_property
+    def tells_direction(self) -> np.ndarray | None:
+        """Which axes are directions from the unit, bool (n,); None where only beams tell any."""
+        known = np.isfinite(self.direction_sigma_rad)
+        return known if known.any() else None
+
     def respread(self, factor: np.ndarray | float) -> "Evidence":
         """The same with ``factor`` times the spread of ranges."""
         return replace(self, range_sigma_m=factor * self.range_sigma_m)
@@ -54,14 +65,15 @@ class Evidence:
         """Gain in nats of residuals (..., m) of the echoes ``at`` (all of them if not told); negative where the outlier
         model explains an echo better.
         """
-        most = np.log(self.span_m / (self.own_sigma_m[at] * np.sqrt(2 * np.pi)))
-        return most - 0.5 * (residual_m / self.sigma_m[at]) ** 2
+        return self._most_gain[at] - 0.5 * (residual_m / self.sigma_m[at]) ** 2
 
     def direction_gain(self, direction_rad: np.ndarray, at: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Gain in nats of the directions of the echoes ``at``, if their reflectors lie in ``direction_rad``, over any
-        direction; 0 where only the beam tells it. A few are far off: a neighbour's plateau ran into theirs.
+        """Gain in nats of the directions of the echoes ``at``, if their reflectors lie in ``direction_rad`` (..., m),
+        over any direction; 0 where only the beam tells it. A few are far off: a neighbour's plateau ran into theirs.
         """
-        known = np.isfinite(self.direction_sigma_rad[at])
+        if self.tells_direction is None:
+            return np.zeros_like(direction_rad)
+        known = self.tells_direction[at]
         sigma_rad, own_rad = (np.where(known, of[at], 1.0) for of in (self.turn_sigma_rad, self.direction_sigma_rad))
         square = (wrapped(direction_rad - self.echoes.axis_rad[at]) / sigma_rad) ** 2
         shape = _SHARP_SHARE * np.exp(-0.5 * square) + (1 - _SHARP_SHARE) / _BLUNT * np.exp(-0.5 * square / _BLUNT**2)

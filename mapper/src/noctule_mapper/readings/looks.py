@@ -5,6 +5,7 @@ A gap is evidence only where somebody looked. Coarse sweeps look past most of wh
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,6 +27,11 @@ class Looks:
 
     echoes: Echoes
     weight: np.ndarray
+
+    @cached_property
+    def sigma_m(self) -> np.ndarray:
+        """Of a range, the errors that it shares with others in it, (n,)."""
+        return np.hypot(self.echoes.sigma_m, self.echoes.shared_sigma_m)
 
 
 Pose = tuple[str, float, float, float]

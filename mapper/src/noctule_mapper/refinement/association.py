@@ -151,8 +151,8 @@ class Scene:
         return _Row(echo, predicted, chance[echo], direction_gain, box, weight)
 
     def _worked_out_hidden(self, maker: "_Maker", wall: Line) -> np.ndarray:
-        heard = self.data.take(self._row(maker).echo)
-        return hidden(maker.model, wall, heard.echoes, heard.sigma_m, self.config)
+        echo = self._row(maker).echo
+        return hidden(maker.model, wall, self.data.echoes.take(echo), self.data.sigma_m[echo], self.config)
 
 
 class _Maker(NamedTuple):
