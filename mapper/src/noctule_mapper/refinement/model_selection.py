@@ -36,8 +36,8 @@ def add_objects(
     library = [one.promising(free, _LEAST_HOPE * prices[one.kind]) for one in library]
     while True:
         best, best_worth = None, 0.0
-        finalists = [(gain, one) for kind in library for gain, one in _finalists(kind, free, data, config)]
-        for gain, start in sorted(finalists, key=lambda rough: prices[type(rough[1])] - rough[0]):
+        hopeful = [(gain, one) for kind in library for gain, one in finalists(kind, free, data, config)]
+        for gain, start in sorted(hopeful, key=lambda rough: prices[type(rough[1])] - rough[0]):
             if _MOST_HOPE * gain - prices[type(start)] < best_worth:
                 continue
             fitted = fitted_alone(start, free, data, config)
@@ -52,21 +52,21 @@ def add_objects(
         free &= gains(best, data, config.refinement) <= 0
 
 
-def _finalists(
-    kind: Candidates, free: np.ndarray, data: Evidence, config: MapperConfig
+def finalists(
+    kind: Candidates, free: np.ndarray, data: Evidence, config: MapperConfig, least_hope: float = _LEAST_HOPE
 ) -> list[tuple[float, Reflector]]:
-    """The best candidates of a kind and their rough gains from the ``free`` echoes; each of other echoes than the ones
-    before it.
+    """The best candidates of a kind and their rough gains from the ``free`` echoes, at least ``least_hope`` of the
+    price; each of other echoes than the ones before it.
     """
-    finalists = []
+    found = []
     left = free.copy()
-    while len(finalists) < _FINALISTS:
+    while len(found) < _FINALISTS:
         best = kind.best(left)
-        if best is None or best[0] < _LEAST_HOPE * price_of(kind.kind, config.refinement):
+        if best is None or best[0] < least_hope * price_of(kind.kind, config.refinement):
             break
-        finalists.append(best)
+        found.append(best)
         left &= gains(best[1], data.respread(2.0), config.refinement) <= 0
-    return finalists
+    return found
 
 
 def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector | None:
@@ -87,13 +87,25 @@ def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: Map
 def _stepped(tried: Reflector, used: Evidence) -> tuple[Reflector, np.ndarray]:
     """A step of one object to the ``used`` echoes, far ones weighing less, and the covariance after it."""
     residual, slopes = used.echoes.range_m - tried.ranges(used.echoes), tried.slopes(used.echoes)
-    weight = 1 / (1 + np.exp(-used.gain(residual))) / used.sigma_m**2
+    weight, sure = _weights(residual, used)
     turn = wrapped(used.echoes.axis_rad - tried.directions(used.echoes))
     turning = tried.direction_slopes(used.echoes)
-    sure = weight * used.sigma_m**2 / used.turn_sigma_rad**2
-    information = slopes.T @ (weight[:, None] * slopes) + turning.T @ (sure[:, None] * turning)
-    covariance = np.linalg.inv(information + _WEAK_PRIOR * np.eye(slopes.shape[1]))
+    covariance = covariance_of(tried, used)
     return tried.moved(covariance @ (slopes.T @ (weight * residual) + turning.T @ (sure * turn))), covariance
+
+
+def covariance_of(one: Reflector, used: Evidence) -> np.ndarray:
+    """Of an object's parameters (p, p), by the ``used`` echoes alone, far ones weighing less."""
+    slopes, turning = one.slopes(used.echoes), one.direction_slopes(used.echoes)
+    weight, sure = _weights(used.echoes.range_m - one.ranges(used.echoes), used)
+    information = slopes.T @ (weight[:, None] * slopes) + turning.T @ (sure[:, None] * turning)
+    return np.linalg.inv(information + _WEAK_PRIOR * np.eye(slopes.shape[1]))
+
+
+def _weights(residual_m: np.ndarray, used: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """Of the ranges and of the directions, (n,) each."""
+    weight = 1 / (1 + np.exp(-used.gain(residual_m))) / used.sigma_m**2
+    return weight, weight * used.sigma_m**2 / used.turn_sigma_rad**2
 
 
 _ALONE = 2.0  # a wall's corners will tell more of its direction than its own echoes do
@@ -128,8 +140,9 @@ def determined(
         case Circle():
             size = config.cylinders
             sized = size.smallest_radius_m <= tried.radius_m <= size.largest_radius_m
-            real = tried.radius_m > limits.least_radius_sigmas * sigma[2]
-            return bool(sized and real and sigma.max() < limits.most_cylinder_sigma_m)
+            loose = 1.0 if data.looks is None else slack  # plateaus know a range half as well as all their readings
+            real = tried.radius_m > limits.least_radius_sigmas / loose * sigma[2]
+            return bool(sized and real and sigma.max() < loose * limits.most_cylinder_sigma_m)
         case _:
             return bool(sigma.max() < limits.most_cylinder_sigma_m)
 

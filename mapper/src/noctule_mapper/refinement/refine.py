@@ -1,6 +1,6 @@
 """The refinement: robust maximum likelihood on the raw ranges, walls, cylinders and corners together."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
+from noctule_mapper.refinement.exchanges import met_walls, others_for
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
@@ -148,7 +149,8 @@ def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
         if tried.worth < state.worth + _LEAST_RISE_NATS:
             break
         state = tried
-    return _exchanged(state, library, scene, config)
+    state = _exchanged(state, library, scene, config)
+    return state if data.looks is None else _improved(state, library, scene, config)
 
 
 _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
@@ -177,6 +179,46 @@ def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, confi
 
 
 _HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
+
+
+def _improved(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> _State:
+    """The state after exchanges of any kind, one at a time, until none is worth more."""
+    for _ in range(_MOST_EXCHANGES):
+        better = next((one for one in _tries(state, library, scene, config) if one.worth > state.worth + 0.1), None)
+        if better is None:
+            break
+        state = better
+    return state
+
+
+_MOST_EXCHANGES = 10
+
+
+def _tries(
+    state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig
+) -> Iterator[_State]:
+    """What becomes of the state by one exchange, each that is worth a fit."""
+    for objects in _exchanges(state, library, scene, config):
+        links = _links(objects, scene, config)
+        if scene.worth(objects, links, scene.explain(scene.claims(objects, links))) > state.worth - _HOPE_NATS:
+            yield _state(objects, scene, config)
+
+
+def _exchanges(
+    state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig
+) -> Iterator[list[Reflector]]:
+    objects = state.objects
+    claims = scene.claims(objects, state.links)
+    share = scene.explain(claims).share
+    made = [_made_mask(number, claims, share, scene.data) for number in range(len(objects))]
+    yield from met_walls(objects, made, ~state.explained, scene.data, config)
+    for other in others_for(None, ~state.explained, library, scene.data, config):
+        yield [*objects, other]
+    for old in objects:
+        rest = [one for one in objects if one is not old]
+        unexplained = scene.explain(scene.claims(rest, _links(rest, scene, config))).unexplained >= 0.5
+        for other in others_for(old, unexplained, library, scene.data, config):
+            yield [*rest, other]
 
 
 def _settled(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> tuple[list[Reflector], list[Link]]:
