@@ -22,9 +22,14 @@ _FARTHEST_SHARE = 0.95  # of the span; about its end an echo is too weak
 
 
 def silence_of(one: Reflector, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()) -> float:
-    """Price in nats of an object among others; a wall claims what has been seen of it, a point claims nothing."""
+    """Price in nats of an object among others; a wall claims what has been seen of it, a point claims nothing.
+
+    A wall's feet lie as far apart as its places; where all are in one spot, they are likelier a corner's.
+    """
     if isinstance(one, Line):
-        return silence_of_stretch(one, one.low_m, one.high_m, data, config, objects)
+        spread = min((one.high_m - one.low_m) / config.limits.short_wall_m, 1.0)
+        close = 0.0 if data.looks is None else config.prices.close_feet_nats * (1 - spread)
+        return close + silence_of_stretch(one, one.low_m, one.high_m, data, config, objects)
     return _price(one, data, config, objects, None) if isinstance(one, Circle) else 0.0
 
 

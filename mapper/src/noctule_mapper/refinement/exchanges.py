@@ -45,13 +45,15 @@ def _alike(one: Reflector, other: Reflector) -> bool:
 
 def met_walls(
     objects: Sequence[Reflector],
+    chosen: Sequence[int],
     made: Sequence[np.ndarray],
     unexplained: np.ndarray,
     data: Evidence,
     config: MapperConfig,
 ) -> Iterator[list[Reflector]]:
-    """The objects with two walls turned to meet where a point, which goes, or an echo that nothing explains was heard;
-    ``made`` are the echoes of each object, bool (n,).
+    """The objects with two walls turned to meet where a point, which goes, or an echo that nothing explains was heard.
+
+    One of the walls is among the ``chosen`` objects; ``made`` are the echoes of each object, bool (n,).
     """
     heard: list[tuple[int | None, np.ndarray]] = [
         (number, np.nonzero(made[number])[0]) for number, one in enumerate(objects) if isinstance(one, Spot)
@@ -61,6 +63,8 @@ def met_walls(
     known = {number: covariance_of(one, data.take(np.nonzero(made[number])[0])) for number, one in walls.items()}
     for first, second in permutations(walls, 2):
         corner = Crossing(walls[first], walls[second])
+        if first not in chosen and second not in chosen:
+            continue
         if abs(corner.sine) < config.refinement.linking.least_crossing_sine:
             continue
         for point, echoes in heard:

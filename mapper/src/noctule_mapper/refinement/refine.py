@@ -184,7 +184,8 @@ _HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
 def _improved(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> _State:
     """The state after exchanges of any kind, one at a time, until none is worth more."""
     for _ in range(_MOST_EXCHANGES):
-        better = next((one for one in _tries(state, library, scene, config) if one.worth > state.worth + 0.1), None)
+        tries = _tries(state, library, scene, config)
+        better = next((one for one in tries if one.worth > state.worth + _LEAST_GAIN_NATS), None)
         if better is None:
             break
         state = better
@@ -192,33 +193,42 @@ def _improved(state: _State, library: Sequence[Candidates], scene: Scene, config
 
 
 _MOST_EXCHANGES = 10
+_LEAST_GAIN_NATS = 0.1
+_NEAR_NATS = 12.0  # that fitting an exchange, or a corner of the wall that came with it, may bring
 
 
-def _tries(
-    state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig
-) -> Iterator[_State]:
-    """What becomes of the state by one exchange, each that is worth a fit."""
+def _tries(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> Iterator[_State]:
+    """What becomes of the state by one exchange, a new wall's corner with it, where that is worth a fit."""
     for objects in _exchanges(state, library, scene, config):
         links = _links(objects, scene, config)
-        if scene.worth(objects, links, scene.explain(scene.claims(objects, links))) > state.worth - _HOPE_NATS:
+        worth = scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
+        if worth > state.worth - _NEAR_NATS:
             yield _state(objects, scene, config)
 
 
 def _exchanges(
     state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig
 ) -> Iterator[list[Reflector]]:
-    objects = state.objects
-    claims = scene.claims(objects, state.links)
-    share = scene.explain(claims).share
-    made = [_made_mask(number, claims, share, scene.data) for number in range(len(objects))]
-    yield from met_walls(objects, made, ~state.explained, scene.data, config)
-    for other in others_for(None, ~state.explained, library, scene.data, config):
-        yield [*objects, other]
-    for old in objects:
-        rest = [one for one in objects if one is not old]
+    """The objects with two walls turned to meet, with one more, or with another in place of one."""
+    yield from _meetings(state.objects, list(range(len(state.objects))), scene, config)
+    for old in (None, *state.objects):
+        rest = [one for one in state.objects if one is not old]
         unexplained = scene.explain(scene.claims(rest, _links(rest, scene, config))).unexplained >= 0.5
         for other in others_for(old, unexplained, library, scene.data, config):
-            yield [*rest, other]
+            objects = [*rest, other]
+            yield objects
+            if isinstance(other, Line):
+                yield from _meetings(objects, [len(rest)], scene, config)
+
+
+def _meetings(
+    objects: Sequence[Reflector], walls: Sequence[int], scene: Scene, config: MapperConfig
+) -> Iterator[list[Reflector]]:
+    """The objects with two walls turned to meet, one of which is among ``walls``."""
+    claims = scene.claims(objects, _links(objects, scene, config))
+    explanation = scene.explain(claims)
+    made = [_made_mask(number, claims, explanation.share, scene.data) for number in range(len(objects))]
+    return met_walls(objects, walls, made, explanation.unexplained >= 0.5, scene.data, config)
 
 
 def _settled(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> tuple[list[Reflector], list[Link]]:
