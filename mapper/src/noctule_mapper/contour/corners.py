@@ -81,9 +81,12 @@ def link_ends(
     end_gap_m, start_gap_m = _gaps_m(lines, longest_m, config)
     for i, j in np.argwhere(np.isfinite(end_gap_m)):
         corner = Crossing(lines[i], lines[j])
-        price = _gap_price(corner, float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config, objects)
+        price = _gap_price(float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config)
         price += heard(corner) if heard else heard_price(corner, data, config)
-        cost[i, j] = price - (support(corner) if support else 0.0)
+        price -= support(corner) if support else 0.0
+        if data.looks is not None and price < config.linking.open_end_nats:  # dearer, both ends stay open
+            price += silence_of_link(corner, data, config, objects)
+        cost[i, j] = price
     ends, starts = _assignment(cost)
     linked = starts < len(lines)
     return [Link(numbers[i], numbers[j]) for i, j in zip(ends[linked], starts[linked], strict=True)]
@@ -102,21 +105,13 @@ def _assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ends, starts
 
 
-def _gap_price(
-    corner: Crossing,
-    end_gap_m: float,
-    start_gap_m: float,
-    data: Evidence,
-    config: RefinementConfig,
-    objects: Sequence[Reflector],
-) -> float:
-    """Price of a link for its gap: where nobody looked with a fine sweep metres must tell, else what was looked at."""
+def _gap_price(end_gap_m: float, start_gap_m: float, data: Evidence, config: RefinementConfig) -> float:
+    """Price of a link for its gap, as if nobody had looked at it: of fine sweeps the looks tell more."""
     gap_m = abs(end_gap_m) + abs(start_gap_m)
     if data.looks is None:
         return min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
     unseen = config.linking.link_nats + config.linking.unseen_nats_per_m * gap_m
-    unseen += config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
-    return unseen + silence_of_link(corner, data, config, objects)
+    return unseen + config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
 
 
 def _gaps_m(

@@ -163,6 +163,19 @@ def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperCo
     return Line(tried.theta_rad, tried.rho_m, float(longest[0]), float(longest[-1]))
 
 
+def sure_stretch(wall: Line, made: Evidence) -> Line:
+    """The wall cut to where it surely goes on, by the echoes ``made`` of it.
+
+    At its end a corner sounds like the wall: an echo from d beyond the corner is longer than the wall's by d^2 / (2 R)
+    only, so within sqrt(2 R sigma) of a foot the wall may end.
+    """
+    if not len(made.echoes):
+        return wall
+    along = wall.along(made.echoes)
+    slack_m = np.minimum(np.sqrt(2 * made.echoes.range_m * made.sigma_m), np.ptp(along) / 3)
+    return Line(wall.theta_rad, wall.rho_m, float((along + slack_m).min()), float((along - slack_m).max()))
+
+
 def _holes(wall: Line, along_m: np.ndarray, data: Evidence, config: MapperConfig) -> np.ndarray:
     """Between which feet, sorted (n,), the wall has a hole, bool (n - 1,): where nobody looked with a fine sweep, in
     any long gap.

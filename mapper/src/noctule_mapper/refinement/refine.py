@@ -20,7 +20,7 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.exchanges import met_walls, others_for
-from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
+from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, sure_stretch, trimmed
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
@@ -63,12 +63,23 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     last, claims, objects = final.last, final.claims, final.last.fit.objects
     read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
     readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
-    contour = contour_of(last.fit, final.links, [int(count) for count in readings], config.refinement)
+    fit = replace(last.fit, objects=_as_sure(objects, claims, last.share, final.data))
+    contour = contour_of(fit, final.links, [int(count) for count in readings], config.refinement)
     spread_m = last.range_sigma_m[: len(data.echoes)]
     poses = unit_poses(data, last, units)
     placed = replace(data, range_sigma_m=spread_m)
     contour = with_touches(contour, objects, final.links, placed, units, config.refinement)
     return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
+
+
+def _as_sure(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, data: Evidence) -> list[Reflector]:
+    """The objects, walls only as far as fine sweeps surely heard them: the last foot may be the corner's echo."""
+    return [
+        sure_stretch(one, data.take(_made(number, claims, share)))
+        if isinstance(one, Line) and data.looks is not None
+        else one
+        for number, one in enumerate(objects)
+    ]
 
 
 def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
@@ -149,8 +160,8 @@ def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
         if tried.worth < state.worth + _LEAST_RISE_NATS:
             break
         state = tried
-    state = _exchanged(state, library, scene, config)
-    return state if data.looks is None else _improved(state, library, scene, config)
+    improved = _exchanged if data.looks is None else _improved
+    return improved(state, library, scene, config)
 
 
 _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
