@@ -114,9 +114,7 @@ def _gap_price(end_gap_m: float, start_gap_m: float, data: Evidence, config: Ref
     return unseen + config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
 
 
-def _gaps_m(
-    lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig
-) -> tuple[np.ndarray, np.ndarray]:
+def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig) -> tuple[np.ndarray, np.ndarray]:
     """What a corner of wall i's end and wall j's start would add to either, (i, j) each, negative where it would take
     away; infinite where there can be none.
     """

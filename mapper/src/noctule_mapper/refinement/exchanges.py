@@ -55,10 +55,11 @@ def met_walls(
 
     One of the walls is among the ``chosen`` objects; ``made`` are the echoes of each object, bool (n,).
     """
+    directed = np.isfinite(data.direction_sigma_rad)
     heard: list[tuple[int | None, np.ndarray]] = [
-        (number, np.nonzero(made[number])[0]) for number, one in enumerate(objects) if isinstance(one, Spot)
+        (number, np.nonzero(made[number] & directed)[0]) for number, one in enumerate(objects) if isinstance(one, Spot)
     ]
-    heard += [(None, np.array([number])) for number in np.nonzero(unexplained)[0]]
+    heard += [(None, np.array([number])) for number in np.nonzero(unexplained & directed)[0]]
     walls = {number: one for number, one in enumerate(objects) if isinstance(one, Line)}
     known = {number: covariance_of(one, data.take(np.nonzero(made[number])[0])) for number, one in walls.items()}
     for first, second in permutations(walls, 2):

@@ -147,6 +147,46 @@ def determined(
             return bool(sigma.max() < limits.most_cylinder_sigma_m)
 
 
+def may_be_a_corner(circle: Circle, walls: Sequence[Line], made: Evidence) -> bool:
+    """Whether the plateaus ``made`` of it may as well be of an acute corner of one of the ``walls`` with a wall that
+    nobody knows: R = k |c - p|, with c on the known one's line and 3/4 < k < 1, often fits as well as a circle.
+    """
+    heard = made.echoes
+    turn = wrapped(heard.axis_rad - circle.directions(heard)) / made.turn_sigma_rad
+    circle_square = float((((heard.range_m - circle.ranges(heard)) / made.sigma_m) ** 2).sum() + (turn**2).sum())
+    return any(_corner_square(wall, made) < circle_square + _CORNER_NATS for wall in walls)
+
+
+_CORNER_NATS = 6.0  # squared normalised errors by which a circle must be better than a corner, its parameter more
+_LEAST_FACTOR = 0.75
+
+
+def _corner_square(wall: Line, made: Evidence) -> float:
+    """Squared normalised errors of the acute corner on the wall's line that fits best, by Gauss-Newton steps in where
+    it is along the wall and its factor k; infinite where none fits.
+    """
+    heard = made.echoes
+    feet_x = heard.x_m + heard.range_m * np.cos(heard.axis_rad)
+    feet_y = heard.y_m + heard.range_m * np.sin(heard.axis_rad)
+    along_m, factor = float(np.mean(feet_x * wall.tangent[0] + feet_y * wall.tangent[1])), 0.95
+    weight = np.concatenate([1 / made.sigma_m, 1 / made.turn_sigma_rad])
+    for _ in range(_CORNER_STEPS):
+        corner = Spot(*(float(c) for c in wall.at(along_m)))
+        distance_m = corner.ranges(heard)
+        turn = wrapped(heard.axis_rad - corner.directions(heard))
+        off = weight * np.concatenate([heard.range_m - factor * distance_m, turn])
+        by_range = np.column_stack([factor * (corner.slopes(heard) @ wall.tangent), distance_m])
+        by_turn = np.column_stack([corner.direction_slopes(heard) @ wall.tangent, np.zeros(len(heard))])
+        slopes = weight[:, None] * np.concatenate([by_range, by_turn])
+        step = np.linalg.lstsq(slopes, off, rcond=None)[0]
+        along_m, factor = along_m + float(step[0]), factor + float(step[1])
+    left = off - slopes @ step
+    return float(left @ left) if _LEAST_FACTOR < factor < 1 else np.inf
+
+
+_CORNER_STEPS = 6
+
+
 def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector:
     """A wall cut to the longest run of its ``used`` feet without a long hole, without a lone foot at its end; anything
     else as it is.
