@@ -96,7 +96,7 @@ def test_a_wall_whose_feet_are_in_one_spot_is_dearer_than_a_long_one() -> None:
 
 @pytest.mark.parametrize(("south_ends_m", "linked"), [(3.9, True), (1.0, False)])
 def test_a_corner_nobody_heard_is_made_where_no_wall_can_lie_between(south_ends_m: float, linked: bool) -> None:
-    """With 2 m unseen of the east wall: a link costs 7.5 and 2 nats a metre, and 4 nats for each metre that is unseen
+    """With 2 m unseen of the east wall: a link costs 7.5 and 2 nats a metre, and 3.5 nats for each metre that is unseen
     of both walls; an open end costs 15.
     """
     data = one_plateau(np.pi / 2, 0.5)

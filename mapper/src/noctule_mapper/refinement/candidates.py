@@ -31,6 +31,11 @@ class Candidates:
         rows = self.gains @ free.astype(np.float32) >= least
         return Candidates(self.kind, self.parameters[rows], self.gains[rows])
 
+    def touching(self, its: np.ndarray) -> "Candidates":
+        """Those that gain from any of the echoes ``its``, bool (n,)."""
+        rows = (self.gains[:, its] > 0).any(axis=1)
+        return Candidates(self.kind, self.parameters[rows], self.gains[rows])
+
     def best(self, free: np.ndarray) -> tuple[float, Reflector] | None:
         """The candidate that gains most from echoes weighed ``free`` (n,), and what it gains; None where there are no
         candidates.

@@ -31,7 +31,7 @@ def others_for(
     """
     its = unexplained if old is None else unexplained & (gains(old, data, config.refinement) > 0)
     for kind in library:
-        for _, start in finalists(kind, unexplained, data, config, _LEAST_HOPE):
+        for _, start in finalists(kind.touching(its), unexplained, data, config, _LEAST_HOPE):
             fitted = fitted_alone(start, unexplained, data, config)
             if fitted is None or (old is not None and _alike(fitted, old)):
                 continue
