@@ -165,6 +165,8 @@ class PriceConfig(_Model):
     cylinder_nats: float = Field(default=20.0, gt=0)
     # An echo from behind an object that is well inside the beam contradicts it.
     contradiction_nats: float = 3.0
+    # Of fine sweeps: a wall whose feet are all in one spot, less the farther they lie apart, up to short_wall_m.
+    close_feet_nats: float = Field(default=3.0, ge=0)
     # Silence that makes a gap between two feet of a wall a hole.
     hole_nats: float = Field(default=8.0, gt=0)
 
@@ -218,6 +220,8 @@ class LinkingConfig(_Model):
     # Of fine sweeps: a link whose gap nobody looked at, and each metre of that gap.
     link_nats: float = Field(default=7.5, ge=0)
     unseen_nats_per_m: float = Field(default=2.0, ge=0)
+    # Each metre that it is on both sides of the corner: so deep may a wall lie between that nobody has heard.
+    between_nats_per_m: float = Field(default=3.5, ge=0)
     # A plateau that no object explains and that, as a wall, would part the corner from its two walls.
     cut_off_nats: float = Field(default=4.0, ge=0)
 

@@ -77,12 +77,16 @@ def link_ends(
     numbers, lines = list(walls), list(walls.values())
     cost = np.full((len(lines), 2 * len(lines)), config.linking.open_end_nats)  # the right half: an end that stays open
     cost[:, : len(lines)] = np.inf
-    gap_m = _gaps_m(lines, config.linking.longest_gap_m if data.looks is None else np.inf, config)
-    for i, j in np.argwhere(np.isfinite(gap_m)):
+    longest_m = config.linking.longest_gap_m if data.looks is None else np.inf
+    end_gap_m, start_gap_m = _gaps_m(lines, longest_m, config)
+    for i, j in np.argwhere(np.isfinite(end_gap_m)):
         corner = Crossing(lines[i], lines[j])
-        price = _gap_price(corner, float(gap_m[i, j]), data, config, objects)
+        price = _gap_price(float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config)
         price += heard(corner) if heard else heard_price(corner, data, config)
-        cost[i, j] = price - (support(corner) if support else 0.0)
+        price -= support(corner) if support else 0.0
+        if data.looks is not None and price < config.linking.open_end_nats:  # dearer, both ends stay open
+            price += silence_of_link(corner, data, config, objects)
+        cost[i, j] = price
     ends, starts = _assignment(cost)
     linked = starts < len(lines)
     return [Link(numbers[i], numbers[j]) for i, j in zip(ends[linked], starts[linked], strict=True)]
@@ -105,30 +109,30 @@ def _assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ends, starts
 
 
-def _gap_price(
-    corner: Crossing, gap_m: float, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector]
-) -> float:
-    """Price of a link for its gap: where nobody looked with a fine sweep metres must tell, else what was looked at."""
+def _gap_price(end_gap_m: float, start_gap_m: float, data: Evidence, config: RefinementConfig) -> float:
+    """Price of a link for its gap, as if nobody had looked at it: of fine sweeps the looks tell more."""
+    gap_m = abs(end_gap_m) + abs(start_gap_m)
     if data.looks is None:
         return min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
     unseen = config.linking.link_nats + config.linking.unseen_nats_per_m * gap_m
-    return unseen + silence_of_link(corner, data, config, objects)
+    return unseen + config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
 
 
-def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig) -> np.ndarray:
-    """Length that a corner of wall i's end and wall j's start would add to both, (i, j), infinite where none can be."""
+def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig) -> tuple[np.ndarray, np.ndarray]:
+    """What a corner of wall i's end and wall j's start would add to either, (i, j) each, negative where it would take
+    away; infinite where there can be none.
+    """
     theta, rho, low, high = np.array([(one.theta_rad, one.rho_m, one.low_m, one.high_m) for one in lines]).T
     turn = theta[None, :] - theta[:, None]
     sine, cosine = np.sin(turn), np.cos(turn)
     with np.errstate(divide="ignore", invalid="ignore"):
         end_gap = (rho[None, :] - rho[:, None] * cosine) / sine - high[:, None]
         start_gap = low[None, :] - (rho[None, :] * cosine - rho[:, None]) / sine
-        gap = np.abs(end_gap) + np.abs(start_gap)
         possible = (np.abs(sine) >= config.linking.least_crossing_sine) & (
             np.minimum(end_gap, start_gap) >= -config.linking.overshoot_m
         )
         possible &= np.maximum(end_gap, start_gap) <= longest_gap_m
-    return np.where(possible, gap, np.inf)
+    return np.where(possible, end_gap, np.inf), np.where(possible, start_gap, np.inf)
 
 
 def heard_price(corner: Crossing, data: Evidence, config: RefinementConfig) -> float:

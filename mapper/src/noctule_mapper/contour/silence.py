@@ -12,6 +12,7 @@ from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.likelihood import hidden, reach
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence
 
 # Where in the lobe an answer is sure, in half beams: the lobe grows narrower with the range.
@@ -22,9 +23,14 @@ _FARTHEST_SHARE = 0.95  # of the span; about its end an echo is too weak
 
 
 def silence_of(one: Reflector, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector] = ()) -> float:
-    """Price in nats of an object among others; a wall claims what has been seen of it, a point claims nothing."""
+    """Price in nats of an object among others; a wall claims what has been seen of it, a point claims nothing.
+
+    A wall's feet lie as far apart as its places; where all are in one spot, they are likelier a corner's.
+    """
     if isinstance(one, Line):
-        return silence_of_stretch(one, one.low_m, one.high_m, data, config, objects)
+        spread = min((one.high_m - one.low_m) / config.limits.short_wall_m, 1.0)
+        close = 0.0 if data.looks is None else config.prices.close_feet_nats * (1 - spread)
+        return close + silence_of_stretch(one, one.low_m, one.high_m, data, config, objects)
     return _price(one, data, config, objects, None) if isinstance(one, Circle) else 0.0
 
 
@@ -69,30 +75,29 @@ def _price(
     """Sum over the looks, those ``chosen`` or all, in whose sight ``one`` is."""
     if data.looks is None:
         return 0.0
-    looks = data.looks.echoes
+    all_looks = data.looks.echoes
+    off_axis = np.abs(wrapped(one.directions(all_looks) - all_looks.axis_rad)) + all_looks.sigma_heading_rad
+    towards = off_axis <= _SURE_HALF_BEAMS[0] * all_looks.half_beam_rad
+    near = np.nonzero(towards if chosen is None else towards & chosen)[0]  # few of all: the rest is for these alone
+    looks = all_looks.take(near)
     predicted_m = one.ranges(looks)
-    off_axis = np.abs(wrapped(one.directions(looks) - looks.axis_rad))
-    sure = off_axis + looks.sigma_heading_rad <= looks.half_beam_rad * np.interp(
-        predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS
-    )
+    sure = off_axis[near] <= looks.half_beam_rad * np.interp(predicted_m, _SURE_RANGE_M, _SURE_HALF_BEAMS)
     sure &= (predicted_m > _NEAREST_M) & (predicted_m < _FARTHEST_SHARE * data.span_m)
-    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * data.looks.sigma_m + config.beam.behind_m
-    at = np.nonzero(sure if chosen is None else sure & chosen)[0]
+    sure &= looks.range_m > predicted_m + config.beam.gate_sigmas * data.looks.sigma_m[near] + config.beam.behind_m
+    at = np.nonzero(sure)[0]
     if not len(at):
         return 0.0
     chance = reach(one, predicted_m[at], config)
-    price = data.looks.weight[at] * -np.log1p(-chance)
-    return float(price @ _in_sight(one, objects, data, at, config))
+    price = data.looks.weight[near[at]] * -np.log1p(-chance)
+    return float(price @ _in_sight(one, objects, looks.take(at), config))
 
 
 def _in_sight(
-    one: Reflector | Crossing, objects: Sequence[Reflector], data: Evidence, at: np.ndarray, config: RefinementConfig
+    one: Reflector | Crossing, objects: Sequence[Reflector], looks: Echoes, config: RefinementConfig
 ) -> np.ndarray:
-    """Whether no wall among ``objects`` stands between each look ``at`` and ``one``, bool (n,)."""
-    assert data.looks is not None
-    looks = data.looks.echoes.take(at)
+    """Whether no wall among ``objects`` stands between each of ``looks`` and ``one``, bool (n,)."""
     own = (one.first, one.second) if isinstance(one, Crossing) else (one,)
-    free = np.ones(len(at), bool)
+    free = np.ones(len(looks), bool)
     for other in objects:
         if isinstance(other, Line) and not any(other is mine for mine in own):
             free &= ~hidden(one, other, looks, looks.sigma_m, config)

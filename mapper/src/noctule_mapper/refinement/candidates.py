@@ -31,6 +31,11 @@ class Candidates:
         rows = self.gains @ free.astype(np.float32) >= least
         return Candidates(self.kind, self.parameters[rows], self.gains[rows])
 
+    def touching(self, its: np.ndarray) -> "Candidates":
+        """Those that gain from any of the echoes ``its``, bool (n,)."""
+        rows = (self.gains[:, its] > 0).any(axis=1)
+        return Candidates(self.kind, self.parameters[rows], self.gains[rows])
+
     def best(self, free: np.ndarray) -> tuple[float, Reflector] | None:
         """The candidate that gains most from echoes weighed ``free`` (n,), and what it gains; None where there are no
         candidates.
@@ -56,6 +61,7 @@ def candidates(
         [
             _contact_circles(data.echoes, found, cylinder),
             _tangent_circles(data.echoes, *_triples(i, j, config, rng), cylinder),
+            _plateau_circles(data, cylinder, config),
         ]
     )
     lines, spots, circles = (_distinct(one, float(np.median(data.sigma_m))) for one in (lines, spots, circles))
@@ -210,6 +216,49 @@ def _plateau_lines(data: Evidence) -> np.ndarray:
     """Lines through single plateaus, (m, 2): two whose feet are one point have no common tangent but this."""
     at = np.nonzero(np.isfinite(data.direction_sigma_rad))[0]
     return _line_through(data.echoes, at, data.echoes.axis_rad[at])
+
+
+def _plateau_circles(data: Evidence, cylinder: CylinderConfig, config: RefinementConfig) -> np.ndarray:
+    """Circles (x, y, radius) by the ranges and directions of three plateaus from different places, (m, 3): three ranges
+    alone tell a radius poorly, and directions choose among few triples.
+
+    Along and across its axis u a plateau says u . (c - p) - r = R and v . (c - p) = 0: least squares in c and r.
+    """
+    at = np.nonzero(np.isfinite(data.direction_sigma_rad))[0]
+    heard, place = data.echoes.take(at), data.place[at]
+    axis = np.stack([np.cos(heard.axis_rad), np.sin(heard.axis_rad)], axis=1)
+    along = np.column_stack([axis, -np.ones(len(at))]) / _ALONG_M
+    off_m = (heard.range_m + cylinder.smallest_radius_m) * data.turn_sigma_rad[at]
+    across = np.column_stack([-axis[:, 1], axis[:, 0], np.zeros(len(at))]) / off_m[:, None]
+    start = np.stack([heard.x_m, heard.y_m, -heard.range_m], axis=1)
+    said = np.stack([(along * start).sum(axis=1), (across * start).sum(axis=1)], axis=1)
+    rows = np.stack([along, across], axis=1)
+    normal = np.einsum("nki,nkj->nij", rows, rows)
+    right = np.einsum("nki,nk->ni", rows, said)
+    squares = (said**2).sum(axis=1)
+
+    def fitted(members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Circles of sets of plateaus (m, k), and which are likely, bool (m,)."""
+        matrix, wanted = normal[members].sum(axis=1) + 1e-3 * np.eye(3), right[members].sum(axis=1)
+        circle = np.linalg.solve(matrix, wanted[..., None])[..., 0]
+        left = squares[members].sum(axis=1) - (circle * wanted).sum(axis=1)
+        spread = np.sqrt(np.linalg.inv(matrix)[:, 2, 2])
+        sized = circle[:, 2] >= cylinder.smallest_radius_m - 2 * spread
+        return circle, sized & (circle[:, 2] <= cylinder.largest_radius_m + 2 * spread) & (left < _LIKELY_SQUARE)
+
+    i, j = np.nonzero((place[:, None] != place[None, :]) & (np.arange(len(at))[:, None] < np.arange(len(at))[None, :]))
+    pairs = np.stack([i, j], axis=1)
+    pairs = pairs[fitted(pairs)[1]]
+    may = np.zeros((len(at), len(at)), bool)
+    may[pairs[:, 0], pairs[:, 1]] = True
+    pair, third = np.nonzero(may[pairs[:, 0]] & may[pairs[:, 1]])
+    triples = np.column_stack([pairs[pair], third])[: config.search.most_triples]
+    circle, likely = fitted(triples)
+    return circle[likely]
+
+
+_ALONG_M = 0.005  # of a plateau's range for a start
+_LIKELY_SQUARE = 20.0  # of the squared normalised errors of three plateaus that are of one cylinder
 
 
 def _contact_lines(echoes: Echoes, found: Contacts) -> np.ndarray:

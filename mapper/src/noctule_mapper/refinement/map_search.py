@@ -5,7 +5,7 @@ and grows again. Where poses are uncertain they are fitted with the objects, and
 fitted: a map is worth what it is with the poses that suit it best, less what these cost beside the stated ones.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import settle
+from noctule_mapper.refinement.exchanges import met_walls, others_for
 from noctule_mapper.refinement.model_selection import add_objects, least_places, trimmed
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
@@ -44,7 +45,7 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
         return state
     ways = _WAYS if len(data.stands.open) and not data.stands.is_doubted.any() else _WAYS[:1]
     best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
-    best = _exchanged(best, library, config)
+    best = (_exchanged if data.looks is None else _improved)(best, library, config)
     return _confirmed(best, config) if len(data.stands.open) else best
 
 
@@ -137,6 +138,56 @@ def _exchanged(state: State, library: Sequence[Candidates], config: MapperConfig
 
 
 _HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
+
+
+def _improved(state: State, library: Sequence[Candidates], config: MapperConfig) -> State:
+    """The state after exchanges of any kind, one at a time, until none is worth more."""
+    for _ in range(_MOST_EXCHANGES):
+        tries = _tries(state, library, config)
+        better = next((one for one in tries if one.worth > state.worth + _LEAST_GAIN_NATS), None)
+        if better is None:
+            break
+        state = better
+    return state
+
+
+_MOST_EXCHANGES = 10
+_LEAST_GAIN_NATS = 0.1
+_NEAR_NATS = 12.0  # that fitting an exchange, or a corner of the wall that came with it, may bring
+
+
+def _tries(state: State, library: Sequence[Candidates], config: MapperConfig) -> Iterator[State]:
+    """What becomes of the state by one exchange, a new wall's corner with it, where that is worth a fit."""
+    scene = state.scene
+    for objects in _exchanges(state, library, config):
+        links = links_of(objects, scene, config)
+        worth = scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
+        if worth + state.of_poses > state.worth - _NEAR_NATS:
+            yield _state(objects, scene, config)
+
+
+def _exchanges(state: State, library: Sequence[Candidates], config: MapperConfig) -> Iterator[list[Reflector]]:
+    """The objects with two walls turned to meet, with one more, or with another in place of one."""
+    scene = state.scene
+    yield from _meetings(state.objects, list(range(len(state.objects))), scene, config)
+    for old in (None, *state.objects):
+        rest = [one for one in state.objects if one is not old]
+        unexplained = scene.explain(scene.claims(rest, links_of(rest, scene, config))).unexplained >= 0.5
+        for other in others_for(old, unexplained, library, scene.data, config):
+            objects = [*rest, other]
+            yield objects
+            if isinstance(other, Line):
+                yield from _meetings(objects, [len(rest)], scene, config)
+
+
+def _meetings(
+    objects: Sequence[Reflector], walls: Sequence[int], scene: Scene, config: MapperConfig
+) -> Iterator[list[Reflector]]:
+    """The objects with two walls turned to meet, one of which is among ``walls``."""
+    claims = scene.claims(objects, links_of(objects, scene, config))
+    explanation = scene.explain(claims)
+    made = [_made_mask(number, claims, explanation.share, scene.data) for number in range(len(objects))]
+    return met_walls(objects, walls, made, explanation.unexplained >= 0.5, scene.data, config)
 
 
 def _settled(

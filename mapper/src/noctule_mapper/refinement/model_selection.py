@@ -39,8 +39,8 @@ def add_objects(
     library = [one.promising(free, _LEAST_HOPE * prices[one.kind]) for one in library]
     while True:
         best, best_worth = None, 0.0
-        finalists = [(gain, one) for kind in library for gain, one in _finalists(kind, free, data, config)]
-        for gain, start in sorted(finalists, key=lambda rough: prices[type(rough[1])] - rough[0]):
+        hopeful = [(gain, one) for kind in library for gain, one in finalists(kind, free, data, config)]
+        for gain, start in sorted(hopeful, key=lambda rough: prices[type(rough[1])] - rough[0]):
             if _MOST_HOPE * gain - prices[type(start)] < best_worth:
                 continue
             fitted = fitted_alone(start, free, data, config)
@@ -57,21 +57,21 @@ def add_objects(
         free &= gains(best, data, config.refinement) <= 0
 
 
-def _finalists(
-    kind: Candidates, free: np.ndarray, data: Evidence, config: MapperConfig
+def finalists(
+    kind: Candidates, free: np.ndarray, data: Evidence, config: MapperConfig, least_hope: float = _LEAST_HOPE
 ) -> list[tuple[float, Reflector]]:
-    """The best candidates of a kind and their rough gains from the ``free`` echoes; each of other echoes than the ones
-    before it.
+    """The best candidates of a kind and their rough gains from the ``free`` echoes, at least ``least_hope`` of the
+    price; each of other echoes than the ones before it.
     """
-    finalists = []
+    found = []
     left = free.copy()
-    while len(finalists) < _FINALISTS:
+    while len(found) < _FINALISTS:
         best = kind.best(left)
-        if best is None or best[0] < _LEAST_HOPE * price_of(kind.kind, config.refinement):
+        if best is None or best[0] < least_hope * price_of(kind.kind, config.refinement):
             break
-        finalists.append(best)
+        found.append(best)
         left &= gains(best[1], data.respread(2.0), config.refinement) <= 0
-    return finalists
+    return found
 
 
 def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector | None:
@@ -92,13 +92,25 @@ def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: Map
 def _stepped(tried: Reflector, used: Evidence) -> tuple[Reflector, np.ndarray]:
     """A step of one object to the ``used`` echoes, far ones weighing less, and the covariance after it."""
     residual, slopes = used.echoes.range_m - tried.ranges(used.echoes), tried.slopes(used.echoes)
-    weight = 1 / (1 + np.exp(-used.gain(residual))) / used.sigma_m**2
+    weight, sure = _weights(residual, used)
     turn = wrapped(used.echoes.axis_rad - tried.directions(used.echoes))
     turning = tried.direction_slopes(used.echoes)
-    sure = weight * used.sigma_m**2 / used.turn_sigma_rad**2
-    information = slopes.T @ (weight[:, None] * slopes) + turning.T @ (sure[:, None] * turning)
-    covariance = np.linalg.inv(information + _WEAK_PRIOR * np.eye(slopes.shape[1]))
+    covariance = covariance_of(tried, used)
     return tried.moved(covariance @ (slopes.T @ (weight * residual) + turning.T @ (sure * turn))), covariance
+
+
+def covariance_of(one: Reflector, used: Evidence) -> np.ndarray:
+    """Of an object's parameters (p, p), by the ``used`` echoes alone, far ones weighing less."""
+    slopes, turning = one.slopes(used.echoes), one.direction_slopes(used.echoes)
+    weight, sure = _weights(used.echoes.range_m - one.ranges(used.echoes), used)
+    information = slopes.T @ (weight[:, None] * slopes) + turning.T @ (sure[:, None] * turning)
+    return np.linalg.inv(information + _WEAK_PRIOR * np.eye(slopes.shape[1]))
+
+
+def _weights(residual_m: np.ndarray, used: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """Of the ranges and of the directions, (n,) each."""
+    weight = 1 / (1 + np.exp(-used.gain(residual_m))) / used.sigma_m**2
+    return weight, weight * used.sigma_m**2 / used.turn_sigma_rad**2
 
 
 _ALONE = 2.0  # a wall's corners will tell more of its direction than its own echoes do
@@ -133,10 +145,52 @@ def determined(
         case Circle():
             size = config.cylinders
             sized = size.smallest_radius_m <= tried.radius_m <= size.largest_radius_m
-            real = tried.radius_m > limits.least_radius_sigmas * sigma[2]
-            return bool(sized and real and sigma.max() < limits.most_cylinder_sigma_m)
+            loose = 1.0 if data.looks is None else slack  # plateaus know a range half as well as all their readings
+            real = tried.radius_m > limits.least_radius_sigmas / loose * sigma[2]
+            return bool(sized and real and sigma.max() < loose * limits.most_cylinder_sigma_m)
         case _:
             return bool(sigma.max() < limits.most_cylinder_sigma_m)
+
+
+def may_be_a_corner(circle: Circle, walls: Sequence[Line], made: Evidence) -> bool:
+    """Whether the plateaus ``made`` of it may as well be of an acute corner of one of the ``walls`` with a wall that
+    nobody knows: R = k |c - p|, with c on the known one's line and 3/4 < k < 1, often fits as well as a circle.
+    """
+    heard = made.echoes
+    turn = wrapped(heard.axis_rad - circle.directions(heard)) / made.turn_sigma_rad
+    circle_square = float((((heard.range_m - circle.ranges(heard)) / made.sigma_m) ** 2).sum() + (turn**2).sum())
+    return any(_corner_square(wall, made) < circle_square + _CORNER_NATS for wall in walls)
+
+
+_CORNER_NATS = 6.0  # squared normalised errors by which a circle must be better than a corner, its parameter more
+_LEAST_FACTOR = 0.75
+
+
+def _corner_square(wall: Line, made: Evidence) -> float:
+    """Squared normalised errors of the acute corner on the wall's line that fits best, by Gauss-Newton steps in where
+    it is along the wall and its factor k; infinite where none fits.
+    """
+    heard = made.echoes
+    feet_x = heard.x_m + heard.range_m * np.cos(heard.axis_rad)
+    feet_y = heard.y_m + heard.range_m * np.sin(heard.axis_rad)
+    along_m, factor = float(np.mean(feet_x * wall.tangent[0] + feet_y * wall.tangent[1])), 0.95
+    weight = np.concatenate([1 / made.sigma_m, 1 / made.turn_sigma_rad])
+    square = np.inf
+    for _ in range(_CORNER_STEPS):
+        corner = Spot(*(float(c) for c in wall.at(along_m)))
+        distance_m = corner.ranges(heard)
+        turn = wrapped(heard.axis_rad - corner.directions(heard))
+        off = weight * np.concatenate([heard.range_m - factor * distance_m, turn])
+        by_range = np.column_stack([factor * (corner.slopes(heard) @ wall.tangent), distance_m])
+        by_turn = np.column_stack([corner.direction_slopes(heard) @ wall.tangent, np.zeros(len(heard))])
+        slopes = weight[:, None] * np.concatenate([by_range, by_turn])
+        step = np.linalg.lstsq(slopes, off, rcond=None)[0]
+        along_m, factor = along_m + float(step[0]), factor + float(step[1])
+        square = float(np.sum((off - slopes @ step) ** 2))
+    return square if _LEAST_FACTOR < factor < 1 else np.inf
+
+
+_CORNER_STEPS = 6
 
 
 def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector:
@@ -153,6 +207,19 @@ def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperCo
             longest = longest[1:]
         longest = -longest[::-1]
     return Line(tried.theta_rad, tried.rho_m, float(longest[0]), float(longest[-1]))
+
+
+def sure_stretch(wall: Line, made: Evidence) -> Line:
+    """The wall cut to where it surely goes on, by the echoes ``made`` of it.
+
+    At its end a corner sounds like the wall: an echo from d beyond the corner is longer than the wall's by d^2 / (2 R)
+    only, so within sqrt(2 R sigma) of a foot the wall may end.
+    """
+    if not len(made.echoes):
+        return wall
+    along = wall.along(made.echoes)
+    slack_m = np.minimum(np.sqrt(2 * made.echoes.range_m * made.sigma_m), np.ptp(along) / 3)
+    return Line(wall.theta_rad, wall.rho_m, float((along + slack_m).min()), float((along - slack_m).max()))
 
 
 def _holes(wall: Line, along_m: np.ndarray, data: Evidence, config: MapperConfig) -> np.ndarray:

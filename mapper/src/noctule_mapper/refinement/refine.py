@@ -7,9 +7,10 @@ import numpy as np
 
 from noctule_mapper.config import MapperConfig, RefinementConfig
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
-from noctule_mapper.contour.contour import Contour
+from noctule_mapper.contour.contour import Contour, Cylinder
 from noctule_mapper.contour.corners import contour_of
-from noctule_mapper.contour.reflectors import Reflector
+from noctule_mapper.contour.likelihood import gains
+from noctule_mapper.contour.reflectors import Circle, Line, Reflector
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_of_each_beam, with_stands
 from noctule_mapper.readings.looks import Looks
@@ -19,7 +20,7 @@ from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.map_search import best_map, links_of, made_by
-from noctule_mapper.refinement.model_selection import determined
+from noctule_mapper.refinement.model_selection import determined, may_be_a_corner, sure_stretch
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
@@ -62,12 +63,37 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     last, claims, objects = final.last, final.claims, final.last.fit.objects
     read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
     readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
-    contour = contour_of(last.fit, final.links, [int(count) for count in readings], config.refinement)
+    fit = replace(last.fit, objects=_as_sure(objects, claims, last.share, final.data))
+    contour = contour_of(fit, final.links, [int(count) for count in readings], config.refinement)
+    contour = replace(contour, cylinders=_surely_cylinders(contour.cylinders, final, config))
     spread_m = last.range_sigma_m[: len(data.echoes)]
     poses = unit_poses(data, last, units)
     placed = replace(data, range_sigma_m=spread_m)
     contour = with_touches(contour, objects, final.links, placed, units, config.refinement)
     return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
+
+
+def _surely_cylinders(cylinders: Sequence[Cylinder], final: Final, config: MapperConfig) -> tuple[Cylinder, ...]:
+    """Those that fine sweeps do not as well take for an acute corner of a wall."""
+    walls = [one for one in final.last.fit.objects if isinstance(one, Line)]
+    flat = final.plateaus.take(np.isfinite(final.plateaus.direction_sigma_rad))
+    sure = []
+    for one in cylinders:
+        circle = Circle(one.x_m, one.y_m, one.radius_m)
+        made = flat.take(gains(circle, flat, config.refinement) > 0)
+        if not len(made.echoes) or not may_be_a_corner(circle, walls, made):
+            sure.append(one)
+    return tuple(sure)
+
+
+def _as_sure(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, data: Evidence) -> list[Reflector]:
+    """The objects, walls only as far as fine sweeps surely heard them: the last foot may be the corner's echo."""
+    return [
+        sure_stretch(one, data.take(made_by(number, claims, share)))
+        if isinstance(one, Line) and data.looks is not None
+        else one
+        for number, one in enumerate(objects)
+    ]
 
 
 def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
