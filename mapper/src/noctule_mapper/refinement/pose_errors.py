@@ -54,7 +54,7 @@ def with_sensors_left(normal: Normal, shared: Shared, parameters: int) -> np.nda
         return covariance
     by_sensor = normal.covariance[:parameters, parameters:]
     by_sensor = np.linalg.solve(normal.covariance[parameters:, parameters:], by_sensor.T).T
-    left = np.column_stack([_NEVER_FOUND * shared.sensor_sigma[:, 0], np.zeros(len(shared.error))]).ravel()
+    left = (_NEVER_FOUND * shared.sensor_sigma * (1, 0, 0)).ravel()
     return covariance + (by_sensor * left**2) @ by_sensor.T
 
 

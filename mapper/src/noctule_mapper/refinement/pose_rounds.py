@@ -32,7 +32,9 @@ _LEAST_KNOWN = (0.001, np.radians(0.2))  # metres and radians: labels may be wro
 _SOUGHT = (0.03, np.radians(3.0))  # how well a pose is known that two plateaus tell
 _LOST_SHARE = 0.5  # of what a map was worth: poses fitted to other reflectors than those that were heard leave no more
 _EXCHANGED = (0.2, 0.2, np.radians(15.0))  # so near another's stated pose a unit may have been exchanged with it
-_LEAST_SENSOR = np.array([0.001, 0.001])  # metres and a share: changes below them leave every echo with its reflector
+_LEAST_SENSOR = np.array(
+    [0.001, 0.001, 0.001]
+)  # metres, a share, metres: changes below them leave every echo with its reflector
 
 
 @dataclass(frozen=True)
