@@ -220,9 +220,10 @@ def _objects_and_sensors(
     parameters: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A and g."""
-    known = 1 / np.maximum(shared.sensor_sigma.ravel(), _SURE) ** 2
-    own = np.diag(np.concatenate([np.full(parameters, _WEAK_PRIOR), known]))
-    pull = np.concatenate([np.zeros(parameters), known * (shared.sensor_stated - shared.error).ravel()])
+    known = _sensors_known(shared.sensor_sigma)
+    own = np.diag(np.full(parameters + len(known), _WEAK_PRIOR))
+    own[parameters:, parameters:] = known
+    pull = np.concatenate([np.zeros(parameters), known @ (shared.sensor_stated - shared.error).ravel()])
     at = np.nonzero(turn_information)[0]
     for columns, slopes, weight, residual in (
         (rows.columns, rows.slopes, information, residual_m),
@@ -232,6 +233,21 @@ def _objects_and_sensors(
         np.add.at(own, (columns[:, :, None], columns[:, None, :]), weighted[:, :, None] * slopes[:, None, :])
         np.add.at(pull, columns, weighted * residual[:, None])
     return own, pull
+
+
+def _sensors_known(sigma: np.ndarray) -> np.ndarray:
+    """The information on the sensors' errors before any fit, (3 sensors, 3 sensors), of their ``sigma`` (sensors, 3).
+
+    Each sensor errs by itself, but all units hear the same air, but for a kelvin or so.
+    """
+    sure = np.maximum(sigma, _SURE)
+    covariance = np.diag(sure.ravel() ** 2)
+    share = sure[:, 1]
+    covariance[1::3, 1::3] = np.where(np.eye(len(share)) > 0, 1.0, _ONE_AIR) * np.outer(share, share)
+    return np.linalg.inv(covariance)
+
+
+_ONE_AIR = 0.96  # correlation: of 5 K that nobody has measured 1 K is a unit's own
 
 
 def _places(
