@@ -122,6 +122,11 @@ def moved(echoes: Echoes, stand: np.ndarray, before: Stands, after: Stands) -> E
     )
 
 
+def with_sensors_as_now(stands: Stands) -> Stands:
+    """The stands with sensors that are as the evidence has them, to within ``sensor_known``, whatever was stated."""
+    return replace(stands, sensor_sigma=stands.sensor_known, sensor_now=np.zeros_like(stands.sensor_now))
+
+
 def deviation(stands: Stands) -> np.ndarray:
     """From where the evidence has the poses to where they are stated, (stands, 3)."""
     away = stands.stated - stands.now

@@ -15,6 +15,7 @@ from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
+from noctule_mapper.readings.stands import with_sensors_as_now
 from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
@@ -74,7 +75,9 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
     """The objects that explain the evidence, fitted to all of it, with the poses where the evidence has them."""
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
-    best, scene = _explain(weighed, contacts, config), Scene(joined(data, _directions(weighed)), settings)
+    # A few objects alone tell little of a sensor: their fits would draw it back to what was stated.
+    chosen_by = replace(weighed, stands=with_sensors_as_now(weighed.stands))
+    best, scene = _explain(chosen_by, contacts, config), Scene(joined(data, _directions(weighed)), settings)
     objects, links = best.objects, best.links
     while True:
         claims = scene.claims(objects, links)

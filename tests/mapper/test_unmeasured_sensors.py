@@ -1,0 +1,64 @@
+"""Sensors that nobody has measured: a mean error, the air's temperature, a face that stands off the axis."""
+
+from dataclasses import replace
+
+import numpy as np
+from mapper.fixed_units import FIXED, fixed_room, judge_fixed, survey_by_unmeasured, unmeasured
+from mapper.judge import corner_errors_m
+from mapper.room import LabelledSweep, Room
+
+from noctule_mapper.config import SensorConfig
+from noctule_mapper.contour.contour import Contour
+from noctule_mapper.mapper import Mapper
+
+ROOM = Room(np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]))
+UNITS = np.array([(0.5, 0.6, 0.5), (3.4, 0.8, 2.6), (3.5, 2.4, -2.2), (0.6, 2.5, -0.9), (2.1, 0.5, 1.5)])
+FACE_M = 0.02
+
+
+def mapped(surveyed: list[LabelledSweep]) -> Contour:
+    mapper = Mapper()
+    for one in surveyed:
+        mapper.register_sweep(one.sweep)
+    return mapper.contour()
+
+
+def surveyed(faces_m: list[float], states: SensorConfig | None = None) -> list[LabelledSweep]:
+    """By units whose sensors stand ``faces_m`` off their axes."""
+    sensors = [replace(FIXED, face_offset_m=face_m) for face_m in faces_m]
+    return survey_by_unmeasured(ROOM, UNITS, np.random.default_rng(2), sensors, states)
+
+
+def test_a_room_is_known_by_units_whose_faces_stand_off_their_axes_as_nobody_has_stated() -> None:
+    contour = mapped(surveyed([FACE_M, -0.01, 0.03, 0.0, 0.035]))
+    assert len(contour.walls) == len(contour.corners) == 4
+    # On average they stand 1.5 cm off; the room's corners tell, as they lie root 2 times as far away as its walls.
+    assert corner_errors_m(contour, ROOM).max() < 0.015
+    for corner in contour.corners:
+        error = ROOM.vertices - (corner.x_m, corner.y_m)
+        square = (error * np.linalg.solve(corner.covariance, error.T).T).sum(axis=1).min()
+        assert square < 13.8  # chi-square with 2 degrees of freedom: by chance in one of a thousand
+
+
+def test_stated_faces_are_as_good_as_faces_on_the_axis() -> None:
+    measured = {"range_bias_m": 0.0, "air_temperature_c": 20.0}
+    stated = mapped(surveyed([FACE_M] * 5, SensorConfig(**measured, face_offset_m=FACE_M)))
+    assert len(stated.corners) == 4
+    assert corner_errors_m(stated, ROOM).max() < 0.003
+    ignored = mapped(surveyed([FACE_M] * 5, SensorConfig(**measured)))
+    assert corner_errors_m(ignored, ROOM).max() > 0.02
+
+
+def unmeasured_room(seed: int) -> tuple[Room, list[LabelledSweep]]:
+    """A random room by units that nobody has measured, in one air that nobody has measured."""
+    rng = np.random.default_rng(seed)
+    room, poses = fixed_room(rng)
+    celsius = rng.normal(SensorConfig().air_temperature_c, SensorConfig().assumed_temperature_sigma_k)
+    return room, survey_by_unmeasured(room, poses, rng, [unmeasured(rng, celsius) for _ in poses])
+
+
+def test_ranges_a_few_centimetres_too_long_cost_no_wall_once_they_are_found_out() -> None:
+    """Each fit of a few objects drew the sensors back to what was stated, and the map fell apart in its second round."""
+    for seed in (5014, 5016):
+        room, surveyed = unmeasured_room(seed)
+        assert not judge_fixed(mapped(surveyed), room, surveyed).missed
