@@ -58,7 +58,7 @@ def unmeasured_room(seed: int) -> tuple[Room, list[LabelledSweep]]:
 
 
 def test_ranges_a_few_centimetres_too_long_cost_no_wall_once_they_are_found_out() -> None:
-    """Each fit of a few objects drew the sensors back to what was stated, and the map fell apart in its second round."""
+    """Fits of a few objects drew the sensors back to what was stated, and the map fell apart in its second round."""
     for seed in (5014, 5016):
         room, surveyed = unmeasured_room(seed)
         assert not judge_fixed(mapped(surveyed), room, surveyed).missed
