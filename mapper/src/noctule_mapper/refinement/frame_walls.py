@@ -13,6 +13,7 @@ from noctule_mapper.contour.silence import silence_of_corner
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.frame_fit import FittedFrame, fit_frame
+from noctule_mapper.refinement.pose_errors import ranges_by_sensor
 from noctule_mapper.refinement.right_angles import SIDES, Frame, Heard
 
 _SHORT_OF_SIGMAS = 3.0  # of a corner that is known too badly to be an end
@@ -30,14 +31,15 @@ class FrameWalls:
 
 @dataclass(frozen=True)
 class Support:
-    """What one place heard: its plateaus, of how many ``readings`` each is (n,), and each one's chance to be a ``wall``
-    or a ``corner`` of a frame (n,).
+    """What one place heard: its plateaus, of how many ``readings`` each is (n,), each one's chance to be a ``wall`` or
+    a ``corner`` of a frame (n,), and the covariance of its ``sensor`` (3, 3).
     """
 
     data: Evidence
     readings: np.ndarray
     wall: np.ndarray
     corner: np.ndarray
+    sensor: np.ndarray
 
     @property
     def place_m(self) -> np.ndarray:
@@ -87,13 +89,15 @@ def _passed(direction_rad: float, place_m: np.ndarray, data: Evidence) -> bool:
 
 @dataclass(frozen=True)
 class _Fitted:
-    """A frame as fitted: ``spread`` is the covariance of turn, four distances, x and y of the place, (7, 7); its first
-    ``known`` walls were known beforehand, what is numbered after them was heard by the place.
+    """A frame as fitted: ``spread`` is the covariance of turn, four distances, x and y of the place, (7, 7), if the
+    sensor were known, and ``whole`` with the sensor's error; its first ``known`` walls were known beforehand, what is
+    numbered after them was heard by the place.
     """
 
     frame: Frame
     fit: FittedFrame
     spread: np.ndarray
+    whole: np.ndarray
     known: int
     support: Support
 
@@ -108,7 +112,9 @@ def walls_of(frame: Frame, asked: Heard, support: Support, contour: Contour, con
         if number >= known and support.wall[number - known] >= config.touches.least_wall_chance
     ]
     spread = _spread(fit, support.data, alone=not any(0 <= number < known for number in frame.walls))
-    fitted = _Fitted(frame, fit, spread, known, support)
+    own = np.array([number >= known for number in frame.walls])
+    whole = spread + _by_sensor(fit, own, support.sensor)
+    fitted = _Fitted(frame, fit, spread, whole, known, support)
     walls = {side: _wall(fitted, side, config) for side in sides}
     walls = {side: wall for side, wall in walls.items() if not any(_alike(wall, one) for one in contour.walls)}
     index = {side: len(contour.walls) + number for number, side in enumerate(walls)}
@@ -130,6 +136,13 @@ def _spread(fit: FittedFrame, data: Evidence, alone: bool) -> np.ndarray:
     whole[0, 0] += data.echoes.sigma_heading_rad[0] ** 2 if alone else 0.0
     whole[[5, 6], [5, 6]] = data.echoes.sigma_position_m[0] ** 2
     return whole
+
+
+def _by_sensor(fit: FittedFrame, own: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+    """What the sensor's error adds to the spread: it moves all sides that the place heard, bool (4,), together."""
+    by_sensor = np.zeros((3 + SIDES, 3))
+    by_sensor[1 : 1 + SIDES] = own[:, None] * ranges_by_sensor(fit.distance_m)
+    return by_sensor @ sensor @ by_sensor.T
 
 
 def _ends(fitted: _Fitted, side: int, config: RefinementConfig) -> bool:
@@ -174,7 +187,7 @@ def _wall(fitted: _Fitted, side: int, config: RefinementConfig) -> Wall:
         line.rho_m,
         start,
         end,
-        slopes @ fitted.spread @ slopes.T,
+        slopes @ fitted.whole @ slopes.T,
         int(support.readings[number]),
         float(support.wall[number]),
     )
@@ -183,7 +196,7 @@ def _wall(fitted: _Fitted, side: int, config: RefinementConfig) -> Wall:
 def _corner(fitted: _Fitted, side: int, walls: tuple[int, int]) -> Corner:
     x_m, y_m = (float(each) for each in _corner_point(side, fitted.fit, fitted.support.place_m))
     slopes = _corner_slopes(side, fitted.fit)
-    return Corner(x_m, y_m, slopes @ fitted.spread @ slopes.T, walls)
+    return Corner(x_m, y_m, slopes @ fitted.whole @ slopes.T, walls)
 
 
 def _corner_point(side: int, fitted: FittedFrame, place_m: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
+from noctule_mapper.refinement.pose_errors import sensors_of
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
@@ -67,7 +68,8 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     spread_m = last.range_sigma_m[: len(data.echoes)]
     poses = unit_poses(data, last, units)
     placed = replace(data, range_sigma_m=spread_m)
-    contour = with_touches(contour, objects, final.links, placed, units, config.refinement)
+    sensors = sensors_of(last.normal, data.stands, int(last.fit.offsets[-1]))
+    contour = with_touches(contour, objects, final.links, placed, sensors, units, config.refinement)
     return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
 
 
