@@ -26,8 +26,12 @@ from mapper.room import (
     survey_labelled,
 )
 
+from noctule import messages_pb2
+from noctule.air import speed_of_sound_m_s
+from noctule_mapper.config import SensorConfig
 from noctule_mapper.contour.contour import Contour, Wall
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.sweep import from_message
 
 BEARINGS_RAD = np.radians(np.linspace(-135, 135, 61))
 SWEEPS_EACH = 4
@@ -124,6 +128,52 @@ def survey_fixed(
     rounds = np.tile(poses, (SWEEPS_EACH, 1))
     surveyed = survey_labelled(room, rounds, rng, physics, calibrated, BEARINGS_RAD)
     return [_of_unit(one, number, number % len(poses) + 1) for number, one in enumerate(surveyed)]
+
+
+def unmeasured(rng: np.random.Generator, celsius: float) -> Physics:
+    """A sensor that nobody has measured, in air of ``celsius``: its mean error and its face's offset are drawn as the
+    mapper assumes them of such.
+    """
+    assumed = SensorConfig()
+    return replace(
+        FIXED,
+        bias_m=float(rng.normal(0, assumed.bias_sigma_m)),
+        face_offset_m=float(rng.normal(assumed.face_offset_m, assumed.assumed_face_sigma_m)),
+        range_scale=speed_of_sound_m_s(assumed.air_temperature_c) / speed_of_sound_m_s(celsius),
+    )
+
+
+def survey_by_unmeasured(
+    room: Room,
+    poses: np.ndarray,
+    rng: np.random.Generator,
+    sensors: Sequence[Physics],
+    states: SensorConfig | None = None,
+) -> list[LabelledSweep]:
+    """As survey_fixed(), each unit with a sensor of ``sensors`` of its own, and every sweep as unsure of it as one that
+    says nothing, or as ``states`` is.
+    """
+    blank = messages_pb2.Sweep()
+    blank.pose.SetInParent()
+    said = from_message(blank, states)
+    unsure = {
+        name: getattr(said, name) for name in ("sigma_bias_m", "face_offset_m", "face_offset_sigma_m", "sigma_scale")
+    }
+    by_unit = [
+        [
+            replace(
+                one,
+                sweep=replace(one.sweep, unit=f"u{number}", range_m=one.sweep.range_m + said.face_offset_m, **unsure),
+            )
+            for one in survey_fixed(room, pose[None], rng, sensor)
+        ]
+        for number, (pose, sensor) in enumerate(zip(poses, sensors, strict=True), start=1)
+    ]
+    return [
+        replace(one, sweep=replace(one.sweep, identity=("room", len(poses) * turn + unit)))
+        for turn, each in enumerate(zip(*by_unit, strict=True))
+        for unit, one in enumerate(each)
+    ]
 
 
 def survey_with_people(

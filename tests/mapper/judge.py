@@ -64,9 +64,9 @@ def judge(contour: Contour, room: Room, surveyed: Sequence[LabelledSweep]) -> Ve
         radii=Errors(np.abs(off[:, 2]), np.abs(told_off[:, 2]), np.abs(late_off[:, 2]), np.sqrt(spread[:, 2])),
         missed=_missed(room, due & ~hit, [i for i in found if i not in met]),
         false=false_objects(contour, room),
-        wall_squares=_wall_squares(contour, room),
-        corner_squares=_corner_squares(contour, room),
-        cylinder_squares=_cylinder_squares(contour, room),
+        wall_squares=wall_squares(contour, room),
+        corner_squares=corner_squares(contour, room),
+        cylinder_squares=cylinder_squares(contour, room),
     )
 
 
@@ -172,7 +172,8 @@ def _missed(room: Room, corners: np.ndarray, cylinders: Sequence[int]) -> tuple[
     )
 
 
-def _wall_squares(contour: Contour, room: Room) -> tuple[float, ...]:
+def wall_squares(contour: Contour, room: Room) -> tuple[float, ...]:
+    """Of each wall that is one of the room's, its squared error over its covariance."""
     lines, squares = wall_lines(room), []
     for wall in contour.walls:
         number = true_wall(wall, room)
@@ -183,7 +184,8 @@ def _wall_squares(contour: Contour, room: Room) -> tuple[float, ...]:
     return tuple(squares)
 
 
-def _corner_squares(contour: Contour, room: Room) -> tuple[float, ...]:
+def corner_squares(contour: Contour, room: Room) -> tuple[float, ...]:
+    """Of each corner that is one of the room's, its squared error over its covariance."""
     squares = []
     for one in contour.corners:
         errors = (one.x_m, one.y_m) - room.vertices
@@ -193,7 +195,8 @@ def _corner_squares(contour: Contour, room: Room) -> tuple[float, ...]:
     return tuple(squares)
 
 
-def _cylinder_squares(contour: Contour, room: Room) -> tuple[float, ...]:
+def cylinder_squares(contour: Contour, room: Room) -> tuple[float, ...]:
+    """Of each cylinder that is one of the room's, its squared error over its covariance."""
     return tuple(
         _square(np.array([one.x_m, one.y_m, one.radius_m]) - true, one.covariance)
         for one in contour.cylinders

@@ -281,3 +281,16 @@ def test_a_survey_of_several_units_asks_which(tmp_path):
 def test_a_survey_that_holds_sweeps_twice_counts_them_once(file):
     file.write_text(file.read_text() * 2)
     assert "1800 readings" in command(file).output
+
+
+def test_a_stated_face_offset_is_no_part_of_the_mean_error_nor_an_unstated_one_missing_from_it(tmp_path):
+    """The wall is measured from the axis, 2 cm behind the face from which the ranges of this survey count."""
+    for stated_m, expected_m in ((0.02, MEAN_M), (None, MEAN_M - 0.02)):
+        messages = sweeps(ranges_m(1))
+        for message in messages:
+            message.sensor.Clear()
+            if stated_m is not None:
+                message.sensor.face_offset_m = stated_m
+        out = tmp_path / "sensor.toml"
+        command(write(tmp_path / "wall.jsonl", messages), "--wall-distance", FIRST_M + 0.02, "--out", out)
+        assert load_sensor(out).range_bias_m == pytest.approx(expected_m, abs=0.0005)

@@ -33,6 +33,8 @@ def readings(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> l
             heading_rad=0 * one,
             sigma_bias_m=0 * one,
             sigma_scale=0 * one,
+            face_offset_m=0 * one,
+            sigma_face_m=0 * one,
             sense=(0 * one).astype(int),
         )
         for number, (place, to_reflector, axis) in enumerate(zip(places, range_m, axis_rad, strict=True))

@@ -195,6 +195,8 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
         heading_rad=0 * one,
         sigma_bias_m=0 * one,
         sigma_scale=0 * one,
+        face_offset_m=0 * one,
+        sigma_face_m=0 * one,
         sense=(0 * one).astype(int),
     )
     return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one, np.inf * one)

@@ -158,7 +158,7 @@ def test_a_configured_bias_has_been_measured_and_the_face_stands_off_the_axis() 
     message.readings.add(time_of_flight_s=2 / 343.42)
     read = from_message(message, SensorConfig(range_bias_m=0.0, face_offset_m=0.02, face_offset_sigma_m=0.005))
     assert read.range_m == pytest.approx([1.02])
-    assert read.sigma_bias_m == 0.005
+    assert (read.sigma_bias_m, read.face_offset_m, read.face_offset_sigma_m) == (0, 0.02, 0.005)
 
 
 @pytest.mark.parametrize("seed", [5014, 5074])

@@ -36,6 +36,8 @@ def in_a_row(x_m: np.ndarray, range_m: np.ndarray) -> Echoes:
         heading_rad=0 * one,
         sigma_bias_m=0 * one,
         sigma_scale=0 * one,
+        face_offset_m=0 * one,
+        sigma_face_m=0 * one,
         sense=(0 * one).astype(int),
     )
 

@@ -14,13 +14,32 @@ NEAR = 1e-7
 PLACES = np.array([(0.3, -0.2), (-1.1, 0.4), (0.8, 1.3), (-0.5, -1.7)])
 
 
+AXIS_RAD = np.array([0.2, -2.0, 1.1, 2.8])
+FACE_M = 0.03  # off the axis
+
+
 def echoes() -> Echoes:
     some = np.ones(len(PLACES))
-    x_m, y_m = PLACES.T
-    none = 0 * some
-    number = np.arange(4)
+    none, number = 0 * some, np.arange(4)
     return Echoes(
-        number, x_m, y_m, none, some, some, some, some > 0, none, none, some, 0 * number, none, none, none, 0 * number
+        sweep=number,
+        x_m=PLACES[:, 0],
+        y_m=PLACES[:, 1],
+        axis_rad=AXIS_RAD,
+        half_beam_rad=some,
+        range_m=some,
+        sigma_m=some,
+        calibrated=some > 0,
+        sigma_position_m=none,
+        sigma_heading_rad=none,
+        step_rad=some,
+        unit=0 * number,
+        heading_rad=none,
+        sigma_bias_m=none,
+        sigma_scale=none,
+        face_offset_m=FACE_M * some,
+        sigma_face_m=none,
+        sense=0 * number,
     )
 
 
@@ -56,12 +75,22 @@ def test_slopes_of_a_corner_are_the_derivatives_by_both_walls(corner: Crossing, 
 
 
 @pytest.mark.parametrize("one", [*REFLECTORS, *CROSSINGS])
-def test_directions_turn_with_the_place_as_their_slopes_say(one: Reflector | Crossing) -> None:
+@pytest.mark.parametrize(("of", "slopes"), [("ranges", "slopes_by_place"), ("directions", "direction_slopes_by_place")])
+def test_slopes_by_the_place_are_the_derivatives(one: Reflector | Crossing, of: str, slopes: str) -> None:
     heard, numeric = echoes(), []
     for dx_m, dy_m in STEP * np.eye(2):
         ahead, behind = (replace(heard, x_m=heard.x_m + sign * dx_m, y_m=heard.y_m + sign * dy_m) for sign in (1, -1))
-        numeric.append((one.directions(ahead) - one.directions(behind)) / (2 * STEP))
-    assert one.direction_slopes_by_place(heard) == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
+        numeric.append((getattr(one, of)(ahead) - getattr(one, of)(behind)) / (2 * STEP))
+    assert getattr(one, slopes)(heard) == pytest.approx(np.stack(numeric, axis=1), abs=NEAR)
+
+
+@pytest.mark.parametrize("one", [*REFLECTORS, *CROSSINGS])
+def test_a_range_is_that_from_the_face_and_the_face_s_offset(one: Reflector | Crossing) -> None:
+    on_axis = replace(echoes(), face_offset_m=np.zeros(len(PLACES)))
+    faces = PLACES + FACE_M * np.stack([np.cos(AXIS_RAD), np.sin(AXIS_RAD)], axis=1)
+    there = replace(on_axis, x_m=faces[:, 0], y_m=faces[:, 1])
+    assert one.ranges(echoes()) == pytest.approx(one.ranges(there) + FACE_M)
+    assert one.directions(echoes()) == pytest.approx(one.directions(there))
 
 
 @pytest.mark.parametrize("corner", CROSSINGS)

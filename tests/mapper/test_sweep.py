@@ -98,3 +98,29 @@ def test_a_sweep_that_can_not_be_mapped_is_refused_by_name(changes, complaint):
     with pytest.raises(SweepError, match=complaint) as refused:
         from_message(sweep(**changes))
     assert "unit 'u'" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "default", "told"),
+    [
+        # Stated by the unit: exact unless an error is stated beside it.
+        ({"face_offset_m": 0.015}, {}, (0.015, 0.0)),
+        ({"face_offset_m": 0.015, "face_offset_sigma_m": 0.002}, {"face_offset_m": 0.03}, (0.015, 0.002)),
+        # Stated for all.
+        ({"range_bias_m": 0.001}, {"face_offset_m": 0.03, "face_offset_sigma_m": 0.004}, (0.03, 0.004)),
+        # A mean error that was measured from the axis has the offset in it.
+        ({"range_bias_m": -0.018}, {}, (0.0, 0.0)),
+        ({}, {"range_bias_m": -0.018}, (0.0, 0.0)),
+        # Nothing stated: 1 to 3 cm, which side of the pose's point nobody knows.
+        ({}, {}, (0.0, 0.02)),
+    ],
+)
+def test_what_is_known_of_the_face_s_offset(sensor, default, told):
+    read = from_message(sweep(sensor=sensor), SensorConfig(**default))
+    assert (read.face_offset_m, read.face_offset_sigma_m) == told
+
+
+def test_a_range_counts_from_the_axis_and_a_mean_error_from_the_face():
+    stated = {"range_bias_m": 0.002, "face_offset_m": 0.015}
+    without = from_message(sweep(sensor={"range_bias_m": 0.0}))
+    assert from_message(sweep(sensor=stated)).range_m == pytest.approx(without.range_m + 0.013, nan_ok=True)

@@ -40,6 +40,8 @@ def echoes(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> Ech
         heading_rad=0 * one,
         sigma_bias_m=0 * one,
         sigma_scale=0 * one,
+        face_offset_m=0 * one,
+        sigma_face_m=0 * one,
         sense=(0 * one).astype(int),
     )
 

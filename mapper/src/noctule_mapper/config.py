@@ -18,7 +18,8 @@ class _Model(BaseModel):
 class SensorConfig(_Model):
     """What stands in where a sweep tells nothing of its sensor: the HC-SR04 of Liu et al. 2019, II.A and V.A.
 
-    Who gives ``range_bias_m`` or ``air_temperature_c`` has measured it; a value that only stands in has an error.
+    Who gives ``range_bias_m``, ``air_temperature_c`` or ``face_offset_m`` has measured it; a value that only stands in
+    has an error. A mean error beside which no face offset is given counts from the axis: it has the offset in it.
     """
 
     beam_width_rad: float = Field(default=math.radians(22.5), gt=0, le=math.pi)  # full width
@@ -31,7 +32,9 @@ class SensorConfig(_Model):
     assumed_temperature_sigma_k: float = Field(default=5.0, ge=0)
     # From the axis about which the unit turns to the sensor's face.
     face_offset_m: float = Field(default=0.0, ge=-0.2, le=0.2)
-    face_offset_sigma_m: float = Field(default=0.0, ge=0)
+    face_offset_sigma_m: float = Field(default=0.0, ge=0, le=0.1)
+    # Faces stand 1 to 3 cm off the axis. The mean stays 0, as poses may as well have been measured to the face.
+    assumed_face_sigma_m: float = Field(default=0.02, ge=0, le=0.1)
 
     @property
     def bias_sigma_m(self) -> float:

@@ -57,6 +57,8 @@ class Physics:
 
     sigma_m: float = PAPER_SIGMA_M
     bias_m: float = 0.0  # mean error left in the ranges, unknown to the mapper
+    face_offset_m: float = 0.0  # from the unit's axis, along the beam, to where ranges begin, unknown to the mapper
+    range_scale: float = 1.0  # of the speed of sound that was assumed over the true one
     lobe: tuple[tuple[float, float], ...] = ((0.0, 11.25), (LONGEST_M, 11.25))  # range in metres, half-width in degrees
     edge_reach_m: float = 0.5
     cylinder_reach_m: float = 2.5  # of a cylinder with a radius of 9 cm
@@ -197,8 +199,8 @@ def _labelled_sweep(
     calibrated: bool,
     bearings_rad: np.ndarray,
 ) -> LabelledSweep:
-    true_m, labels = _heard(room, pose, bearings_rad, rng, physics)
-    range_m = true_m + physics.bias_m + rng.normal(0, physics.sigma_m, len(true_m))
+    true_m, labels = _heard_from_face(room, pose, bearings_rad, rng, physics)
+    range_m = physics.range_scale * true_m + physics.bias_m + rng.normal(0, physics.sigma_m, len(true_m))
     range_m, labels, late_m = _disturbed(range_m, labels, rng, physics)
     sweep = SweepReadings(
         identity=("room", number),
@@ -234,6 +236,22 @@ def _disturbed(
     labels = [_FALSE if heard[i] and false[i] else label for i, label in enumerate(labels)]
     labels = [_NONE if lost[i] else label for i, label in enumerate(labels)]
     return range_m, labels, np.where(late & heard & ~false & ~lost, physics.late_m, 0.0)
+
+
+def _heard_from_face(
+    room: Room, pose: np.ndarray, bearings_rad: np.ndarray, rng: np.random.Generator, physics: Physics
+) -> tuple[np.ndarray, list[Label]]:
+    """As _heard(), from a face that goes round with the beam."""
+    if not physics.face_offset_m:
+        return _heard(room, pose, bearings_rad, rng, physics)
+    range_m, labels = np.empty(len(bearings_rad)), []
+    for number, bearing_rad in enumerate(bearings_rad):
+        axis_rad = pose[2] + bearing_rad
+        face = pose + physics.face_offset_m * np.array([math.cos(axis_rad), math.sin(axis_rad), 0.0])
+        heard_m, (label,) = _heard(room, face, bearings_rad[number : number + 1], rng, physics)
+        range_m[number] = heard_m[0]
+        labels.append(label)
+    return range_m, labels
 
 
 def _heard(

@@ -51,6 +51,6 @@ def _mean_error_m(wall: WallFit | None, wall_distance_m: float) -> Estimate:
     if abs(error_m) > MOST_MEAN_ERROR_M:
         raise CalibrationError(
             f"the readings have the wall {wall.distance_m.value:.3f} m from the survey's first place, not "
-            f"{wall_distance_m:.3f} m: measure from the sensor's face there, square to the wall"
+            f"{wall_distance_m:.3f} m: measure from the axis about which the sensor turns, square to the wall"
         )
     return Estimate(error_m, wall.distance_m.error)

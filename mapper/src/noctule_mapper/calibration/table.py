@@ -58,8 +58,8 @@ def _notes(calibration: Calibration) -> list[str]:
     spread = calibration.spread
     if calibration.mean_error_m is None:
         notes.append(
-            "The mean error cancels in d. Measure how far the wall is from the sensor at the survey's first place, and "
-            "give it as --wall-distance."
+            "The mean error cancels in d. Measure how far the wall is from the sensor's axis at the survey's first "
+            "place, and give it as --wall-distance."
         )
     if spread.placement_p < SIGNIFICANCE:
         notes.append(

@@ -16,7 +16,9 @@ def calibrate(
     sweeps: Annotated[Path, typer.Argument(metavar="SURVEY", help="Sweeps as JSON lines, or MCAP by suffix.")],
     wall_distance: Annotated[
         float | None,
-        typer.Option(min=0.0, help="Metres from the sensor's face at the survey's first place to the wall, measured."),
+        typer.Option(
+            min=0.0, help="Metres from the axis about which the sensor turns, at the survey's first place, to the wall."
+        ),
     ] = None,
     facing_deg: Annotated[
         float | None, typer.Option(help="The wall's direction in the site's frame, where sweeps look elsewhere too.")

@@ -36,7 +36,7 @@ def crossing(objects: Sequence[Reflector], link: Link) -> Crossing:
 @dataclass(frozen=True)
 class Fit:
     """The objects after the fit, and the covariance of all their parameters, those of object i from offsets[i] on;
-    ``held`` is the same if the site's frame were exactly known, which tells how well the objects fit one another.
+    ``held`` is the same if the site's frame and the sensors were exactly known: how well the objects fit one another.
     """
 
     objects: list[Reflector]

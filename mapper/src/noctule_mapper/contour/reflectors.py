@@ -6,6 +6,8 @@ its parameters::
     point     R = |c - p|          a corner or an edge that stands alone
     corner    R = k |c - p|        at the crossing c of two walls; k = sin(a) for an interior angle a below 90 degrees,
                                    else 1
+
+p is the sensor's face, a little off the unit's axis. Ranges count from the axis, so they have that offset in them.
 """
 
 from dataclasses import dataclass
@@ -54,7 +56,8 @@ class Line:
 
     def along(self, echoes: Echoes) -> np.ndarray:
         """Where along the wall the feet are, (n,)."""
-        return echoes.x_m * self.tangent[0] + echoes.y_m * self.tangent[1]
+        x_m, y_m = echoes.face_m
+        return x_m * self.tangent[0] + y_m * self.tangent[1]
 
     def at(self, along_m: float) -> np.ndarray:
         """The point of the wall at ``along_m``, (2,)."""
@@ -62,7 +65,8 @@ class Line:
 
     def ranges(self, echoes: Echoes) -> np.ndarray:
         """Predicted ranges, (n,)."""
-        return self.rho_m - echoes.x_m * self.normal[0] - echoes.y_m * self.normal[1]
+        x_m, y_m = echoes.face_m
+        return self.rho_m - x_m * self.normal[0] - y_m * self.normal[1] + echoes.face_offset_m
 
     def directions(self, echoes: Echoes) -> np.ndarray:
         """Directions in which the echoes come back, (n,)."""
@@ -79,6 +83,10 @@ class Line:
     def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the directions by the places of the echoes, (n, 2)."""
         return np.zeros((len(echoes), 2))
+
+    def slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the ranges by the places of the echoes, (n, 2)."""
+        return np.tile(-self.normal, (len(echoes), 1))
 
 
 @dataclass(frozen=True)
@@ -100,11 +108,11 @@ class Circle:
 
     def ranges(self, echoes: Echoes) -> np.ndarray:
         """Predicted ranges, (n,)."""
-        return np.hypot(self.x_m - echoes.x_m, self.y_m - echoes.y_m) - self.radius_m
+        return _distance_m(self.x_m, self.y_m, echoes) + echoes.face_offset_m - self.radius_m
 
     def directions(self, echoes: Echoes) -> np.ndarray:
         """Directions in which the echoes come back, (n,)."""
-        return np.arctan2(self.y_m - echoes.y_m, self.x_m - echoes.x_m)
+        return _direction_rad(self.x_m, self.y_m, echoes)
 
     def slopes(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the ranges by the parameters, (n, 3)."""
@@ -118,6 +126,10 @@ class Circle:
     def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the directions by the places of the echoes, (n, 2)."""
         return -_swing(self.x_m, self.y_m, echoes)
+
+    def slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the ranges by the places of the echoes, (n, 2)."""
+        return -_towards(self.directions(echoes))
 
 
 @dataclass(frozen=True)
@@ -138,16 +150,16 @@ class Spot:
 
     def ranges(self, echoes: Echoes) -> np.ndarray:
         """Predicted ranges, (n,)."""
-        return np.hypot(self.x_m - echoes.x_m, self.y_m - echoes.y_m)
+        return _distance_m(self.x_m, self.y_m, echoes) + echoes.face_offset_m
 
     def directions(self, echoes: Echoes) -> np.ndarray:
         """Directions in which the echoes come back, (n,)."""
-        return np.arctan2(self.y_m - echoes.y_m, self.x_m - echoes.x_m)
+        return _direction_rad(self.x_m, self.y_m, echoes)
 
     def slopes(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the ranges by the parameters, (n, 2)."""
         direction = self.directions(echoes)
-        return np.stack([np.cos(direction), np.sin(direction)], axis=1)
+        return _towards(direction)
 
     def direction_slopes(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the directions by the parameters, (n, 2)."""
@@ -156,6 +168,10 @@ class Spot:
     def direction_slopes_by_place(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the directions by the places of the echoes, (n, 2)."""
         return -_swing(self.x_m, self.y_m, echoes)
+
+    def slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the ranges by the places of the echoes, (n, 2)."""
+        return -_towards(self.directions(echoes))
 
 
 Reflector = Line | Circle | Spot
@@ -198,12 +214,12 @@ class Crossing:
     def ranges(self, echoes: Echoes) -> np.ndarray:
         """Predicted ranges, (n,)."""
         x, y = self.point
-        return self.factor * np.hypot(x - echoes.x_m, y - echoes.y_m)
+        return self.factor * _distance_m(x, y, echoes) + echoes.face_offset_m
 
     def directions(self, echoes: Echoes) -> np.ndarray:
         """Directions of the corner's point, (n,)."""
         x, y = self.point
-        return np.arctan2(y - echoes.y_m, x - echoes.x_m)
+        return _direction_rad(x, y, echoes)
 
     def point_slopes(self) -> np.ndarray:
         """Derivatives of the point by (theta, rho) of the first wall and of the second, (2, 4)."""
@@ -218,9 +234,11 @@ class Crossing:
     def slopes(self, echoes: Echoes) -> np.ndarray:
         """Derivatives of the ranges by (theta, rho) of the first wall and of the second, (n, 4)."""
         direction = self.directions(echoes)
-        slopes = self.factor * np.stack([np.cos(direction), np.sin(direction)], axis=1) @ self.point_slopes()
+        slopes = self.factor * _towards(direction) @ self.point_slopes()
         if self._acute:
-            turning = float(np.cos(self.second.theta_rad - self.first.theta_rad)) * self.ranges(echoes) / self.factor
+            x, y = self.point
+            distance_m = _distance_m(x, y, echoes)
+            turning = float(np.cos(self.second.theta_rad - self.first.theta_rad)) * distance_m
             slopes += np.outer(turning, [-1.0, 0.0, 1.0, 0.0])
         return slopes
 
@@ -234,14 +252,38 @@ class Crossing:
         x, y = self.point
         return -_swing(x, y, echoes)
 
+    def slopes_by_place(self, echoes: Echoes) -> np.ndarray:
+        """Derivatives of the ranges by the places of the echoes, (n, 2)."""
+        return -self.factor * _towards(self.directions(echoes))
+
     @cached_property
     def _acute(self) -> bool:
         return self.sine > 0 and float(self.first.normal @ self.second.normal) < 0
 
 
+def _away_m(x_m: float, y_m: float, echoes: Echoes) -> tuple[np.ndarray, np.ndarray]:
+    """From each face to a point, x and y, (n,)."""
+    face_x_m, face_y_m = echoes.face_m
+    return x_m - face_x_m, y_m - face_y_m
+
+
+def _distance_m(x_m: float, y_m: float, echoes: Echoes) -> np.ndarray:
+    return np.hypot(*_away_m(x_m, y_m, echoes))
+
+
+def _direction_rad(x_m: float, y_m: float, echoes: Echoes) -> np.ndarray:
+    dx_m, dy_m = _away_m(x_m, y_m, echoes)
+    return np.arctan2(dy_m, dx_m)
+
+
+def _towards(direction_rad: np.ndarray) -> np.ndarray:
+    """Unit vectors, (n, 2)."""
+    return np.stack([np.cos(direction_rad), np.sin(direction_rad)], axis=1)
+
+
 def _swing(x_m: float, y_m: float, echoes: Echoes) -> np.ndarray:
-    """Derivatives of the directions of a point, seen from each place, by its coordinates, (n, 2)."""
-    dx, dy = x_m - echoes.x_m, y_m - echoes.y_m
+    """Derivatives of the directions of a point, seen from each face, by its coordinates, (n, 2)."""
+    dx, dy = _away_m(x_m, y_m, echoes)
     square = np.maximum(dx**2 + dy**2, _AT_THE_PLACE_M2)
     return np.stack([-dy / square, dx / square], axis=1)
 

@@ -29,6 +29,8 @@ class Echoes:
     heading_rad: np.ndarray  # of the unit
     sigma_bias_m: np.ndarray  # of the mean error that all ranges of the unit share
     sigma_scale: np.ndarray  # of the share by which all ranges of the unit are too long: the air's speed of sound
+    face_offset_m: np.ndarray  # from the place, on the unit's axis, along the beam to the sensor's face
+    sigma_face_m: np.ndarray  # of that, alike for all ranges of the unit
     sense: np.ndarray  # of the unit's turning: 1 anticlockwise, -1 clockwise, 0 where nobody knows
 
     def __len__(self) -> int:
@@ -40,11 +42,20 @@ class Echoes:
         return self.step_rad < self.half_beam_rad
 
     @cached_property
+    def face_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the sensor's face was, x and y, (n,)."""
+        if not self.face_offset_m.any():
+            return self.x_m, self.y_m
+        along = np.cos(self.axis_rad), np.sin(self.axis_rad)
+        return self.x_m + self.face_offset_m * along[0], self.y_m + self.face_offset_m * along[1]
+
+    @cached_property
     def shared_sigma_m(self) -> np.ndarray:
         """Of a range, by what all ranges of the unit may have wrong together: its place and, of fine sweeps, which no
         short baselines relate, its sensor; (n,).
         """
-        sensor_m = np.where(self.is_fine, np.hypot(self.sigma_bias_m, self.sigma_scale * self.range_m), 0.0)
+        mean_m = np.hypot(self.sigma_bias_m, self.sigma_face_m)
+        sensor_m = np.where(self.is_fine, np.hypot(mean_m, self.sigma_scale * self.range_m), 0.0)
         return np.hypot(self.sigma_position_m, sensor_m)
 
     take = arrays.take
@@ -78,6 +89,8 @@ def rows_of(
         heading_rad=alike * sweep.heading_rad,
         sigma_bias_m=alike * sweep.sigma_bias_m,
         sigma_scale=alike * sweep.sigma_scale,
+        face_offset_m=alike * sweep.face_offset_m,
+        sigma_face_m=alike * sweep.face_offset_sigma_m,
         sense=np.full(len(alike), _sense(sweep.bearing_rad)),
     )
 
@@ -119,5 +132,7 @@ _NO_ECHOES = Echoes(
     heading_rad=_NONE,
     sigma_bias_m=_NONE,
     sigma_scale=_NONE,
+    face_offset_m=_NONE,
+    sigma_face_m=_NONE,
     sense=_NO_NUMBERS,
 )

@@ -5,9 +5,9 @@ known to within its stated error. A coarse sweep has no directions, so of it onl
 the same are one. The ranges of a unit err by a mean, the sensor's, and by a share, the air's, where nobody has measured
 these.
 
-The sensor's face stands off the unit's axis by a few centimetres, a, so a range to what lies at an angle b off the beam
-is short by a cos(b). Within the lobe that is a to within a few tenths of a millimetre: the ranges cannot tell it from
-the sensor's mean error, and it is a part of that.
+The sensor's face stands off the unit's axis by a few centimetres, a: it is at p + a u(z), u the unit vector along the
+beam's axis z. A range from the axis is the range from the face and a. To a wall at an angle b off the beam's axis an
+error of a makes it false by 1 - cos(b) of that beside the mean error, which tells the two apart hardly at all.
 """
 
 from dataclasses import dataclass, replace
@@ -23,11 +23,11 @@ _DOUBTED = (1.0, 1.0, 1.0)  # metres and radians: the sigma of a stated pose tha
 @dataclass(frozen=True)
 class Stands:
     """Poses (x_m, y_m, heading_rad), (stands, 3): ``stated``, how well known that is, and where the evidence has them
-    ``now``; of the sensors the mean error and the share by which ranges are too long, (units, 2): how well known, and
-    what has been taken off the evidence ``now``.
+    ``now``; of the sensors the mean error, the share by which ranges are too long, and by how much the face stands
+    farther off the axis than stated, (units, 3): how well known, and what has been taken off the evidence ``now``.
 
     ``unit`` (stands,) is the number of the unit, -1 for a place of coarse sweeps. ``known`` (stands, 2) is how well
-    position and heading are known for telling which reflector made which echo, ``sensor_known`` (units, 2) the sensors.
+    position and heading are known for telling which reflector made which echo, ``sensor_known`` (units, 3) the sensors.
     What is stated of a pose that ``is_doubted`` (stands,) says next to nothing.
     """
 
@@ -69,8 +69,9 @@ def stands_of(echoes: Echoes) -> tuple[Stands, np.ndarray]:
     stated = np.column_stack([echoes.x_m, echoes.y_m, echoes.heading_rad])[first]
     position_m, heading_rad = echoes.sigma_position_m[first], np.where(fine, echoes.sigma_heading_rad[first], 0.0)
     units = int(echoes.unit.max(initial=-1)) + 1
-    sensor_sigma = np.zeros((units, 2))
-    np.maximum.at(sensor_sigma, echoes.unit, np.column_stack([echoes.sigma_bias_m, echoes.sigma_scale]))
+    sensor_sigma = np.zeros((units, 3))
+    own_sigma = np.column_stack([echoes.sigma_bias_m, echoes.sigma_scale, echoes.sigma_face_m])
+    np.maximum.at(sensor_sigma, echoes.unit, own_sigma)
     stands = Stands(
         unit=np.where(fine, echoes.unit[first], -1),
         stated=stated,
@@ -79,7 +80,7 @@ def stands_of(echoes: Echoes) -> tuple[Stands, np.ndarray]:
         now=stated,
         known=np.column_stack([position_m, heading_rad]),
         sensor_sigma=sensor_sigma,
-        sensor_now=np.zeros((units, 2)),
+        sensor_now=np.zeros((units, 3)),
         sensor_known=sensor_sigma,
     )
     return stands, of.ravel()
@@ -102,20 +103,33 @@ def moved(echoes: Echoes, stand: np.ndarray, before: Stands, after: Stands) -> E
     ``before``.
     """
     shift = (after.now - before.now)[stand]
-    bias_m, share = (after.sensor_now - before.sensor_now)[echoes.unit].T
-    sigma_bias_m, sigma_scale = after.sensor_known[echoes.unit].T
+    bias_m, share, farther_m = (after.sensor_now - before.sensor_now)[echoes.unit].T
+    sigma_bias_m, sigma_scale, sigma_face_m = after.sensor_known[echoes.unit].T
+    face_m = echoes.face_offset_m + farther_m
     return replace(
         echoes,
         x_m=echoes.x_m + shift[:, 0],
         y_m=echoes.y_m + shift[:, 1],
         axis_rad=echoes.axis_rad + shift[:, 2],
         heading_rad=echoes.heading_rad + shift[:, 2],
-        range_m=(echoes.range_m - bias_m) / (1 + share),
+        range_m=(echoes.range_m - echoes.face_offset_m - bias_m) / (1 + share) + face_m,
+        face_offset_m=face_m,
+        sigma_face_m=sigma_face_m,
         sigma_position_m=np.where(echoes.is_fine, after.known[stand, 0], echoes.sigma_position_m),
         sigma_heading_rad=np.where(echoes.is_fine, after.known[stand, 1], echoes.sigma_heading_rad),
         sigma_bias_m=sigma_bias_m,
         sigma_scale=sigma_scale,
     )
+
+
+def with_sensors_as_now(stands: Stands) -> Stands:
+    """The stands with sensors that are as the evidence has them, to within ``sensor_known``, whatever was stated."""
+    return replace(stands, sensor_sigma=stands.sensor_known, sensor_now=np.zeros_like(stands.sensor_now))
+
+
+def with_sensors_stated_as(before: Stands, after: Stands) -> Stands:
+    """The stands ``after`` a search that began from with_sensors_as_now(``before``), with what was stated again."""
+    return replace(after, sensor_sigma=before.sensor_sigma, sensor_now=before.sensor_now + after.sensor_now)
 
 
 def deviation(stands: Stands) -> np.ndarray:

@@ -25,6 +25,8 @@ _BOUNDS = {
     "beam_width_rad": bounds.number("Sensor", "beam_width_rad"),
     "range_sigma_m": bounds.number("Sensor", "range_sigma_m"),
     "range_bias_m": bounds.number("Sensor", "range_bias_m"),
+    "face_offset_m": bounds.number("Sensor", "face_offset_m"),
+    "face_offset_sigma_m": bounds.number("Sensor", "face_offset_sigma_m"),
     "air_temperature_c": bounds.number("Sweep", "air_temperature_c"),
 }
 
@@ -66,6 +68,8 @@ class SweepReadings:
     beam_width_rad: float
     range_sigma_m: float | None  # None: not calibrated
     sigma_bias_m: float = 0.0  # of the mean error of the sensor's ranges, where nobody has measured it
+    face_offset_m: float = 0.0  # from the axis to the sensor's face, along the beam: ranges have it in them
+    face_offset_sigma_m: float = 0.0
     sigma_scale: float = 0.0  # of the speed of sound as a share of it, where nobody has measured the air
 
     def __post_init__(self) -> None:
@@ -80,6 +84,8 @@ class SweepReadings:
         _check(name, "range_m", self.range_m[~np.isnan(self.range_m)])
         if self.range_sigma_m is not None:
             _check(name, "range_sigma_m", self.range_sigma_m)
+        _check(name, "face_offset_m", self.face_offset_m)
+        _check(name, "face_offset_sigma_m", self.face_offset_sigma_m)
 
     @property
     def pose_is_unknown(self) -> bool:
@@ -119,10 +125,11 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else default.air_temperature_c
     sigma_bias_m = 0.0 if own.HasField("range_bias_m") else default.bias_sigma_m
     sigma_k = 0.0 if sweep.HasField("air_temperature_c") else default.temperature_sigma_k
+    face_m, sigma_face_m = _face_offset_m(own, default)
     _check(name, "range_bias_m", bias_m)
     _check(name, "air_temperature_c", celsius)
     with np.errstate(over="ignore"):  # beyond all numbers is beyond the longest range
-        told_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m + default.face_offset_m
+        told_m = _flights_s(sweep, name) * speed_of_sound_m_s(celsius) / 2 - bias_m + face_m
     usable = (told_m >= default.shortest_range_m) & (told_m <= default.longest_range_m)
     readings = SweepReadings(
         identity=identity_of(sweep),
@@ -138,11 +145,26 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
         no_echo=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
         beam_width_rad=own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad,
         range_sigma_m=own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m,
-        sigma_bias_m=math.hypot(sigma_bias_m, default.face_offset_sigma_m),
+        sigma_bias_m=sigma_bias_m,
+        face_offset_m=face_m,
+        face_offset_sigma_m=sigma_face_m,
         sigma_scale=speed_of_sound_m_s(celsius + sigma_k) / speed_of_sound_m_s(celsius) - 1,
     )
     _check_not_stuck(name, readings, told_m)
     return readings
+
+
+def _face_offset_m(own: messages_pb2.Sensor, default: SensorConfig) -> tuple[float, float]:
+    """How far the sensor's face stands off the axis, and how well that is known.
+
+    Where nobody says, a mean error that was measured counts from the axis: to a wall straight ahead it has the whole
+    offset in it. Where nobody has measured anything, the offset is one of the things not known.
+    """
+    if own.HasField("face_offset_m"):
+        return own.face_offset_m, own.face_offset_sigma_m
+    if "face_offset_m" in default.model_fields_set or not default.bias_sigma_m or own.HasField("range_bias_m"):
+        return default.face_offset_m, default.face_offset_sigma_m
+    return default.face_offset_m, default.assumed_face_sigma_m
 
 
 def _flights_s(sweep: messages_pb2.Sweep, name: str) -> np.ndarray:

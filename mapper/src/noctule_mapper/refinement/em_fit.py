@@ -25,7 +25,7 @@ from noctule_mapper.refinement.joint_fit import (
     shared_by,
     solve,
 )
-from noctule_mapper.refinement.pose_errors import Errors, errors_of, with_sensors_left
+from noctule_mapper.refinement.pose_errors import Errors, errors_of, held_by, with_sensors_left
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def settle(
     information = share / sigma_m**2 * np.clip(1 - unsure / sigma_m**2, 0, 1)
     normal = solve(rows, score.mean_m, information, turns, echo, shared, parameters)
     errors, covariance = errors_of(normal, data.stands, parameters), with_sensors_left(normal, shared, parameters)
-    fit = Fit(objects, covariance, errors.held_objects(covariance), offsets_of(objects))
+    fit = Fit(objects, covariance, held_by(normal, data.stands, parameters), offsets_of(objects))
     return Settled(fit, share, data.range_sigma_m, shared, normal, errors)
 
 

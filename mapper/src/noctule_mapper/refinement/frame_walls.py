@@ -13,6 +13,7 @@ from noctule_mapper.contour.silence import silence_of_corner
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.frame_fit import FittedFrame, fit_frame
+from noctule_mapper.refinement.pose_errors import ranges_by_sensor
 from noctule_mapper.refinement.right_angles import SIDES, Frame, Heard
 
 _SHORT_OF_SIGMAS = 3.0  # of a corner that is known too badly to be an end
@@ -30,14 +31,15 @@ class FrameWalls:
 
 @dataclass(frozen=True)
 class Support:
-    """What one place heard: its plateaus, of how many ``readings`` each is (n,), and each one's chance to be a ``wall``
-    or a ``corner`` of a frame (n,).
+    """What one place heard: its plateaus, of how many ``readings`` each is (n,), each one's chance to be a ``wall`` or
+    a ``corner`` of a frame (n,), and the covariance of its ``sensor`` (3, 3).
     """
 
     data: Evidence
     readings: np.ndarray
     wall: np.ndarray
     corner: np.ndarray
+    sensor: np.ndarray
 
     @property
     def place_m(self) -> np.ndarray:
@@ -85,73 +87,83 @@ def _passed(direction_rad: float, place_m: np.ndarray, data: Evidence) -> bool:
     return bool((here & (np.abs(wrapped(looks.axis_rad - direction_rad)) < looks.step_rad / 2)).any())
 
 
+@dataclass(frozen=True)
+class _Fitted:
+    """A frame as fitted: ``spread`` is the covariance of turn, four distances, x and y of the place, (7, 7), if the
+    sensor were known, and ``whole`` with the sensor's error; its first ``known`` walls were known beforehand, what is
+    numbered after them was heard by the place.
+    """
+
+    frame: Frame
+    fit: FittedFrame
+    spread: np.ndarray
+    whole: np.ndarray
+    known: int
+    support: Support
+
+
 def walls_of(frame: Frame, asked: Heard, support: Support, contour: Contour, config: RefinementConfig) -> FrameWalls:
     """The walls and corners of a frame that are sure enough and that ``contour`` has not got."""
     known = int(asked.known.sum())
-    fitted = fit_frame(frame, asked)
+    fit = fit_frame(frame, asked)
     sides = [
         side
         for side, number in enumerate(frame.walls)
         if number >= known and support.wall[number - known] >= config.touches.least_wall_chance
     ]
-    spread = _spread(fitted, support.data, alone=not any(0 <= number < known for number in frame.walls))
-    walls = {side: _wall(frame, side, fitted, spread, known, support, config) for side in sides}
+    spread = _spread(fit, support.data, alone=not any(0 <= number < known for number in frame.walls))
+    own = np.array([number >= known for number in frame.walls])
+    whole = spread + _by_sensor(fit, own, support.sensor)
+    fitted = _Fitted(frame, fit, spread, whole, known, support)
+    walls = {side: _wall(fitted, side, config) for side in sides}
     walls = {side: wall for side, wall in walls.items() if not any(_alike(wall, one) for one in contour.walls)}
     index = {side: len(contour.walls) + number for number, side in enumerate(walls)}
     corners, used = [], [frame.walls[side] - known for side in walls]
     for side in walls:
         other = (side + 1) % SIDES
-        if other in walls and _ends(frame, side, fitted, spread, known, support, config):
-            corners.append(_corner(side, fitted, spread, support.place_m, (index[side], index[other])))
+        if other in walls and _ends(fitted, side, config):
+            corners.append(_corner(fitted, side, (index[side], index[other])))
             used.append(frame.corners[side] - known)
     return FrameWalls(tuple(walls.values()), tuple(corners), frozenset(used))
 
 
-def _spread(fitted: FittedFrame, data: Evidence, alone: bool) -> np.ndarray:
+def _spread(fit: FittedFrame, data: Evidence, alone: bool) -> np.ndarray:
     """Covariance of turn, four distances, x and y of the place, (7, 7); a frame that stands ``alone`` turns with the
     unit's heading.
     """
     whole = np.zeros((3 + SIDES, 3 + SIDES))
-    whole[: 1 + SIDES, : 1 + SIDES] = fitted.covariance
+    whole[: 1 + SIDES, : 1 + SIDES] = fit.covariance
     whole[0, 0] += data.echoes.sigma_heading_rad[0] ** 2 if alone else 0.0
     whole[[5, 6], [5, 6]] = data.echoes.sigma_position_m[0] ** 2
     return whole
 
 
-def _ends(
-    frame: Frame,
-    side: int,
-    fitted: FittedFrame,
-    spread: np.ndarray,
-    known: int,
-    support: Support,
-    config: RefinementConfig,
-) -> bool:
+def _by_sensor(fit: FittedFrame, own: np.ndarray, sensor: np.ndarray) -> np.ndarray:
+    """What the sensor's error adds to the spread: it moves all sides that the place heard, bool (4,), together."""
+    by_sensor = np.zeros((3 + SIDES, 3))
+    by_sensor[1 : 1 + SIDES] = own[:, None] * ranges_by_sensor(fit.distance_m)
+    return by_sensor @ sensor @ by_sensor.T
+
+
+def _ends(fitted: _Fitted, side: int, config: RefinementConfig) -> bool:
     """Whether the corner from a side to the next was heard and is known well enough to be an end of walls."""
-    if not _heard(frame, side, known, support, config):
+    if not _heard(fitted, side, config):
         return False
-    slopes = _corner_slopes(side, fitted)
-    return bool(np.sqrt(np.trace(slopes @ spread @ slopes.T)) <= config.touches.most_end_sigma_m)
+    slopes = _corner_slopes(side, fitted.fit)
+    return bool(np.sqrt(np.trace(slopes @ fitted.spread @ slopes.T)) <= config.touches.most_end_sigma_m)
 
 
-def _heard(frame: Frame, side: int, known: int, support: Support, config: RefinementConfig) -> bool:
+def _heard(fitted: _Fitted, side: int, config: RefinementConfig) -> bool:
     """Whether the corner from a side to the next was surely heard."""
-    number = frame.corners[side] - known
-    return number >= 0 and bool(support.corner[number] >= config.touches.least_wall_chance)
+    number = fitted.frame.corners[side] - fitted.known
+    return number >= 0 and bool(fitted.support.corner[number] >= config.touches.least_wall_chance)
 
 
-def _wall(
-    frame: Frame,
-    side: int,
-    fitted: FittedFrame,
-    spread: np.ndarray,
-    known: int,
-    support: Support,
-    config: RefinementConfig,
-) -> Wall:
+def _wall(fitted: _Fitted, side: int, config: RefinementConfig) -> Wall:
     """Side ``side`` as a wall: to the corners that end it, else a little to both sides of the foot."""
-    theta_rad, number = fitted.normal_rad(side), frame.walls[side] - known
-    line = Line(theta_rad, float(fitted.distance_m[side] + _unit(theta_rad) @ support.place_m))
+    fit, support = fitted.fit, fitted.support
+    theta_rad, number = fit.normal_rad(side), fitted.frame.walls[side] - fitted.known
+    line = Line(theta_rad, float(fit.distance_m[side] + _unit(theta_rad) @ support.place_m))
     slopes = np.zeros((2, 3 + SIDES))
     slopes[0, 0] = 1
     slopes[1, [0, 1 + side]] = line.tangent @ support.place_m, 1
@@ -159,14 +171,14 @@ def _wall(
     foot = float(line.tangent @ support.place_m)
     ends = []
     for corner, sign in (((side - 1) % SIDES, -1), (side, 1)):
-        if _ends(frame, corner, fitted, spread, known, support, config):
-            ends.append(_corner_point(corner, fitted, support.place_m))
+        if _ends(fitted, corner, config):
+            ends.append(_corner_point(corner, fit, support.place_m))
         else:
             seen_m = config.touches.foot_m
-            if _heard(frame, corner, known, support, config):  # as far towards the corner as the wall's line is known
-                turn_sigma_rad = float(np.sqrt(spread[0, 0]))
-                short_of_m = _SHORT_OF_SIGMAS * turn_sigma_rad * fitted.distance_m[side]  # the foot's own error
-                to_corner_m = float(fitted.distance_m[(side + sign) % SIDES] - short_of_m)
+            if _heard(fitted, corner, config):  # as far towards the corner as the wall's line is known
+                turn_sigma_rad = float(np.sqrt(fitted.spread[0, 0]))
+                short_of_m = _SHORT_OF_SIGMAS * turn_sigma_rad * fit.distance_m[side]  # the foot's own error
+                to_corner_m = float(fit.distance_m[(side + sign) % SIDES] - short_of_m)
                 seen_m = max(seen_m, min(config.touches.most_end_sigma_m / turn_sigma_rad, to_corner_m))
             ends.append(line.at(foot + sign * seen_m))
     start, end = ((float(point[0]), float(point[1])) for point in ends)
@@ -175,16 +187,16 @@ def _wall(
         line.rho_m,
         start,
         end,
-        slopes @ spread @ slopes.T,
+        slopes @ fitted.whole @ slopes.T,
         int(support.readings[number]),
         float(support.wall[number]),
     )
 
 
-def _corner(side: int, fitted: FittedFrame, spread: np.ndarray, place_m: np.ndarray, walls: tuple[int, int]) -> Corner:
-    x_m, y_m = (float(each) for each in _corner_point(side, fitted, place_m))
-    slopes = _corner_slopes(side, fitted)
-    return Corner(x_m, y_m, slopes @ spread @ slopes.T, walls)
+def _corner(fitted: _Fitted, side: int, walls: tuple[int, int]) -> Corner:
+    x_m, y_m = (float(each) for each in _corner_point(side, fitted.fit, fitted.support.place_m))
+    slopes = _corner_slopes(side, fitted.fit)
+    return Corner(x_m, y_m, slopes @ fitted.whole @ slopes.T, walls)
 
 
 def _corner_point(side: int, fitted: FittedFrame, place_m: np.ndarray) -> np.ndarray:

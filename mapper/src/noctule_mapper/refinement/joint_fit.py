@@ -1,11 +1,11 @@
 """The joint fit: one Gauss-Newton step of all objects to the raw ranges and directions, with what the echoes share.
 
 Beside the objects' parameters t the fit has those of the sensors, q = (mean error b, share s by which ranges are too
-long) of a unit, and of each place where echoes came from p = (dx, dy, dheading). An echo of range R and axis z, of a
-reflector that lies in direction f of its place at the range r, all linearised, obeys
+long, da by which the face stands farther off the axis) of a unit, and of each place where echoes came from p = (dx, dy,
+dheading). An echo of range R and axis z, of a reflector at the range r from the face, which stands off the axis by a
+and sees it in direction f, all linearised, obeys
 
-    R = r(t) - k u(f) . (dx, dy) + b + s r               u(f) the unit vector in direction f; k = sin(a) in a corner
-                                                         of an acute angle a, whose range is d sin(a), else 1
+    R = r(t) + a + r'(dx, dy) + r'(u(z)) da + b + s r    u(z) the unit vector along z; of a wall r'(v) = -u(f) . v
     z = f(t) + f'(dx, dy) - dheading                     only where the sweep is fine: else the beam alone tells
 
 and of q and p it is known beforehand to within which sigma they are what is stated. An error of a place moves all that
@@ -42,7 +42,7 @@ class Shared:
     """What echoes share: ``place`` (n,) numbers the places, ``sensor`` (n,) the sensors that nobody has measured, -1
     for others.
 
-    Of places (places, 3) and of sensors (sensors, 2), as the equations of the module have them: what is known of them
+    Of places (places, 3) and of sensors (sensors, 3), as the equations of the module have them: what is known of them
     beforehand, ``stated`` and ``sigma``, and what the fit has, ``shift`` and ``error``.
     """
 
@@ -74,21 +74,21 @@ def shared_by(data: Evidence) -> Shared:
         sensor=number[data.echoes.unit],
         sensor_stated=-stands.sensor_now[measured],
         sensor_sigma=stands.sensor_sigma[measured],
-        error=np.zeros((int(measured.sum()), 2)),
+        error=np.zeros((int(measured.sum()), 3)),
     )
 
 
 @dataclass(frozen=True)
 class Linear:
     """Claims linearised about the objects: rows (claims,) of slopes by the parameters in ``columns``, both (claims, 4)
-    padded with zero slopes, predicted ranges and their slopes by the place, (claims, 2), the directions of the echoes
-    and their slopes by the same ``columns`` and by the place.
+    padded with zero slopes, and by the place, (claims, 2), predicted ranges, the directions of the echoes and their
+    slopes by the same.
     """
 
     slopes: np.ndarray
     columns: np.ndarray
-    predicted_m: np.ndarray
     slopes_by_place: np.ndarray
+    predicted_m: np.ndarray
     direction_rad: np.ndarray
     direction_slopes: np.ndarray
     direction_slopes_by_place: np.ndarray
@@ -105,8 +105,8 @@ def linearise(
     """Claims of ``maker`` (claims,), objects and then links, on echoes number ``echo`` (claims,)."""
     offsets = offsets_of(objects)
     slopes, columns = np.zeros((len(maker), 4)), np.zeros((len(maker), 4), int)
-    predicted, direction, factor = np.zeros(len(maker)), np.zeros(len(maker)), np.ones(len(maker))
-    turning, by_place = np.zeros((len(maker), 4)), np.zeros((len(maker), 2))
+    predicted, direction = np.zeros(len(maker)), np.zeros(len(maker))
+    turning, by_place, turning_by_place = np.zeros((len(maker), 4)), *np.zeros((2, len(maker), 2))
     order = np.argsort(maker, kind="stable")
     for rows in np.split(order, np.nonzero(np.diff(maker[order]))[0] + 1) if len(order) else []:
         number = int(maker[rows[0]])
@@ -115,15 +115,13 @@ def linearise(
         else:
             link = links[number - len(objects)]
             model, owners = crossing(objects, link), (link.first, link.second)
-            factor[rows] = model.factor
         own = np.concatenate([np.arange(int(offsets[i]), int(offsets[i + 1])) for i in owners])
         heard = echoes.take(echo[rows])
         slopes[rows, : len(own)], columns[rows, : len(own)] = model.slopes(heard), own
         predicted[rows], direction[rows] = model.ranges(heard), model.directions(heard)
         turning[rows, : len(own)] = model.direction_slopes(heard)
-        by_place[rows] = model.direction_slopes_by_place(heard)
-    away = -factor[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
-    return Linear(slopes, columns, predicted, away, direction, turning, by_place)
+        by_place[rows], turning_by_place[rows] = model.slopes_by_place(heard), model.direction_slopes_by_place(heard)
+    return Linear(slopes, columns, by_place, predicted, direction, turning, turning_by_place)
 
 
 @dataclass(frozen=True)
@@ -145,17 +143,22 @@ def rows_of(linear: Linear, echo: np.ndarray, echoes: Echoes, shared: Shared, pa
     """The rows of claims on echoes number ``echo`` (claims,); the sensors' columns come after the objects'."""
     place = shared.place[echo]
     none = np.zeros(len(echo))
-    away = np.column_stack([linear.slopes_by_place, none])
+    axis_rad, face_m = echoes.axis_rad[echo], echoes.face_offset_m[echo]
+    by_face = (linear.slopes_by_place * np.column_stack([np.cos(axis_rad), np.sin(axis_rad)])).sum(axis=1)
+    by_turn = (linear.slopes_by_place * np.column_stack([-np.sin(axis_rad), np.cos(axis_rad)])).sum(axis=1)
+    away = np.column_stack([linear.slopes_by_place, face_m * by_turn])  # the face goes round with the heading
     turn_away = np.column_stack([linear.direction_slopes_by_place, none - 1])
     residual = echoes.range_m[echo] - linear.predicted_m - (away * shared.shift[place]).sum(axis=1)
     turn = wrapped(echoes.axis_rad[echo] - linear.direction_rad - (turn_away * shared.shift[place]).sum(axis=1))
     columns, slopes, turn_slopes = linear.columns, linear.slopes, linear.direction_slopes
     if len(shared.error):
         sensor = shared.sensor[echo]
-        by_sensor = np.where(sensor[:, None] >= 0, np.column_stack([none + 1, linear.predicted_m]), 0.0)
+        by_sensor = np.where(
+            sensor[:, None] >= 0, np.column_stack([none + 1, linear.predicted_m - face_m, by_face]), 0.0
+        )
         at = np.maximum(sensor, 0)
         residual = residual - (by_sensor * shared.error[at]).sum(axis=1)
-        columns = np.column_stack([columns, parameters + 2 * at, parameters + 2 * at + 1])
+        columns = np.column_stack([columns, *(parameters + 3 * at + which for which in range(3))])
         slopes, turn_slopes = np.column_stack([slopes, by_sensor]), np.column_stack([turn_slopes, 0 * by_sensor])
     return Rows(columns, residual, slopes, away, turn, turn_slopes, turn_away)
 
@@ -193,7 +196,7 @@ def solve(
     if shared.is_exact:
         covariance = np.linalg.inv(own)
         step = covariance @ pull
-        error = shared.error + step[parameters:].reshape(-1, 2)
+        error = shared.error + step[parameters:].reshape(-1, 3)
         between, theirs = np.zeros((len(own), 0, 3)), np.zeros((0, 3, 3))
         return Normal(step, shared.shift, error, covariance, float(parameters), own, between, theirs)
     between, theirs, tug, known = _places(rows, residual_m, information, turn_information, echo, shared, len(own))
@@ -202,7 +205,7 @@ def solve(
     covariance = np.linalg.inv(own - np.einsum("pgi,qgi->pq", through, between))
     step = covariance @ (pull - np.einsum("pgi,gi->p", through, tug))
     shift = shared.shift + np.einsum("gij,gj->gi", spread, tug - np.einsum("pgi,p->gi", between, step))
-    error = shared.error + step[parameters:].reshape(-1, 2)
+    error = shared.error + step[parameters:].reshape(-1, 3)
     variance = np.einsum("gii->gi", spread) + np.einsum("pgi,pq,qgi->gi", through, covariance, through)
     freedom = float(parameters + (1 - known * variance).sum())
     return Normal(step, shift, error, covariance, freedom, own, between, theirs)
@@ -217,9 +220,10 @@ def _objects_and_sensors(
     parameters: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A and g."""
-    known = 1 / np.maximum(shared.sensor_sigma.ravel(), _SURE) ** 2
-    own = np.diag(np.concatenate([np.full(parameters, _WEAK_PRIOR), known]))
-    pull = np.concatenate([np.zeros(parameters), known * (shared.sensor_stated - shared.error).ravel()])
+    known = _sensors_known(shared.sensor_sigma)
+    own = np.diag(np.full(parameters + len(known), _WEAK_PRIOR))
+    own[parameters:, parameters:] = known
+    pull = np.concatenate([np.zeros(parameters), known @ (shared.sensor_stated - shared.error).ravel()])
     at = np.nonzero(turn_information)[0]
     for columns, slopes, weight, residual in (
         (rows.columns, rows.slopes, information, residual_m),
@@ -229,6 +233,21 @@ def _objects_and_sensors(
         np.add.at(own, (columns[:, :, None], columns[:, None, :]), weighted[:, :, None] * slopes[:, None, :])
         np.add.at(pull, columns, weighted * residual[:, None])
     return own, pull
+
+
+def _sensors_known(sigma: np.ndarray) -> np.ndarray:
+    """The information on the sensors' errors before any fit, (3 sensors, 3 sensors), of their ``sigma`` (sensors, 3).
+
+    Each sensor errs by itself, but all units hear the same air, but for a kelvin or so.
+    """
+    sure = np.maximum(sigma, _SURE)
+    covariance = np.diag(sure.ravel() ** 2)
+    share = sure[:, 1]
+    covariance[1::3, 1::3] = np.where(np.eye(len(share)) > 0, 1.0, _ONE_AIR) * np.outer(share, share)
+    return np.linalg.inv(covariance)
+
+
+_ONE_AIR = 0.96  # correlation: of 5 K that nobody has measured 1 K is a unit's own
 
 
 def _places(

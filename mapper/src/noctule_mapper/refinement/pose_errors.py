@@ -1,6 +1,8 @@
-"""How well a fit knows the poses of the units that stand still, and what of that is the site's frame alone."""
+"""How well a fit knows the poses of the units that stand still, and what of that is the site's frame alone; how well
+it knows their sensors.
+"""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,8 +56,33 @@ def with_sensors_left(normal: Normal, shared: Shared, parameters: int) -> np.nda
         return covariance
     by_sensor = normal.covariance[:parameters, parameters:]
     by_sensor = np.linalg.solve(normal.covariance[parameters:, parameters:], by_sensor.T).T
-    left = np.column_stack([_NEVER_FOUND * shared.sensor_sigma[:, 0], np.zeros(len(shared.error))]).ravel()
+    left = (_NEVER_FOUND * shared.sensor_sigma * (1, 0, 0)).ravel()
     return covariance + (by_sensor * left**2) @ by_sensor.T
+
+
+def sensors_of(normal: Normal, stands: Stands, parameters: int) -> np.ndarray:
+    """Covariance of each unit's sensor, (units, 3, 3): of its mean error, its share and its face's offset, with what no
+    fit finds out of them.
+    """
+    covariance = np.zeros((len(stands.sensor_sigma), 3, 3))
+    for number, unit in enumerate(np.nonzero(np.any(stands.sensor_sigma > 0, axis=1))[0]):
+        at = parameters + 3 * number
+        covariance[unit] = normal.covariance[at : at + 3, at : at + 3]
+    covariance[:, 0, 0] += (_NEVER_FOUND * stands.sensor_sigma[:, 0]) ** 2
+    return covariance
+
+
+def ranges_by_sensor(range_m: np.ndarray) -> np.ndarray:
+    """How ranges (n,) to what lies straight ahead move with the sensor's mean error, share and face, (n, 3)."""
+    one = np.ones(len(range_m))
+    return np.column_stack([one, range_m, -one])
+
+
+def held_by(normal: Normal, stands: Stands, parameters: int) -> np.ndarray:
+    """The covariance of the objects, (parameters, parameters), if the frame and the sensors were known."""
+    by_sensor, sensors = normal.covariance[:, parameters:], normal.covariance[parameters:, parameters:]
+    known = replace(normal, covariance=normal.covariance - by_sensor @ np.linalg.solve(sensors, by_sensor.T))
+    return errors_of(known, stands, parameters).held_objects(known.covariance[:parameters, :parameters])
 
 
 _NEVER_FOUND = 0.25  # of the sigma of a mean error that nobody has measured

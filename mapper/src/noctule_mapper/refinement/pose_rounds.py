@@ -33,7 +33,9 @@ _SOUGHT = (0.03, np.radians(3.0))  # how well a pose is known that two plateaus 
 _FOLLOWS = 0.3  # sigmas of the pose: a scene whose poses move by less stays
 _AS_KNOWN = 1.5  # nor does a scene follow if the poses are known as well as before, to within this factor
 _EXCHANGED = (0.2, 0.2, np.radians(15.0))  # so near another's stated pose a unit may have been exchanged with it
-_LEAST_SENSOR = np.array([0.001, 0.001])  # metres and a share: changes below them leave every echo with its reflector
+_LEAST_SENSOR = np.array(
+    [0.001, 0.001, 0.001]
+)  # metres, a share, metres: changes below them leave every echo with its reflector
 
 
 @dataclass(frozen=True)

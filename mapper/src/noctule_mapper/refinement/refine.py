@@ -16,11 +16,13 @@ from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
+from noctule_mapper.readings.stands import with_sensors_as_now, with_sensors_stated_as
 from noctule_mapper.readings.turning import reconciled
 from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.map_search import best_map, links_of, made_by
 from noctule_mapper.refinement.model_selection import determined, may_be_a_corner, sure_stretch
+from noctule_mapper.refinement.pose_errors import sensors_of
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
@@ -69,7 +71,8 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     spread_m = last.range_sigma_m[: len(data.echoes)]
     poses = unit_poses(data, last, units)
     placed = replace(data, range_sigma_m=spread_m)
-    contour = with_touches(contour, objects, final.links, placed, units, config.refinement)
+    sensors = sensors_of(last.normal, data.stands, int(last.fit.offsets[-1]))
+    contour = with_touches(contour, objects, final.links, placed, sensors, units, config.refinement)
     return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
 
 
@@ -100,9 +103,10 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
     """The objects that explain the evidence, fitted to all of it, with the poses where the evidence has them."""
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
-    best = best_map(weighed, contacts, config)
-    weighed = best.scene.data
-    data = with_stands(data, weighed.stands)
+    # A few objects alone tell little of a sensor: their fits would draw it back to what was stated.
+    best = best_map(replace(weighed, stands=with_sensors_as_now(weighed.stands)), contacts, config)
+    stands = with_sensors_stated_as(weighed.stands, best.scene.data.stands)
+    weighed, data = with_stands(weighed, stands), with_stands(data, stands)
     scene = Scene(joined(data, _directions(weighed)), settings)
     objects, links = best.objects, best.links
     while True:

@@ -18,6 +18,7 @@ from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.readings.plateaus import Plateaus, of_fine_sweeps, plateaus_as_heard
 from noctule_mapper.refinement.association import Scene
 from noctule_mapper.refinement.frame_walls import FrameWalls, Support, against, sides_known, walls_of
+from noctule_mapper.refinement.pose_errors import ranges_by_sensor
 from noctule_mapper.refinement.right_angles import Heard, claimed, frames, weights
 
 _UNEXPLAINED = 0.5  # by the objects, for a plateau to be a touch
@@ -28,11 +29,12 @@ def with_touches(
     objects: Sequence[Reflector],
     links: Sequence[Link],
     data: Evidence,
+    sensors: np.ndarray,
     units: Sequence[str],
     config: RefinementConfig,
 ) -> Contour:
-    """``contour`` and what the plateaus of ``data`` tell beyond its ``objects`` and ``links``; ``units`` are the names
-    of the units that the echoes number.
+    """``contour`` and what the plateaus of ``data`` tell beyond its ``objects`` and ``links``; ``sensors`` are the
+    covariances of the units' sensors, (units, 3, 3), ``units`` the names of the units that the echoes number.
     """
     fine = of_fine_sweeps(data)
     if not fine.any():
@@ -42,7 +44,8 @@ def with_touches(
     left = scene.explain(scene.claims(*_published(objects, links))).unexplained > _UNEXPLAINED
     for place in np.unique(heard.evidence.place[left]):
         here = np.nonzero(left & (heard.evidence.place == place))[0]
-        contour = _with_place(contour, heard, here, units, config)
+        sensor = sensors[heard.evidence.echoes.unit[here[0]]]
+        contour = _with_place(contour, heard, here, sensor, units, config)
     return contour
 
 
@@ -54,9 +57,16 @@ def _published(objects: Sequence[Reflector], links: Sequence[Link]) -> tuple[lis
 
 
 def _with_place(
-    contour: Contour, heard: Plateaus, here: np.ndarray, units: Sequence[str], config: RefinementConfig
+    contour: Contour,
+    heard: Plateaus,
+    here: np.ndarray,
+    sensor: np.ndarray,
+    units: Sequence[str],
+    config: RefinementConfig,
 ) -> Contour:
-    """The contour with the plateaus number ``here``, all of one place, as touches, walls and corners."""
+    """The contour with the plateaus number ``here``, all of one place, as touches, walls and corners; ``sensor`` is the
+    covariance of its sensor, (3, 3).
+    """
     data = heard.evidence.take(here)
     place_m = np.array([data.echoes.x_m[0], data.echoes.y_m[0]])
     asked = _asked(data, contour.walls, place_m)
@@ -64,10 +74,10 @@ def _with_place(
     chance = weights(found, config.touches.frame_nats)
     known = int(asked.known.sum())
     wall, corner = (total[known:] for total in claimed(found, chance, known + len(here)))
-    support = Support(data, heard.readings[here], wall, corner)
+    support = Support(data, heard.readings[here], wall, corner, sensor)
     made = walls_of(found[int(chance.argmax())], asked, support, contour, config) if found else FrameWalls()
     touches = tuple(
-        _touch(heard, int(number), float(wall[index]), float(corner[index]), units, config)
+        _touch(heard, int(number), float(wall[index]), float(corner[index]), sensor, units, config)
         for index, number in enumerate(here)
         if index not in made.used
     )
@@ -98,13 +108,20 @@ def _asked(data: Evidence, walls: Sequence[Wall], place_m: np.ndarray) -> Heard:
 
 
 def _touch(
-    heard: Plateaus, number: int, wall: float, corner: float, units: Sequence[str], config: RefinementConfig
+    heard: Plateaus,
+    number: int,
+    wall: float,
+    corner: float,
+    sensor: np.ndarray,
+    units: Sequence[str],
+    config: RefinementConfig,
 ) -> Touch:
     data = heard.evidence.take(np.array([number]))
     direction_rad, range_m = float(data.echoes.axis_rad[0]), float(data.echoes.range_m[0])
     towards = np.array([np.cos(direction_rad), np.sin(direction_rad)])
     across = np.array([-towards[1], towards[0]])
-    covariance = data.range_sigma_m[0] ** 2 * np.outer(towards, towards)
+    by_sensor = ranges_by_sensor(np.array([range_m]))[0]
+    covariance = (data.range_sigma_m[0] ** 2 + by_sensor @ sensor @ by_sensor) * np.outer(towards, towards)
     covariance += (range_m * data.turn_sigma_rad[0]) ** 2 * np.outer(across, across)
     covariance += data.echoes.sigma_position_m[0] ** 2 * np.eye(2)
     kinds = (1 - wall - corner) * kind_chances(range_m, config) + (wall, corner, 0)
