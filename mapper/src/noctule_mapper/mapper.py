@@ -21,8 +21,8 @@ from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
 from noctule_mapper.placement.unplaced import Unplaced
 from noctule_mapper.readings.echoes import Echoes, echoes_of
-from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, pose_of
-from noctule_mapper.readings.parts import parts_of
+from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, looks_of_all, pose_of
+from noctule_mapper.readings.parts import parts_of, stops_are_rare
 from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
@@ -144,7 +144,10 @@ class Mapper:
         echoes = self._contacts.echoes(of)
         if not len(echoes):
             return Contour()
-        return refine(echoes, self._contacts.contacts(of), self._looks(sweeps), self.config, list(self._units))
+        looks = self._looks(sweeps)
+        if looks is None and stops_are_rare(sweeps, self.config.parts):
+            looks = looks_of_all(sweeps, self.config.noise.assumed_sigma_m, self._units)
+        return refine(echoes, self._contacts.contacts(of), looks, self.config, list(self._units))
 
     def _judge_again(self, pose: Pose) -> None:
         """Which echoes last of the sweeps from one pose may have changed with the last sweep that came or went."""

@@ -1,11 +1,11 @@
 """The refinement: robust maximum likelihood on the raw ranges, walls, cylinders and corners together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from noctule_mapper.config import MapperConfig, RefinementConfig
+from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.contour.corners import Link, contour_of, link_ends
@@ -22,7 +22,9 @@ from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.model_selection import add_objects, determined, least_places, trimmed
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
+from noctule_mapper.refinement.state import State
 from noctule_mapper.refinement.touches import with_touches
+from noctule_mapper.refinement.whole_map import sure_map
 
 
 def refine(
@@ -33,6 +35,8 @@ def refine(
 
     Worked out about the middle of the echoes' places: far from the origin theta and rho would be nearly one.
     """
+    if looks is not None and not echoes.is_fine.any():
+        config = for_rare_stops(config)
     x_m, y_m = float(np.median(echoes.x_m)), float(np.median(echoes.y_m))
     middle = _about(echoes, x_m, y_m)
     if looks is not None:
@@ -125,19 +129,9 @@ def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfi
     ]
 
 
-@dataclass(frozen=True)
-class _State:
-    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats."""
-
-    objects: list[Reflector]
-    links: list[Link]
-    explained: np.ndarray
-    worth: float
-
-
-def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
+def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> State:
     """The objects that explain the echoes for the least price, and which walls meet."""
-    state = _State([], [], np.zeros(len(data.echoes), bool), 0.0)
+    state = State([], [], np.zeros(len(data.echoes), bool), 0.0)
     if not len(data.echoes):
         return state
     library = candidates(data, found, config.contacts, config.cylinders, config.refinement)
@@ -148,19 +142,26 @@ def _explain(data: Evidence, found: Contacts, config: MapperConfig) -> _State:
         if tried.worth < state.worth + _LEAST_RISE_NATS:
             break
         state = tried
-    return _exchanged(state, library, scene, config)
+    state = _exchanged(state, library, scene, config)
+    if data.looks is None or data.echoes.is_fine.any():
+        return state
+
+    def fitted(some: Sequence[Reflector]) -> State:
+        return _state(some, scene, config)
+
+    return sure_map(state, library, scene, fitted, lambda some: _links(some, scene, config), config)
 
 
 _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for their likes
 
 
-def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _State:
+def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> State:
     objects, links = _settled(objects, scene, config)
     explanation = scene.explain(scene.claims(objects, links))
-    return _State(objects, links, explanation.unexplained < 0.5, scene.worth(objects, links, explanation))
+    return State(objects, links, explanation.unexplained < 0.5, scene.worth(objects, links, explanation))
 
 
-def _exchanged(state: _State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> _State:
+def _exchanged(state: State, library: Sequence[Candidates], scene: Scene, config: MapperConfig) -> State:
     """The state with points exchanged for walls or cylinders, and cylinders for walls, wherever that is worth more."""
     for kind, others in ((Spot, (Line, Circle)), (Circle, (Line,))):
         instead = [one for one in library if one.kind in others]
