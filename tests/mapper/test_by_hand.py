@@ -11,9 +11,11 @@ from mapper.by_hand import COARSE_RAD, FINE_RAD, room_with_stops, survey_by_hand
 from mapper.fixed_units import Verdict, judge_fixed
 from mapper.room import LabelledSweep, Room
 
+from noctule import bounds
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.messages import contour_message
 from noctule_mapper.readings.echoes import echoes_of, join
 from noctule_mapper.readings.evidence import evidence, newest_of_each_beam
 from noctule_mapper.readings.parts import stops_are_rare
@@ -67,6 +69,20 @@ def test_fine_sweeps_from_four_stops_map_a_plain_room() -> None:
     assert len(verdict.due) == 8
     assert not verdict.missed
     assert not verdict.false
+
+
+def test_each_stop_of_a_carried_unit_has_its_fitted_pose() -> None:
+    surveyed = survey_by_hand(RECTANGLE, ROUND[::2], np.random.default_rng(1), FINE_RAD, 1)
+    contour = mapped(surveyed)
+    assert [pose.unit for pose in contour.poses] == ["u1"]
+    found = [*contour.stops, *contour.poses]
+    assert [(one.stated_x_m, one.stated_y_m) for one in found] == [pytest.approx(stop) for stop in ROUND[::2, :2]]
+    # A pose is known to a few millimetres beside the others, where 1 cm was stated.
+    away_m = [np.hypot(one.x_m - one.stated_x_m, one.y_m - one.stated_y_m) for one in found]
+    assert 0.001 < max(away_m) < 0.04
+    message = contour_message(contour, "s")
+    assert [one.stated.x_m for one in message.stops] == pytest.approx([stop.stated_x_m for stop in contour.stops])
+    bounds.check(message)
 
 
 def test_stops_are_rare_when_the_places_before_and_behind_are_out_of_a_dense_paths_reach() -> None:

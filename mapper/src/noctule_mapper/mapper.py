@@ -14,6 +14,7 @@ from noctule_mapper.contacts.contact_book import ContactBook, ContactChange, Ide
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.contour.contour import Contour, joined
 from noctule_mapper.contour.reasons import reason
+from noctule_mapper.contour.stops import parted
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import contact_regions, free_space
 from noctule_mapper.paper.eht_lsm import eht_lsm
@@ -118,8 +119,11 @@ class Mapper:
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
         found = self._contour()
         note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config.refinement.limits)
-        poses, method = self._unplaced.published(found.poses), self.config.method
-        return replace(found, poses=poses, sweeps=len(self._sweeps), time_s=newest_s, method=method, note=note)
+        now, stops = parted(found.poses, self._sweeps.values())
+        poses, method = self._unplaced.published(now), self.config.method
+        return replace(
+            found, poses=poses, stops=stops, sweeps=len(self._sweeps), time_s=newest_s, method=method, note=note
+        )
 
     def _contour(self) -> Contour:
         if not len(self._contacts.echoes()):
