@@ -31,6 +31,7 @@ from noctule.air import speed_of_sound_m_s
 from noctule_mapper.config import SensorConfig
 from noctule_mapper.contour.contour import Contour, Wall
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.looks import Pose, pose_of
 from noctule_mapper.readings.sweep import from_message
 
 BEARINGS_RAD = np.radians(np.linspace(-135, 135, 61))
@@ -352,12 +353,12 @@ def judge_fixed(
 
 
 def _due(room: Room, surveyed: Sequence[LabelledSweep], told: LabelFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    heard_by: list[set[str]] = [set() for _ in room.vertices]
+    heard_from: list[set[Pose]] = [set() for _ in room.vertices]
     for one in surveyed:
         for label in one.labels:
             if label.kind == "wall":
-                heard_by[label.index].add(one.sweep.unit)
-    walls = np.array([len(units) >= 2 for units in heard_by])
+                heard_from[label.index].add(pose_of(one.sweep))
+    walls = np.array([len(poses) >= 2 for poses in heard_from])
     walls &= np.sqrt(variances(told.wall_covariances)[:, 0]) < np.radians(1.5)
     corners = walls & np.roll(walls, 1) & (np.sqrt(variances(told.corner_covariances).sum(axis=1)) < 0.04)
     radii = np.array(room.cylinders).reshape(-1, 3)[:, 2]

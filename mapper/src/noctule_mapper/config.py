@@ -174,6 +174,26 @@ class PriceConfig(_Model):
     hole_nats: float = Field(default=8.0, gt=0)
 
 
+class RareStopsConfig(_Model):
+    """Coarse sweeps from stops so far apart that each hears a wall once: who is compared, and what an object costs.
+
+    A line known to 1.5 degrees and 1 cm among all that lie within 4 m of the sensor is one of e^9.6; that most rooms
+    have several walls makes it a little less surprising. Prices along a dense path are higher, since among many
+    echoes some agree by chance.
+    """
+
+    wall_nats: float = Field(default=8.0, gt=0)
+    point_nats: float = Field(default=8.0, gt=0)
+    cylinder_nats: float = Field(default=12.0, gt=0)
+    longest_baseline_m: float = Field(default=8.0, gt=0)
+    # A wall stands if the best map without it is worth so much less.
+    sure_nats: float = Field(default=4.0, ge=0)
+    # Walls of more echoes than this need no such proof.
+    weak_echoes: float = Field(default=5.5, ge=0)
+    # The search by the worth of the whole map is for a room or two.
+    most_places: int = Field(default=60, ge=0)
+
+
 class BeamConfig(_Model):
     """What a sensor hears: how wide, with which chance, and how its echoes err."""
 
@@ -305,6 +325,7 @@ class RefinementConfig(_Model):
     search: SearchConfig = SearchConfig()
     plateaus: PlateauConfig = PlateauConfig()
     touches: TouchConfig = TouchConfig()
+    rare_stops: RareStopsConfig = RareStopsConfig()
 
 
 class MapperConfig(_Model):
@@ -322,6 +343,20 @@ class MapperConfig(_Model):
     cylinders: CylinderConfig = CylinderConfig()
     hough: HoughConfig = HoughConfig()
     refinement: RefinementConfig = RefinementConfig()
+
+
+def for_rare_stops(config: MapperConfig) -> MapperConfig:
+    """The configuration with the prices and baselines of ``rare_stops``."""
+    rare = config.refinement.rare_stops
+    prices = {name: getattr(rare, name) for name in ("wall_nats", "point_nats", "cylinder_nats")}
+    refinement = {  # coarse sweeps have no plateaus, whose feet could lie close or leave a wall between two others
+        "prices": config.refinement.prices.model_copy(update={**prices, "close_feet_nats": 0.0}),
+        "linking": config.refinement.linking.model_copy(update={"between_nats_per_m": 0.0}),
+    }
+    contacts = config.contacts.model_copy(update={"longest_baseline_m": rare.longest_baseline_m})
+    return config.model_copy(
+        update={"refinement": config.refinement.model_copy(update=refinement), "contacts": contacts}
+    )
 
 
 class Window(_Model):

@@ -14,6 +14,7 @@ from noctule_mapper.contacts.contact_book import ContactBook, ContactChange, Ide
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.contour.contour import Contour, joined
 from noctule_mapper.contour.reasons import reason
+from noctule_mapper.contour.stops import parted
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import contact_regions, free_space
 from noctule_mapper.paper.eht_lsm import eht_lsm
@@ -21,8 +22,8 @@ from noctule_mapper.paper.features import FeaturePoints, feature_points
 from noctule_mapper.paper.hough import hough
 from noctule_mapper.placement.unplaced import Unplaced
 from noctule_mapper.readings.echoes import Echoes, echoes_of
-from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, pose_of
-from noctule_mapper.readings.parts import parts_of
+from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, looks_of_all, pose_of
+from noctule_mapper.readings.parts import parts_of, stops_are_rare
 from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
@@ -118,8 +119,11 @@ class Mapper:
         newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
         found = self._contour()
         note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config.refinement.limits)
-        poses, method = self._unplaced.published(found.poses), self.config.method
-        return replace(found, poses=poses, sweeps=len(self._sweeps), time_s=newest_s, method=method, note=note)
+        now, stops = parted(found.poses, self._sweeps.values())
+        poses, method = self._unplaced.published(now), self.config.method
+        return replace(
+            found, poses=poses, stops=stops, sweeps=len(self._sweeps), time_s=newest_s, method=method, note=note
+        )
 
     def _contour(self) -> Contour:
         if not len(self._contacts.echoes()):
@@ -144,7 +148,10 @@ class Mapper:
         echoes = self._contacts.echoes(of)
         if not len(echoes):
             return Contour()
-        return refine(echoes, self._contacts.contacts(of), self._looks(sweeps), self.config, list(self._units))
+        looks = self._looks(sweeps)
+        if looks is None and stops_are_rare(sweeps, self.config.parts):
+            looks = looks_of_all(sweeps, self.config.noise.assumed_sigma_m, self._units)
+        return refine(echoes, self._contacts.contacts(of), looks, self.config, list(self._units))
 
     def _judge_again(self, pose: Pose) -> None:
         """Which echoes last of the sweeps from one pose may have changed with the last sweep that came or went."""

@@ -52,6 +52,7 @@ def contour_message(contour: Contour, site: str, mapper: str = "", version: int 
         ],
         touches=[_touch(touch) for touch in contour.touches],
         poses=[_unit_pose(pose) for pose in contour.poses],
+        stops=[_unit_pose(pose) for pose in contour.stops],
     )
 
 

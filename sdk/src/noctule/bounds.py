@@ -309,6 +309,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "sweeps": _NUMBER_53,
         "note": _SENTENCES,
         "poses": Many(4096),
+        "stops": Many(20_000),  # as many as sweeps
     },
     "FeaturePoint": {
         "x_m": _MAP_M,

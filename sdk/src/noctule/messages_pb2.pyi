@@ -432,7 +432,7 @@ class UnitPose(_message.Message):
     def __init__(self, unit: _Optional[str] = ..., x_m: _Optional[float] = ..., y_m: _Optional[float] = ..., heading_rad: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., stated: _Optional[_Union[Pose, _Mapping]] = ..., state: _Optional[_Union[PoseState, str]] = ..., fixes_frame: _Optional[bool] = ..., detail: _Optional[str] = ...) -> None: ...
 
 class Contour(_message.Message):
-    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "poses", "touches", "note")
+    __slots__ = ("site", "mapper", "version", "time", "method", "walls", "corners", "cylinders", "sweeps", "poses", "stops", "touches", "note")
     SITE_FIELD_NUMBER: _ClassVar[int]
     MAPPER_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
@@ -443,6 +443,7 @@ class Contour(_message.Message):
     CYLINDERS_FIELD_NUMBER: _ClassVar[int]
     SWEEPS_FIELD_NUMBER: _ClassVar[int]
     POSES_FIELD_NUMBER: _ClassVar[int]
+    STOPS_FIELD_NUMBER: _ClassVar[int]
     TOUCHES_FIELD_NUMBER: _ClassVar[int]
     NOTE_FIELD_NUMBER: _ClassVar[int]
     site: str
@@ -455,9 +456,10 @@ class Contour(_message.Message):
     cylinders: _containers.RepeatedCompositeFieldContainer[Cylinder]
     sweeps: int
     poses: _containers.RepeatedCompositeFieldContainer[UnitPose]
+    stops: _containers.RepeatedCompositeFieldContainer[UnitPose]
     touches: _containers.RepeatedCompositeFieldContainer[Touch]
     note: str
-    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., poses: _Optional[_Iterable[_Union[UnitPose, _Mapping]]] = ..., touches: _Optional[_Iterable[_Union[Touch, _Mapping]]] = ..., note: _Optional[str] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., mapper: _Optional[str] = ..., version: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., method: _Optional[str] = ..., walls: _Optional[_Iterable[_Union[Wall, _Mapping]]] = ..., corners: _Optional[_Iterable[_Union[Corner, _Mapping]]] = ..., cylinders: _Optional[_Iterable[_Union[Cylinder, _Mapping]]] = ..., sweeps: _Optional[int] = ..., poses: _Optional[_Iterable[_Union[UnitPose, _Mapping]]] = ..., stops: _Optional[_Iterable[_Union[UnitPose, _Mapping]]] = ..., touches: _Optional[_Iterable[_Union[Touch, _Mapping]]] = ..., note: _Optional[str] = ...) -> None: ...
 
 class FeaturePoint(_message.Message):
     __slots__ = ("x_m", "y_m", "reliability", "kind")

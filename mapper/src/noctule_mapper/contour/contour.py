@@ -116,7 +116,8 @@ class Contour:
     corners: tuple[Corner, ...] = ()
     cylinders: tuple[Cylinder, ...] = ()
     touches: tuple[Touch, ...] = ()
-    poses: tuple[UnitPose, ...] = ()  # of the units that stand still and sweep finely
+    poses: tuple[UnitPose, ...] = ()  # of the units that sweep finely, where they stand now
+    stops: tuple[UnitPose, ...] = ()  # where these units stood before, as they came there
     sweeps: int = 0
     time_s: float = 0.0
     method: str = ""
@@ -137,16 +138,8 @@ class Contour:
             walls=tuple(_shifted(wall, x_m, y_m) for wall in self.walls),
             corners=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.corners),
             cylinders=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.cylinders),
-            poses=tuple(
-                replace(
-                    one,
-                    x_m=one.x_m + x_m,
-                    y_m=one.y_m + y_m,
-                    stated_x_m=one.stated_x_m + x_m,
-                    stated_y_m=one.stated_y_m + y_m,
-                )
-                for one in self.poses
-            ),
+            poses=tuple(_shifted_pose(one, x_m, y_m) for one in self.poses),
+            stops=tuple(_shifted_pose(one, x_m, y_m) for one in self.stops),
             touches=tuple(replace(one, x_m=one.x_m + x_m, y_m=one.y_m + y_m) for one in self.touches),
         )
 
@@ -168,7 +161,18 @@ def joined(contours: Sequence[Contour]) -> Contour:
         tuple(cylinders),
         touches=tuple(touches),
         poses=tuple(pose for one in contours for pose in one.poses),
+        stops=tuple(pose for one in contours for pose in one.stops),
         range_sigma_m=spread_m,
+    )
+
+
+def _shifted_pose(pose: UnitPose, x_m: float, y_m: float) -> UnitPose:
+    return replace(
+        pose,
+        x_m=pose.x_m + x_m,
+        y_m=pose.y_m + y_m,
+        stated_x_m=pose.stated_x_m + x_m,
+        stated_y_m=pose.stated_y_m + y_m,
     )
 
 

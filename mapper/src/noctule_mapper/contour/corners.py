@@ -164,18 +164,28 @@ def heard_through(start: np.ndarray, end: np.ndarray, data: Evidence, config: Re
 
 
 def parting(corner: Crossing, data: Evidence, config: RefinementConfig) -> np.ndarray:
-    """Which plateaus would, as walls, part the corner from what has been seen of both its walls, bool (n,).
+    """Which plateaus would, as walls, part the corner from what has been seen of both its walls, bool (n,); where
+    nothing but coarse sweeps looked, which echoes might do so in some direction of their beam.
 
     There may be a wall between these two that only one place has heard.
     """
-    known = data.tells_direction
-    if known is None:
-        return np.zeros(len(data.echoes), bool)
-    normal = np.stack([np.cos(data.echoes.axis_rad), np.sin(data.echoes.axis_rad)], axis=1)
+    if data.tells_direction is not None:
+        return data.tells_direction & _parts(corner, data.echoes.axis_rad, data, config)
+    turns_rad = [share * data.echoes.half_beam_rad for share in _SHARES_OF_A_BEAM if data.looks is not None]
+    parts = [_parts(corner, data.echoes.axis_rad + turn_rad, data, config) for turn_rad in turns_rad]
+    return np.any(parts, axis=0) if parts else np.zeros(len(data.echoes), bool)
+
+
+_SHARES_OF_A_BEAM = (-0.6, 0.0, 0.6)  # from its axis: where most of what is heard lies
+
+
+def _parts(corner: Crossing, direction_rad: np.ndarray, data: Evidence, config: RefinementConfig) -> np.ndarray:
+    """Whether lines in ``direction_rad`` (n,) part the corner from what has been seen of both walls, bool (n,)."""
+    normal = np.stack([np.cos(direction_rad), np.sin(direction_rad)], axis=1)
     rho_m = normal[:, 0] * data.echoes.x_m + normal[:, 1] * data.echoes.y_m + data.echoes.range_m
     seen = (corner.first.at(corner.first.high_m), corner.second.at(corner.second.low_m))
     before = [normal @ foot < rho_m for foot in seen]
-    return known & before[0] & before[1] & (normal @ corner.point > rho_m + config.beam.behind_m)
+    return before[0] & before[1] & (normal @ corner.point > rho_m + config.beam.behind_m)
 
 
 def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config: RefinementConfig) -> Contour:

@@ -34,7 +34,8 @@ def contour_table(contour: Contour) -> str:
     touches = [_touch(number, touch) for number, touch in enumerate(contour.touches, 1)]
     tables = [(_WALL_HEAD, walls), (_CORNER_HEAD, corners), (_CYLINDER_HEAD, cylinders)]
     tables += [(_TOUCH_HEAD, touches)] if touches else []
-    units = "\n".join(f"unit {pose.unit}: {poses.words(pose)}" for pose in contour.poses)
+    lines = [f"stop {number} of unit {pose.unit}: {poses.words(pose)}" for number, pose in enumerate(contour.stops, 1)]
+    units = "\n".join([*lines, *(f"unit {pose.unit}: {poses.words(pose)}" for pose in contour.poses)])
     return "\n\n".join([*(_aligned([head, *rows]) for head, rows in tables), *filter(None, [units, contour.note])])
 
 

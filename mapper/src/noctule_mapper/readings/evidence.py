@@ -110,11 +110,22 @@ def with_stands(data: Evidence, stands: Stands) -> Evidence:
 
 
 def newest_of_each_beam(data: Evidence) -> np.ndarray:
-    """Numbers of the echoes that stand for all when objects are weighed: of one place and direction the newest.
+    """Numbers of the echoes that stand for all when objects are weighed: of one place and direction the newest of those
+    on which most of its sweeps agree.
 
     Such echoes share their errors: of pose, of clutter, of what passes by. A thousand of them prove no more than one.
     """
     beam = np.rint(data.echoes.axis_rad % (2 * np.pi) / data.echoes.half_beam_rad).astype(int)
-    groups = np.stack([data.place, beam], axis=1)[::-1]
-    _, last = np.unique(groups, axis=0, return_index=True)
-    return np.sort(len(groups) - 1 - last)
+    _, group = np.unique(np.stack([data.place, beam], axis=1), axis=0, return_inverse=True)
+    order = np.lexsort((data.echoes.range_m, group.ravel()))
+    parted = np.diff(group.ravel()[order]) != 0
+    parted |= np.diff(data.echoes.range_m[order]) > _AGREEING_SIGMAS * np.sqrt(2) * data.range_sigma_m[order[1:]]
+    level = np.zeros(len(order), int)
+    level[order] = np.concatenate([[0], np.cumsum(parted)])[: len(order)]
+    agreeing = np.bincount(level)[level] if len(level) else level
+    best = np.lexsort((np.arange(len(order)), agreeing, group.ravel()))
+    last = np.append(np.diff(group.ravel()[best]) != 0, True)[: len(order)]
+    return np.sort(best[last])
+
+
+_AGREEING_SIGMAS = 3.0

@@ -1,6 +1,7 @@
 """Looks: every reading of a fine sweep, those that heard nothing included.
 
-A gap is evidence only where somebody looked. Coarse sweeps look past most of what is there, so they have no looks.
+A gap is evidence only where somebody looked. Coarse sweeps look past most of what is there, so along a dense path they
+have no looks: what one sweep misses the next one hears. From rare stops there is nothing else to go by.
 """
 
 from collections.abc import Iterable, Mapping
@@ -52,10 +53,16 @@ def looks_of(
     sweeps: Iterable[SweepReadings], assumed_sigma_m: float, units: Mapping[str, int] | None = None
 ) -> Looks | None:
     """The looks of the fine ones among ``sweeps``, None where there are none; ``units`` numbers the units."""
+    return looks_of_all(filter(is_fine, sweeps), assumed_sigma_m, units)
+
+
+def looks_of_all(
+    sweeps: Iterable[SweepReadings], assumed_sigma_m: float, units: Mapping[str, int] | None = None
+) -> Looks | None:
+    """The looks of all ``sweeps``, None where there are none; ``units`` numbers the units."""
     by_place: dict[Pose, list[SweepReadings]] = {}
     for sweep in sweeps:
-        if is_fine(sweep):
-            by_place.setdefault(pose_of(sweep), []).append(sweep)
+        by_place.setdefault(pose_of(sweep), []).append(sweep)
     parts = []
     for held in by_place.values():
         newest = held[-_SWEEPS_OF_A_PLACE:]

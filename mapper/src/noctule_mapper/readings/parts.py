@@ -33,6 +33,19 @@ def parts_of(sweeps: Sequence[SweepReadings], config: PartConfig) -> list[list[S
     return list(parts.values())
 
 
+def stops_are_rare(sweeps: Sequence[SweepReadings], config: PartConfig) -> bool:
+    """Whether the places are so far apart that the next ones are out of the reach of a dense path, three of them at
+    least: by the second nearest place of most.
+    """
+    at_m = np.array([(sweep.x_m, sweep.y_m) for sweep in sweeps]).reshape(-1, 2)
+    x_m, y_m = (np.unique(np.rint(at_m / config.same_place_m), axis=0) * config.same_place_m).T
+    if len(x_m) <= _NEAREST:
+        return False
+    first, second, _ = _pairs_within(x_m, y_m, config.reach_m / config.steps)
+    around = np.bincount(np.concatenate([first, second]), minlength=len(x_m))
+    return bool(np.median(around) < _NEAREST)
+
+
 def _neighbours(
     x_m: np.ndarray, y_m: np.ndarray, fine: np.ndarray, config: PartConfig
 ) -> tuple[np.ndarray, np.ndarray]:

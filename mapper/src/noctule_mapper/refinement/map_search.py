@@ -22,20 +22,8 @@ from noctule_mapper.refinement.exchanges import met_walls, others_for
 from noctule_mapper.refinement.model_selection import add_objects, least_places, trimmed
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
-
-
-@dataclass(frozen=True)
-class State:
-    """Objects that may be the room's, which of their walls meet, which echoes they explain, and their worth in nats; in
-    a scene where the poses are as they have fitted best with these objects.
-    """
-
-    objects: list[Reflector]
-    links: list[Link]
-    explained: np.ndarray
-    worth: float
-    scene: Scene
-    of_poses: float  # how much of the worth is that of the poses
+from noctule_mapper.refinement.state import State
+from noctule_mapper.refinement.whole_map import sure_map
 
 
 def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
@@ -45,8 +33,23 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
         return state
     ways = _WAYS if len(data.stands.open) and not data.stands.is_doubted.any() else _WAYS[:1]
     best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
-    best = (_exchanged if data.looks is None else _improved)(best, library, config)
+    if data.tells_direction is not None:
+        best = _improved(best, library, config)
+    else:
+        best = _exchanged(best, library, config)
+        if data.looks is not None:
+            best = _sure(best, library, config)
     return _confirmed(best, config) if len(data.stands.open) else best
+
+
+def _sure(state: State, library: Sequence[Candidates], config: MapperConfig) -> State:
+    scene = state.scene
+    return sure_map(
+        *(state, library, scene),
+        lambda objects: _state(objects, scene, config),
+        lambda objects: links_of(objects, scene, config),
+        config,
+    )
 
 
 def _confirmed(state: State, config: MapperConfig) -> State:

@@ -48,10 +48,10 @@ def stated_nats(stands: Stands, shared: Shared, errors: Errors) -> float:
 
 
 def unit_poses(data: Evidence, settled: Settled, units: Sequence[str]) -> tuple[UnitPose, ...]:
-    """The poses of the units that stand still, as fitted."""
+    """All poses from which units swept finely, as fitted."""
     stands, errors, shift = data.stands, settled.errors, settled.shared.shift
     told = _told(settled.normal, stands)
-    chosen = _newest(data)
+    chosen = np.intersect1d(data.stand, stands.fine)  # those that heard something
     least = stands.sigma[chosen].sum(axis=1).min(initial=np.inf)
     found = []
     for number in chosen:
@@ -76,16 +76,6 @@ def unit_poses(data: Evidence, settled: Settled, units: Sequence[str]) -> tuple[
             )
         )
     return tuple(sorted(found, key=lambda one: one.unit))
-
-
-def _newest(data: Evidence) -> np.ndarray:
-    """Of each unit that sweeps finely the stand where it is now: where its newest sweep was made."""
-    newest: dict[int, tuple[int, int]] = {}
-    for stand, sweep in zip(data.stand, data.echoes.sweep, strict=True):
-        unit = int(data.stands.unit[stand])
-        if unit >= 0:
-            newest[unit] = max(newest.get(unit, (-1, -1)), (int(sweep), int(stand)))
-    return np.array([stand for _, stand in newest.values()], dtype=int)
 
 
 def _told(normal: Normal, stands: Stands) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from noctule_mapper.config import MapperConfig, RefinementConfig
+from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour, Cylinder
 from noctule_mapper.contour.corners import contour_of
@@ -36,6 +36,8 @@ def refine(
 
     Worked out about the middle of the echoes' places: far from the origin theta and rho would be nearly one.
     """
+    if looks is not None and not echoes.is_fine.any():
+        config = for_rare_stops(config)
     x_m, y_m = float(np.median(echoes.x_m)), float(np.median(echoes.y_m))
     middle = _about(echoes, x_m, y_m)
     if looks is not None:
@@ -93,7 +95,7 @@ def _as_sure(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, da
     """The objects, walls only as far as fine sweeps surely heard them: the last foot may be the corner's echo."""
     return [
         sure_stretch(one, data.take(made_by(number, claims, share)))
-        if isinstance(one, Line) and data.looks is not None
+        if isinstance(one, Line) and data.tells_direction is not None
         else one
         for number, one in enumerate(objects)
     ]

@@ -81,7 +81,7 @@ def draw_contour(contour: Contour) -> Entries:
     yield rerun_paths.CORNERS, corners
     yield from _cylinders(contour)
     yield from _touches(contour)
-    yield from _poses([pose for pose in contour.poses if poses.is_placed(pose)])
+    yield from _poses([pose for pose in (*contour.stops, *contour.poses) if poses.is_placed(pose)])
 
 
 def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:

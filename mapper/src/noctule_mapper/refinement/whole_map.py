@@ -1,0 +1,156 @@
+"""The search by the worth of the whole map, where so few echoes tell of each wall that none earns its price alone.
+
+From rare stops a coarse sweep hears each wall once, and the two or three echoes of a wall are worth hardly more than
+its price. Its corners pay for it: their echoes have no other maker. So each candidate line is put into the map, linked
+with the walls that are there, freed of the points that its corners replace, and kept if the whole map is worth more
+with it. In the end a wall of few echoes stands only if the best map without it is worth clearly less.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.contour.corners import Link
+from noctule_mapper.contour.likelihood import gains
+from noctule_mapper.contour.reflectors import Line, Reflector, Spot
+from noctule_mapper.contour.silence import silence_of
+from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.refinement.association import Scene
+from noctule_mapper.refinement.candidates import Candidates
+from noctule_mapper.refinement.model_selection import trimmed
+from noctule_mapper.refinement.state import State
+
+_MOST_TRIED = 40  # lines of a round
+_FITTED = 3  # of these the maps that are fitted, the best
+_LEAST_PLACES = 2
+_LEAST_RISE_NATS = 1.0
+_HOPE_NATS = 8.0  # that fitting a map may bring at most
+_MOST_EXCHANGES = 12  # walls without which a map is tried
+_ALIKE_RAD, _ALIKE_M = np.radians(2.5), 0.05  # lines that are one wall
+
+Fitted = Callable[[Sequence[Reflector]], State]
+Linked = Callable[[Sequence[Reflector]], list[Link]]
+
+
+def sure_map(
+    state: State, library: Sequence[Candidates], scene: Scene, fitted: Fitted, linked: Linked, config: MapperConfig
+) -> State:
+    """The map that is worth most of those about ``state``, without the walls that it may as well be without."""
+    rare = config.refinement.rare_stops
+    if len(np.unique(scene.data.place)) > rare.most_places:
+        return state
+
+    def completed(start: State, barred: Line | None = None) -> State:
+        return _completed(start, library, scene, fitted, linked, config, barred)
+
+    state = completed(state)
+    judged: list[tuple[Reflector, float]] = []
+    for _ in range(_MOST_EXCHANGES):
+        wall = _weakest(state, [one for one, _ in judged], scene, rare.weak_echoes)
+        if wall is None:
+            break
+        other = completed(fitted([one for one in state.objects if one is not wall]), barred=wall)
+        if other.worth > state.worth + _LEAST_RISE_NATS:
+            state, judged = other, []
+        else:
+            judged.append((wall, state.worth - other.worth))
+    unsure = [one for one, margin in judged if margin < rare.sure_nats]
+    return fitted([one for one in state.objects if not any(one is wall for wall in unsure)]) if unsure else state
+
+
+def _completed(
+    state: State,
+    library: Sequence[Candidates],
+    scene: Scene,
+    fitted: Fitted,
+    linked: Linked,
+    config: MapperConfig,
+    barred: Line | None,
+) -> State:
+    """The state with more walls, none of them ``barred``, as long as the whole map is worth more with one."""
+    while True:
+        best = state
+        for worth, objects in _with_one_wall_more(state, library, scene, linked, config, barred)[:_FITTED]:
+            if worth < state.worth - _HOPE_NATS:
+                break
+            tried = fitted(objects)
+            best = tried if tried.worth > best.worth and not _has(tried.objects, barred) else best
+        if best.worth < state.worth + _LEAST_RISE_NATS:
+            return state
+        state = best
+
+
+def _with_one_wall_more(
+    state: State,
+    library: Sequence[Candidates],
+    scene: Scene,
+    linked: Linked,
+    config: MapperConfig,
+    barred: Line | None,
+) -> list[tuple[float, list[Reflector]]]:
+    """Objects with one line more, and what each such map is worth in nats, the best first."""
+    solid = [one for one in state.objects if not isinstance(one, Spot)]
+    free = scene.explain(scene.claims(solid, linked(solid))).unexplained > 0.5
+    lines = [one for one in _lines(library, free, scene, config) if not _has([one], barred)]
+    tried = [_without_needless_points([*state.objects, line], scene, linked) for line in lines]
+    return sorted(tried, key=lambda one: -one[0])
+
+
+def _lines(library: Sequence[Candidates], free: np.ndarray, scene: Scene, config: MapperConfig) -> Iterator[Line]:
+    """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them."""
+    data, found = scene.data, []
+    for kind in library:
+        rows = np.argsort(-(kind.gains @ free.astype(np.float32)))[: 4 * _MOST_TRIED] if kind.kind is Line else []
+        for theta_rad, rho_m in kind.parameters[rows]:
+            line = Line(float(theta_rad), float(rho_m))
+            line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, data, config)
+            gain = gains(line, data, config.refinement) * free
+            if len(np.unique(data.place[gain > 0])) >= _LEAST_PLACES:
+                worth = float(gain.sum()) - silence_of(line, data, config.refinement)
+                found.append((worth, line, frozenset(np.nonzero(gain)[0].tolist())))
+    seen: set[frozenset[int]] = set()
+    for _, line, echoes in sorted(found, key=lambda one: -one[0]):
+        if echoes not in seen and len(seen) < _MOST_TRIED:
+            seen.add(echoes)
+            yield line
+
+
+def _without_needless_points(objects: list[Reflector], scene: Scene, linked: Linked) -> tuple[float, list[Reflector]]:
+    """The objects less the points without which they are worth more, and their worth."""
+    worth = _worth(objects, scene, linked)
+    for point in [one for one in objects if isinstance(one, Spot)]:
+        fewer = [one for one in objects if one is not point]
+        if (other := _worth(fewer, scene, linked)) > worth:
+            objects, worth = fewer, other
+    return worth, objects
+
+
+def _worth(objects: Sequence[Reflector], scene: Scene, linked: Linked) -> float:
+    links = linked(objects)
+    return scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
+
+
+def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoes: float) -> Line | None:
+    """Of the walls not yet ``judged`` the one of fewest echoes, None where all have more than ``most_echoes``."""
+    claims = scene.claims(state.objects, state.links)
+    share = np.bincount(claims.maker, scene.explain(claims).share, minlength=len(state.objects))
+    left = [
+        (float(share[number]), number, one)
+        for number, one in enumerate(state.objects)
+        if isinstance(one, Line) and share[number] < most_echoes and not any(one is old for old in judged)
+    ]
+    return min(left)[2] if left else None
+
+
+def _has(objects: Sequence[Reflector], wall: Line | None) -> bool:
+    """Whether one of the objects is that wall, or nearly."""
+    if wall is None:
+        return False
+    middle = wall.at((wall.low_m + wall.high_m) / 2)
+    return any(
+        isinstance(one, Line)
+        and abs(wrapped(np.array(one.theta_rad - wall.theta_rad))) < _ALIKE_RAD
+        and abs(float(one.normal @ middle) - one.rho_m) < _ALIKE_M
+        for one in objects
+    )
