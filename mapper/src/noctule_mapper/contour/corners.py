@@ -171,9 +171,10 @@ def parting(corner: Crossing, data: Evidence, config: RefinementConfig) -> np.nd
     """
     if data.tells_direction is not None:
         return data.tells_direction & _parts(corner, data.echoes.axis_rad, data, config)
-    turns_rad = [share * data.echoes.half_beam_rad for share in _SHARES_OF_A_BEAM if data.looks is not None]
-    parts = [_parts(corner, data.echoes.axis_rad + turn_rad, data, config) for turn_rad in turns_rad]
-    return np.any(parts, axis=0) if parts else np.zeros(len(data.echoes), bool)
+    if data.looks is None or data.has_fine:
+        return np.zeros(len(data.echoes), bool)
+    turns_rad = [share * data.echoes.half_beam_rad for share in _SHARES_OF_A_BEAM]
+    return np.any([_parts(corner, data.echoes.axis_rad + turn_rad, data, config) for turn_rad in turns_rad], axis=0)
 
 
 _SHARES_OF_A_BEAM = (-0.6, 0.0, 0.6)  # from its axis: where most of what is heard lies

@@ -57,6 +57,11 @@ class Evidence:
         known = np.isfinite(self.direction_sigma_rad)
         return known if known.any() else None
 
+    @cached_property
+    def has_fine(self) -> bool:
+        """Whether any of the echoes is of a fine sweep."""
+        return bool(self.echoes.is_fine.any())
+
     def respread(self, factor: np.ndarray | float) -> "Evidence":
         """The same with ``factor`` times the spread of ranges."""
         return replace(self, range_sigma_m=factor * self.range_sigma_m)

@@ -33,7 +33,7 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
         return state
     ways = _WAYS if len(data.stands.open) and not data.stands.is_doubted.any() else _WAYS[:1]
     best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
-    if data.tells_direction is not None:
+    if data.has_fine:
         best = _improved(best, library, config)
     else:
         best = _exchanged(best, library, config)

@@ -94,9 +94,7 @@ def _surely_cylinders(cylinders: Sequence[Cylinder], final: Final, config: Mappe
 def _as_sure(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, data: Evidence) -> list[Reflector]:
     """The objects, walls only as far as fine sweeps surely heard them: the last foot may be the corner's echo."""
     return [
-        sure_stretch(one, data.take(made_by(number, claims, share)))
-        if isinstance(one, Line) and data.tells_direction is not None
-        else one
+        sure_stretch(one, data.take(made_by(number, claims, share))) if isinstance(one, Line) and data.has_fine else one
         for number, one in enumerate(objects)
     ]
 
