@@ -13,6 +13,9 @@ from noctule_mapper.contour.contour import Contour, PoseState
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import SweepReadings
 
+# No two of its walls are parallel, none at right angles, and from near its middle a unit hears them all.
+IRREGULAR = Room(np.array([(0.0, 0.0), (3.6, -0.5), (4.1, 1.9), (2.0, 3.4), (-0.7, 2.1)]))
+NEAR_ITS_MIDDLE = np.array([(1.6, 1.3, 0.4), (2.2, 1.5, 2.1), (1.2, 1.6, -1.2), (2.0, 0.9, -2.8), (1.5, 1.9, 1.0)])
 # As wanted of a pose that is found.
 MOST_OFF_M, MOST_OFF_RAD = 0.05, math.radians(2)
 
