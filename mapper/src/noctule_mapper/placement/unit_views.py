@@ -59,13 +59,14 @@ def view_of(unit: str, sweeps: Sequence[SweepReadings], config: MapperConfig) ->
     echoes = join([echoes_of(sweep, number, config.noise.assumed_sigma_m) for number, sweep in enumerate(own)])
     data = evidence(echoes, echoes.sigma_m, config.sensor.longest_range_m, config.refinement)
     flat = plateaus(replace(data, looks=looks), config.refinement)
+    surest = np.sort(np.argsort(flat.direction_sigma_rad, kind="stable")[:_MOST_PLATEAUS])
     far_m = config.sensor.longest_range_m
     return UnitView(
         unit=unit,
-        direction_rad=flat.echoes.axis_rad,
-        direction_sigma_rad=flat.direction_sigma_rad,
-        range_m=flat.echoes.range_m,
-        range_sigma_m=np.hypot(flat.range_sigma_m, LEAST_RANGE_SIGMA_M),
+        direction_rad=flat.echoes.axis_rad[surest],
+        direction_sigma_rad=flat.direction_sigma_rad[surest],
+        range_m=flat.echoes.range_m[surest],
+        range_sigma_m=np.hypot(flat.range_sigma_m[surest], LEAST_RANGE_SIGMA_M),
         look_rad=looks.echoes.axis_rad,
         look_m=np.where(looks.echoes.range_m > far_m, np.inf, looks.echoes.range_m),
     )
@@ -73,4 +74,5 @@ def view_of(unit: str, sweeps: Sequence[SweepReadings], config: MapperConfig) ->
 
 _BINS = 360  # of a turn
 _LOOK_RAD = np.radians(4.0)  # to the side of a bearing
+_MOST_PLATEAUS = 16  # poses by pairs grow with the fourth power
 _SWEEPS = 16  # the newest tell enough, and cost no more however many there are
