@@ -13,17 +13,24 @@ from noctule_mapper.contour.contour import Contour, PoseState
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import SweepReadings
 
+# No two of its walls are parallel, none at right angles, and from near its middle a unit hears them all.
+IRREGULAR = Room(np.array([(0.0, 0.0), (3.6, -0.5), (4.1, 1.9), (2.0, 3.4), (-0.7, 2.1)]))
+NEAR_ITS_MIDDLE = np.array([(1.6, 1.3, 0.4), (2.2, 1.5, 2.1), (1.2, 1.6, -1.2), (2.0, 0.9, -2.8), (1.5, 1.9, 1.0)])
 # As wanted of a pose that is found.
 MOST_OFF_M, MOST_OFF_RAD = 0.05, math.radians(2)
+ELSEWHERE_M, ELSEWHERE_RAD = 0.15, math.radians(6)  # farther off is another place
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Units that were to be found, by name: at their places, at wrong ones, and left open."""
+    """Units that were to be found, by name: at their places, at wrong ones, left open, and at their places but not as
+    exactly as wanted.
+    """
 
     right: tuple[str, ...]
     wrong: tuple[str, ...]
     left_open: tuple[str, ...]
+    inexact: tuple[str, ...] = ()
 
 
 def rectangle(width_m: float, depth_m: float) -> Room:
@@ -84,13 +91,16 @@ def contour_of(sweeps: Sequence[SweepReadings]) -> Contour:
 def outcome(contour: Contour, poses: np.ndarray) -> Outcome:
     """What of the units after the first was found, by their true ``poses``."""
     told = {pose.unit: pose for pose in contour.poses}
-    by_name: dict[str, list[str]] = {"right": [], "wrong": [], "open": []}
+    by_name: dict[str, list[str]] = {"right": [], "wrong": [], "open": [], "inexact": []}
     for number, (x_m, y_m, heading_rad) in enumerate(poses[1:], start=2):
         pose = told[f"u{number}"]
-        if pose.state is PoseState.OPEN:
-            by_name["open"].append(pose.unit)
-            continue
+        off_m = math.hypot(pose.x_m - x_m, pose.y_m - y_m)
         off_rad = abs(math.remainder(pose.heading_rad - heading_rad, math.tau))
-        near = math.hypot(pose.x_m - x_m, pose.y_m - y_m) < MOST_OFF_M and off_rad < MOST_OFF_RAD
-        by_name["right" if near else "wrong"].append(pose.unit)
+        if pose.state is PoseState.OPEN:
+            kind = "open"
+        elif off_m < MOST_OFF_M and off_rad < MOST_OFF_RAD:
+            kind = "right"
+        else:
+            kind = "inexact" if off_m < ELSEWHERE_M and off_rad < ELSEWHERE_RAD else "wrong"
+        by_name[kind].append(pose.unit)
     return Outcome(*(tuple(names) for names in by_name.values()))

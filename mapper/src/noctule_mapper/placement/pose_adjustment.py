@@ -4,9 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
-from noctule_mapper.placement.landmarks import Members, PlacedUnit, landmarks_of, point_model, wall_model
+from noctule_mapper.placement.landmarks import (
+    Members,
+    PlacedUnit,
+    landmarks_of,
+    point_models,
+    rows_of,
+    wall_models,
+)
 from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.readings.angles import wrapped
 
@@ -16,45 +22,44 @@ _ROBUST_SIGMAS = 2.0
 # Of a point's ranges to its distance: a corner under 90 degrees answers by the sine of its angle (double bounce), a
 # post by its radius nearer.
 _SCALE_SIGMA = 0.08
-_MOST_STEPS = 15
+_STEPS = 5
+_WEAK = 1e-4
 
 
-def grouped(units: Sequence[PlacedUnit]) -> list[Members]:
-    """Which plateaus of the units were made by the same landmark."""
-    groups: list[Members] = []
-    for number, unit in enumerate(units):
+def grouped(units: Sequence[PlacedUnit], groups: Sequence[Members] = (), known: int = 0) -> tuple[Members, ...]:
+    """Which plateaus of the units were made by the same landmark; ``groups`` are those of the first ``known`` units."""
+    made = [list(group) for group in groups]
+    for number, unit in list(enumerate(units))[known:]:
         landmark = np.full(len(unit.view), -1)
-        marks = landmarks_of(units, groups)
-        if groups and len(unit.view):
+        if made and len(unit.view):
+            marks = landmarks_of(units, [tuple(group) for group in made])
             off = Tolerance(
                 float(np.sqrt(np.linalg.eigvalsh(unit.covariance[:2, :2])[-1])), float(np.sqrt(unit.covariance[2, 2]))
             )
-            landmark = matched(unit.view, np.ones(len(unit.view)), marks, unit.pose[None], off).landmark[0]
-        by_members = {tuple(group): group for group in groups}
-        taken: set[int] = set()
-        for plateau, mark in enumerate(landmark):
-            group = by_members[marks.members[mark]] if mark >= 0 else None
-            if group is None or id(group) in taken:
-                groups.append([(number, plateau)])
+            best = matched(unit.view, np.ones(len(unit.view)), marks, unit.pose[None], off).landmark[0]
+            landmark = np.where(best >= 0, marks.group[best], -1)
+        for plateau, group in enumerate(landmark):
+            if group < 0 or made[group][-1][0] == number:
+                made.append([(number, plateau)])
             else:
-                taken.add(id(group))
-                group.append((number, plateau))
-    return groups
+                made[group].append((number, plateau))
+    return tuple(tuple(group) for group in made)
 
 
-def adjusted(units: Sequence[PlacedUnit], known: int) -> list[PlacedUnit]:
+def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> list[PlacedUnit]:
     """The units with the poses at which their plateaus agree best; those of the first ``known`` keep to what is stated
     of them, within its error.
     """
-    groups = [group for group in grouped(units) if len(group) >= _LEAST_SHARED]
-    problem = _problem(units, groups, known)
-    first = np.concatenate([np.array([one.pose for one in units]).ravel(), problem.landmark.ravel()])
-    solved = least_squares(
-        problem.residuals, first, x_scale="jac", loss="soft_l1", f_scale=_ROBUST_SIGMAS, max_nfev=_MOST_STEPS
-    )
-    weak = np.full(len(first), 1e-4)
-    covariance = np.linalg.inv(solved.jac.T @ solved.jac + np.diag(weak))
-    poses = solved.x[: 3 * len(units)].reshape(-1, 3)
+    problem = problem_of(units, [group for group in groups if len(group) >= _LEAST_SHARED], known)
+    values = np.concatenate([np.array([one.pose for one in units]).ravel(), problem.landmark.ravel()])
+    information = np.eye(len(values))
+    for _ in range(_STEPS):
+        residual, slopes = problem.linearised(values)
+        weight = 1 / np.sqrt(1 + (residual / _ROBUST_SIGMAS) ** 2)
+        information = slopes.T @ (weight[:, None] * slopes) + _WEAK * np.eye(len(values))
+        values = values - np.linalg.solve(information, slopes.T @ (weight * residual))
+    covariance = np.linalg.inv(information)
+    poses = values[: 3 * len(units)].reshape(-1, 3)
     return [
         one
         if number < known
@@ -64,7 +69,7 @@ def adjusted(units: Sequence[PlacedUnit], known: int) -> list[PlacedUnit]:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class Problem:
     """Plateaus (n,) by unit and landmark, what the known poses are stated to be (known, 3), and the landmarks' first
     values (l, 3): alpha and rho or x and y, and the scale of a point's ranges.
     """
@@ -80,42 +85,71 @@ class _Problem:
     stated_sigma: np.ndarray
     landmark: np.ndarray
 
-    def residuals(self, values: np.ndarray) -> np.ndarray:
-        """In sigmas, of poses and landmarks in a row."""
+    def linearised(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (r,) in sigmas and their slopes by ``values``, poses and landmarks in a row, (r, values)."""
         units = len(values) // 3 - len(self.landmark)
         poses, marks = values[: 3 * units].reshape(-1, 3), values[3 * units :].reshape(-1, 3)
         pose, mark = poses[self.unit], marks[self.mark]
         way = mark[:, :2] - pose[:, :2]
-        wall_m = mark[:, 1] - pose[:, 0] * np.cos(mark[:, 0]) - pose[:, 1] * np.sin(mark[:, 0])
+        away_m = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.02)
+        cosine, sine = np.cos(mark[:, 0]), np.sin(mark[:, 0])
+        wall_m = mark[:, 1] - pose[:, 0] * cosine - pose[:, 1] * sine
+        along_m = pose[:, 1] * cosine - pose[:, 0] * sine
         bearing_rad = np.where(self.is_wall, mark[:, 0], np.arctan2(way[:, 1], way[:, 0]))
-        range_m = np.where(self.is_wall, wall_m, mark[:, 2] * np.hypot(way[:, 0], way[:, 1]))
-        off = (poses[: len(self.stated)] - self.stated) / self.stated_sigma
-        return np.concatenate(
+        range_m = np.where(self.is_wall, wall_m, mark[:, 2] * away_m)
+        known = 3 * len(self.stated)
+        residual = np.concatenate(
             [
                 wrapped(pose[:, 2] + self.direction_rad - bearing_rad) / self.direction_sigma_rad,
                 (self.range_m - range_m) / self.range_sigma_m,
-                off.ravel(),
+                ((poses[: len(self.stated)] - self.stated) / self.stated_sigma).ravel(),
                 (marks[:, 2] - 1) / _SCALE_SIGMA,
             ]
         )
+        n, wall = len(self.unit), self.is_wall
+        slopes = np.zeros((len(residual), len(values)))
+        of_rad, of_m = np.arange(n), n + np.arange(n)
+        of_pose, of_mark = 3 * self.unit, 3 * units + 3 * self.mark
+        towards = way / away_m[:, None]
+        across = np.stack([-towards[:, 1], towards[:, 0]], axis=1) / away_m[:, None]
+        slopes[of_rad, of_pose + 2] = 1 / self.direction_sigma_rad
+        normal = np.stack([cosine, sine], axis=1)
+        for axis in range(2):
+            bearing = np.where(wall, 0.0, across[:, axis]) / self.direction_sigma_rad
+            slopes[of_rad, of_pose + axis] = bearing
+            slopes[of_rad, of_mark + axis] = -bearing
+            slopes[of_m, of_pose + axis] = (
+                np.where(wall, normal[:, axis], mark[:, 2] * towards[:, axis]) / self.range_sigma_m
+            )
+            slopes[of_m, of_mark + axis] = -np.where(wall, 0.0, mark[:, 2] * towards[:, axis]) / self.range_sigma_m
+        slopes[of_rad[wall], of_mark[wall]] = -1 / self.direction_sigma_rad[wall]
+        slopes[of_m[wall], of_mark[wall]] = along_m[wall] / self.range_sigma_m[wall]
+        slopes[of_m[wall], of_mark[wall] + 1] = -1 / self.range_sigma_m[wall]
+        slopes[of_m[~wall], of_mark[~wall] + 2] = -away_m[~wall] / self.range_sigma_m[~wall]
+        slopes[2 * n + np.arange(known), np.arange(known)] = 1 / self.stated_sigma.ravel()
+        scales = np.arange(len(self.landmark))
+        slopes[2 * n + known + scales, 3 * units + 3 * scales + 2] = 1 / _SCALE_SIGMA
+        return residual, slopes
 
 
-def _problem(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> _Problem:
-    models = [(wall_model(units, group), point_model(units, group)) for group in groups]
-    is_wall = np.array([wall.misfit <= point.misfit for wall, point in models], dtype=bool)
-    rows = [(units[unit].view, unit, at, mark) for mark, group in enumerate(groups) for unit, at in group]
+def problem_of(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> Problem:
+    """The landmarks of ``groups`` and the units' poses, to be fitted; the first ``known`` poses are stated."""
+    rows = rows_of(units, groups)
+    walls, points = wall_models(rows), point_models(rows)
+    is_wall = walls.misfit <= points.misfit
+    members = [(units[unit].view, unit, at) for group in groups for unit, at in group]
     variances = np.array([np.diag(one.covariance) for one in units[:known]]).reshape(-1, 3)
-    return _Problem(
-        unit=np.array([unit for _, unit, _, _ in rows], dtype=int),
-        mark=np.array([mark for *_, mark in rows], dtype=int),
-        is_wall=np.array([is_wall[mark] for *_, mark in rows], dtype=bool),
-        direction_rad=np.array([view.direction_rad[at] for view, _, at, _ in rows]),
-        direction_sigma_rad=np.array([view.direction_sigma_rad[at] for view, _, at, _ in rows]),
-        range_m=np.array([view.range_m[at] for view, _, at, _ in rows]),
-        range_sigma_m=np.array([view.range_sigma_m[at] for view, _, at, _ in rows]),
+    return Problem(
+        unit=np.array([unit for _, unit, _ in members], dtype=int),
+        mark=rows.group,
+        is_wall=is_wall[rows.group],
+        direction_rad=np.array([view.direction_rad[at] for view, _, at in members]),
+        direction_sigma_rad=np.array([view.direction_sigma_rad[at] for view, _, at in members]),
+        range_m=np.array([view.range_m[at] for view, _, at in members]),
+        range_sigma_m=np.array([view.range_sigma_m[at] for view, _, at in members]),
         stated=np.array([one.pose for one in units[:known]]).reshape(-1, 3),
         stated_sigma=np.maximum(np.sqrt(variances), (_EXACT_M, _EXACT_M, _EXACT_RAD)),
-        landmark=np.array(
-            [(*(wall if kind else point).value, 1.0) for (wall, point), kind in zip(models, is_wall, strict=True)]
-        ).reshape(-1, 3),
+        landmark=np.concatenate(
+            [np.where(is_wall[:, None], walls.value, points.value), np.ones((len(groups), 1))], axis=1
+        ),
     )

@@ -1,8 +1,4 @@
-"""How well a unit's view fits the landmarks of others at a pose: in nats, over hearing a room that nobody else hears.
-
-A plateau gains by the landmark that made it. Silence costs: a wall whose foot the unit should hear, and sound that went
-through what the other heard.
-"""
+"""How well a unit's plateaus fit the landmarks of others at a pose: in nats, over hearing what nobody else hears."""
 
 from dataclasses import dataclass, replace
 
@@ -17,26 +13,7 @@ _NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
 _BLUNT_SHARE, _BLUNT = 0.15, 3.0  # directions so many times as far off: a neighbour's plateau ran into theirs
 _FRAME_SHARE, _FRAME_SIGMA_RAD = 0.7, np.radians(3.0)  # new walls that stand square to the known ones
 _MOST_GAIN_NATS = 12.0
-_SILENT_NATS = 2.5  # of a wall that should have answered
-_THROUGH_NATS = 3.0  # of sound that went through a wall, for each plateau of the unit concerned
-_HEARD_M = 0.06
-_REACH_M = 2.8  # within which a wall always answers
-_LOOK_RAD = np.radians(4.0)  # to the side of a wall's foot
-_STUB_M = 0.08  # of wall to each side of a foot that is heard
-_BLIND_M = 0.12  # at the end of a sound's way that need not be free
 _CHUNK = 1500
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """Ways that sound went freely between a placed unit and what it heard, and short pieces of what was heard there,
-    (s, 2) each.
-    """
-
-    way_start_m: np.ndarray
-    way_end_m: np.ndarray
-    stub_start_m: np.ndarray
-    stub_end_m: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -90,8 +67,7 @@ def _is_second(at: "_Densest", marks: Landmarks) -> np.ndarray:
     """Plateaus whose landmark explains another plateau of the unit better, bool (k, n): a unit hears each only once,
     and what one place has heard is one landmark, be it a wall or a point.
     """
-    numbers: dict[tuple[int, int], int] = {}
-    heard = np.array([numbers.setdefault(group[0], len(numbers)) for group in marks.members])[at.landmark]
+    heard = marks.group[at.landmark]
     same = heard[:, :, None] == heard[:, None, :]
     return (same & (at.ratio[:, None, :] > at.ratio[:, :, None])).any(axis=-1)
 
@@ -190,74 +166,9 @@ def _new_density(view: UnitView, marks: Landmarks, poses: np.ndarray) -> np.ndar
     stand square to one another, so that a square one is no surprise.
     """
     direction_rad = poses[:, 2, None] + view.direction_rad
-    many = np.array([len(group) for group in marks.members[: len(marks.alpha_rad)]], dtype=float)
     square = wrapped(4 * (direction_rad[..., None] - marks.alpha_rad)) / 4
     sigma_rad = np.hypot(_FRAME_SIGMA_RAD, view.direction_sigma_rad)[None, :, None]
     near = np.exp(-0.5 * (square / sigma_rad) ** 2) / (4 * np.sqrt(2 * np.pi) * sigma_rad)
-    frame = (near * many).sum(axis=-1) / max(many.sum(), 1.0)
+    many = marks.heard_by[: len(marks.alpha_rad)]
+    frame = (near * many).sum(axis=-1) / max(many.sum(), 1)
     return np.log(((1 - _FRAME_SHARE) / (2 * np.pi) + _FRAME_SHARE * frame) / _SPAN_M)
-
-
-def silence_nats(view: UnitView, marks: Landmarks, around: Surroundings, poses: np.ndarray) -> np.ndarray:
-    """What silence costs at ``poses``, (k,)."""
-    parts = [
-        _unheard_nats(view, marks, poses[at : at + _CHUNK]) + _through_nats(view, around, poses[at : at + _CHUNK])
-        for at in range(0, len(poses), _CHUNK)
-    ]
-    return np.concatenate(parts)
-
-
-def _unheard_nats(view: UnitView, marks: Landmarks, poses: np.ndarray) -> np.ndarray:
-    """Walls whose feet lie between feet of the others, and where the unit heard nothing so near."""
-    normal = np.stack([np.cos(marks.alpha_rad), np.sin(marks.alpha_rad)], axis=1)
-    away_m = marks.rho_m - poses[:, :2] @ normal.T  # (k, w)
-    along_m = poses[:, :2] @ np.stack([-normal[:, 1], normal[:, 0]])
-    due = (along_m > marks.low_m) & (along_m < marks.high_m) & (away_m > 0.1) & (away_m < _REACH_M)
-    pose, wall = np.nonzero(due)
-    bearing_rad = marks.alpha_rad[wall] - poses[pose, 2]
-    nearest_m = _nearest_m(view)[np.rint(bearing_rad * _BINS / (2 * np.pi)).astype(int) % _BINS]
-    silent = np.zeros(due.shape, bool)
-    silent[pose, wall] = nearest_m > away_m[pose, wall] + _HEARD_M  # False where nobody looked
-    return _SILENT_NATS * silent.sum(axis=1)
-
-
-_BINS = 360
-
-
-def _nearest_m(view: UnitView) -> np.ndarray:
-    """The nearest that was heard about each of as many bearings (bins,); NaN where the unit did not look."""
-    bearing_rad = np.arange(_BINS) * (2 * np.pi / _BINS)
-    near = np.abs(wrapped(bearing_rad[:, None] - view.look_rad)) < _LOOK_RAD
-    return np.where(near.any(axis=1), np.where(near, view.look_m, np.inf).min(axis=1), np.nan)
-
-
-def _through_nats(view: UnitView, around: Surroundings, poses: np.ndarray) -> np.ndarray:
-    """Plateaus of the unit that stand in the way of what others heard, or behind what others heard."""
-    start, end, left, right = ways_and_stubs(view, poses)
-    blocked = _cross(start, end, around.stub_start_m, around.stub_end_m)
-    blocking = _cross(left, right, around.way_start_m, around.way_end_m)
-    return _THROUGH_NATS * (blocked | blocking).sum(axis=1)
-
-
-def ways_and_stubs(view: UnitView, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Ends of the ways to what the unit hears, and of the pieces of wall there, (k, n, 2) each."""
-    direction_rad = poses[:, 2, None] + view.direction_rad
-    towards = np.stack([np.cos(direction_rad), np.sin(direction_rad)], axis=-1)
-    across = np.stack([-towards[..., 1], towards[..., 0]], axis=-1)
-    start = np.broadcast_to(poses[:, None, :2], towards.shape)
-    foot = start + view.range_m[:, None] * towards
-    return start, foot - _BLIND_M * towards, foot - _STUB_M * across, foot + _STUB_M * across
-
-
-def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Which of the segments a-b (k, n, 2) cross one of the segments c-d (s, 2), (k, n)."""
-    if not len(c):
-        return np.zeros(a.shape[:2], bool)
-    a, b = a[:, :, None], b[:, :, None]
-    first = _side(c, d, a) * _side(c, d, b) < 0
-    return np.any(first & (_side(a, b, c) * _side(a, b, d) < 0), axis=-1)
-
-
-def _side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:
-    way, to = end - start, point - start
-    return way[..., 0] * to[..., 1] - way[..., 1] * to[..., 0]

@@ -1,8 +1,8 @@
-"""All poses at which a unit's view fits the landmarks of others, and whether one of them stands out.
+"""The poses at which a unit's view fits the landmarks of others, each with what it is worth.
 
-A wall that is a landmark gives the unit's heading and a line on which the unit stands. Poses along all such lines are
-scored, the best are fitted, and what each one is worth is its score and the logarithm of its posterior's volume. So a
-pose that slides along a corridor, or one of a rectangle's two, stands against its rivals with its whole weight.
+Poses at which two things agree that the unit and one other hear are scored and the best are fitted. What a pose is
+worth is its score, what silence costs there, and the logarithm of its posterior's volume. So a pose that slides along a
+corridor, or one of a rectangle's two, stands against its rivals with its whole weight.
 """
 
 from collections.abc import Sequence
@@ -10,28 +10,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import Landmarks, PlacedUnit
-from noctule_mapper.placement.pose_scores import (
-    Fit,
-    Surroundings,
-    Tolerance,
-    gains,
-    matched,
-    silence_nats,
-    ways_and_stubs,
-)
+from noctule_mapper.placement.landmarks import Landmarks, PlacedUnit, landmarks_of
+from noctule_mapper.placement.pair_poses import pair_poses
+from noctule_mapper.placement.pose_scores import Fit, Tolerance, gains, matched
+from noctule_mapper.placement.silence import silence_nats, surroundings
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
-_STEP_M = 0.12  # along the lines
 _BEYOND_M = 1.0  # the landmarks
 _COARSE = Tolerance(position_m=0.05, heading_rad=np.radians(2.0))
-_STARTS = 60
+_TRIED = 120  # of the hopeful ones with what silence costs there
+_STARTS = 40
+_PAIR_STARTS = 60
 _HOPELESS_NATS = 30.0  # below the best
 _FIT_STEPS = 3
 # Holds what the landmarks leave open where it is.
 _HOLD = np.diag([1 / 0.2**2, 1 / 0.2**2, 1 / np.radians(5.0) ** 2])
 _SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
+_TOGETHER_NATS = 2.0  # most units of a site stand in one room
+# In random rooms a wall is heard by two units as often as not within 0.6 m along it, and ever more seldom beyond.
+_NEAR_M, _FAR_NATS_PER_M, _MOST_FAR_NATS = 0.6, 1.1, 6.0
 _IMPLIED_M, _IMPLIED_RAD, _IMPLIED_WEIGHT = 0.05, np.radians(6.0), 0.2
 
 
@@ -46,65 +44,61 @@ class Standing:
     worth_nats: float
 
 
-def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit]) -> list[Standing]:
-    """Where the unit may stand by the landmarks, distinct poses, the worthiest first."""
-    starts = _along_walls(view, marks) if len(marks.alpha_rad) else np.zeros((0, 3))
+def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], starts: np.ndarray) -> list[Standing]:
+    """Where the unit may stand by the landmarks that ``units`` hear, near one of ``starts`` (k, 3): distinct poses, the
+    worthiest first.
+    """
     if not len(starts):
         return []
-    weight, around = _weights(view), _surroundings(units)
-    coarse_nats = gains(view, weight, marks, starts, _COARSE)
-    hopeful = coarse_nats > coarse_nats.max() - _HOPELESS_NATS
-    starts, nats = _best_of_cells(starts[hopeful], coarse_nats[hopeful])
-    nats = nats - silence_nats(view, marks, around, starts)
-    poses = starts[_distinct(starts, nats, _STARTS)]
+    weight, around = _weights(view), surroundings(units, marks)
+
+    def scored(poses: np.ndarray, off: Tolerance) -> tuple[Fit, np.ndarray]:
+        fit = matched(view, weight, marks, poses, off)
+        silent_nats = silence_nats(view, marks, units, around, poses, fit.landmark)
+        return fit, fit.nats.sum(axis=1) - _far_nats(fit, marks) - silent_nats
+
+    starts, nats = _hopeful(view, weight, marks, starts)
+    starts = starts[np.argsort(-nats)[:_TRIED]]
+    poses = starts[_distinct(starts, scored(starts, _COARSE)[1], _STARTS)]
     for _ in range(_FIT_STEPS):
         fit = matched(view, weight, marks, poses, Tolerance())
         poses = poses - np.linalg.solve(fit.information + _HOLD, fit.gradient[..., None])[..., 0]
-    fit = matched(view, weight, marks, poses, Tolerance())
-    nats = fit.nats.sum(axis=1) - silence_nats(view, marks, around, poses)
-    volume = 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + _HOLD)[1]
-    worth = nats + volume
-    best = int(worth.argmax())
-    turned_worth = worth + _likeness_nats(fit, weight, best, marks)
-    chosen = _distinct(poses, np.where(np.arange(len(poses)) == best, np.inf, turned_worth), len(poses))
-    worth = turned_worth - _anywhere(marks)
-    return [Standing(poses[at], np.linalg.inv(fit.information[at] + 1e-3 * _HOLD), float(worth[at])) for at in chosen]
+    fit, nats = scored(poses, Tolerance())
+    worth = nats + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + _HOLD)[1]
+    worth = worth - _anywhere(marks) + _TOGETHER_NATS
+    covariance = np.linalg.inv(fit.information + 1e-3 * _HOLD)
+    return [Standing(poses[at], covariance[at], float(worth[at])) for at in _distinct(poses, worth, len(poses))]
 
 
-def _likeness_nats(fit: Fit, weight: np.ndarray, best: int, marks: Landmarks) -> np.ndarray:
-    """What poses turned by right angles from the best would gain, (k,), if the room looked from there as it looks from
-    the best pose, as squares and rectangles do: what the others have not heard may be just as what they have.
-    """
-    walls = fit.landmark[best][(fit.landmark[best] >= 0) & (fit.landmark[best] < len(marks.alpha_rad)) & (weight == 1)]
-    alpha_rad = marks.alpha_rad[walls]
-    if (np.abs(wrapped(4 * (alpha_rad[:, None] - alpha_rad))) / 4 > _SQUARE_RAD).any():
+def _far_nats(fit: Fit, marks: Landmarks) -> np.ndarray:
+    """What it costs at the fitted poses, (k,), that walls are heard far beyond where others touched them."""
+    walls = len(marks.alpha_rad)
+    if not walls:
         return np.zeros(len(fit.pose))
-    turned_rad = wrapped(fit.pose[:, 2] - fit.pose[best, 2])
-    square = (np.abs(wrapped(4 * turned_rad)) / 4 < _SAME_RAD) & (np.abs(turned_rad) > _SAME_RAD)
-    shared = ((fit.landmark >= 0) & (weight == 1)).sum(axis=1)
-    missed = np.maximum(fit.nats[best] - fit.nats - _LIKENESS_NATS, 0).sum(axis=1)
-    return np.where(square & (shared >= _LEAST_SHARED), missed, 0)
+    wall = np.clip(fit.landmark, 0, walls - 1)
+    alpha_rad = marks.alpha_rad[wall]
+    along_m = fit.pose[:, 1, None] * np.cos(alpha_rad) - fit.pose[:, 0, None] * np.sin(alpha_rad)
+    beyond_m = np.maximum(marks.low_m[wall] - along_m, along_m - marks.high_m[wall])
+    cost = np.clip(_FAR_NATS_PER_M * (beyond_m - _NEAR_M), 0, _MOST_FAR_NATS)
+    return np.where((fit.landmark >= 0) & (fit.landmark < walls), cost, 0).sum(axis=1)
 
 
-_LEAST_SHARED = 2
-_SQUARE_RAD = np.radians(9.0)  # one place tells the angle of two walls to 2 degrees
-_LIKENESS_NATS = 1.5  # for each plateau: rooms are often squares and rectangles, or their parts are
+def pair_starts(view: UnitView, of: UnitView) -> np.ndarray:
+    """The most hopeful poses (k, 3) of the unit in the frame of another one, by what that one hears."""
+    poses = pair_poses(of, view)
+    if not len(poses):
+        return poses
+    alone = PlacedUnit(of, np.zeros(3), np.zeros((3, 3)))
+    marks = landmarks_of([alone], [((0, plateau),) for plateau in range(len(of))])
+    starts, nats = _hopeful(view, _weights(view), marks, poses)
+    return starts[_distinct(starts, nats, _PAIR_STARTS)]
 
 
-def _along_walls(view: UnitView, marks: Landmarks) -> np.ndarray:
-    """Poses (k, 3) at which a plateau's wall is a landmark, every so far along the wall."""
-    low, high = _box(marks)
-    reach_m = float(np.hypot(*(high - low)))
-    along_m = np.arange(-reach_m / 2, reach_m / 2, _STEP_M)
-    middle = (low + high) / 2
-    alpha, plateau = (one.ravel() for one in np.meshgrid(np.arange(len(marks.alpha_rad)), np.arange(len(view))))
-    normal = np.stack([np.cos(marks.alpha_rad[alpha]), np.sin(marks.alpha_rad[alpha])], axis=1)
-    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    foot = middle + (marks.rho_m[alpha] - view.range_m[plateau] - normal @ middle)[:, None] * normal
-    places = foot[:, None] + along_m[:, None] * tangent[:, None]
-    heading_rad = np.broadcast_to((marks.alpha_rad[alpha] - view.direction_rad[plateau])[:, None], places.shape[:2])
-    poses = np.concatenate([places, heading_rad[..., None]], axis=-1).reshape(-1, 3)
-    return poses[((poses[:, :2] > low) & (poses[:, :2] < high)).all(axis=1)]
+def _hopeful(view: UnitView, weight: np.ndarray, marks: Landmarks, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of ``starts`` that are alike the best, if it is not hopeless, and what it gains."""
+    coarse_nats = gains(view, weight, marks, starts, _COARSE)
+    hopeful = coarse_nats > coarse_nats.max() - _HOPELESS_NATS
+    return _best_of_cells(starts[hopeful], coarse_nats[hopeful])
 
 
 def _box(marks: Landmarks) -> tuple[np.ndarray, np.ndarray]:
@@ -139,11 +133,6 @@ def _weights(view: UnitView) -> np.ndarray:
             implied[[first, second]] = False
             weight[implied] = _IMPLIED_WEIGHT
     return weight
-
-
-def _surroundings(units: Sequence[PlacedUnit]) -> Surroundings:
-    parts = [ways_and_stubs(one.view, one.pose[None]) for one in units]
-    return Surroundings(*(np.concatenate([part[number][0] for part in parts]) for number in range(4)))
 
 
 def _best_of_cells(poses: np.ndarray, worth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from noctule_mapper.config import MapperConfig
+from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import echoes_of, join
 from noctule_mapper.readings.evidence import evidence
 from noctule_mapper.readings.looks import is_fine, looks_of
@@ -30,6 +32,16 @@ class UnitView:
     look_rad: np.ndarray
     look_m: np.ndarray
 
+    def nearest_at(self, bearing_rad: np.ndarray) -> np.ndarray:
+        """The nearest heard about each bearing, infinite where nothing was; NaN where the unit did not look."""
+        return self._nearest_m[np.rint(bearing_rad * _BINS / (2 * np.pi)).astype(int) % _BINS]
+
+    @cached_property
+    def _nearest_m(self) -> np.ndarray:
+        bearing_rad = np.arange(_BINS) * (2 * np.pi / _BINS)
+        near = np.abs(wrapped(bearing_rad[:, None] - self.look_rad)) < _LOOK_RAD
+        return np.where(near.any(axis=1), np.where(near, self.look_m, np.inf).min(axis=1), np.nan)
+
     def __len__(self) -> int:
         return len(self.range_m)
 
@@ -47,16 +59,20 @@ def view_of(unit: str, sweeps: Sequence[SweepReadings], config: MapperConfig) ->
     echoes = join([echoes_of(sweep, number, config.noise.assumed_sigma_m) for number, sweep in enumerate(own)])
     data = evidence(echoes, echoes.sigma_m, config.sensor.longest_range_m, config.refinement)
     flat = plateaus(replace(data, looks=looks), config.refinement)
+    surest = np.sort(np.argsort(flat.direction_sigma_rad, kind="stable")[:_MOST_PLATEAUS])
     far_m = config.sensor.longest_range_m
     return UnitView(
         unit=unit,
-        direction_rad=flat.echoes.axis_rad,
-        direction_sigma_rad=flat.direction_sigma_rad,
-        range_m=flat.echoes.range_m,
-        range_sigma_m=np.hypot(flat.range_sigma_m, LEAST_RANGE_SIGMA_M),
+        direction_rad=flat.echoes.axis_rad[surest],
+        direction_sigma_rad=flat.direction_sigma_rad[surest],
+        range_m=flat.echoes.range_m[surest],
+        range_sigma_m=np.hypot(flat.range_sigma_m[surest], LEAST_RANGE_SIGMA_M),
         look_rad=looks.echoes.axis_rad,
         look_m=np.where(looks.echoes.range_m > far_m, np.inf, looks.echoes.range_m),
     )
 
 
+_BINS = 360  # of a turn
+_LOOK_RAD = np.radians(4.0)  # to the side of a bearing
+_MOST_PLATEAUS = 16  # poses by pairs grow with the fourth power
 _SWEEPS = 16  # the newest tell enough, and cost no more however many there are

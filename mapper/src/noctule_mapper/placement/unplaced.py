@@ -15,7 +15,7 @@ from noctule_mapper.readings.looks import is_fine
 from noctule_mapper.readings.sweep import SweepReadings
 
 _MOST_KNOWN_SIGMA_M = 0.2  # a worse stated pose tells others nothing
-_TELLING_SWEEPS = 4  # of a unit: more tell the same again
+_TELLING_SWEEPS = 4  # of a unit: more tell the same again, and fewer are worth no search each
 _COARSE = "its sweeps are too coarse: it must sweep by steps of half a beam or less (4.5 degrees, say)"
 
 
@@ -54,8 +54,8 @@ class Unplaced:
         """
         waiting = _by_unit(self.waiting())
         by_stand = _by_stand(placed)
-        heard_by = {("waits", unit, min(len(own), _TELLING_SWEEPS)) for unit, own in waiting.items()}
-        heard_by |= {(*stand, min(len(own), _TELLING_SWEEPS)) for stand, own in by_stand.items()}
+        heard_by = {("waits", unit, len(own) < _TELLING_SWEEPS) for unit, own in waiting.items()}
+        heard_by |= {(*stand, len(own) < _TELLING_SWEEPS) for stand, own in by_stand.items()}
         if not waiting or heard_by == self._sought_with:
             return []
         self._sought_with = frozenset(heard_by)

@@ -1,0 +1,233 @@
+"""Hypotheses of where all units stand together, the likeliest first.
+
+The search begins with the two units that agree best, whether or not one's pose is known, and adds unit by unit, the
+surest first; a unit that is not sure of its place by one view becomes so by the others'. Many hypotheses are followed
+side by side. The known unit joins like any other; then all of a hypothesis moves into its frame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from noctule_mapper.placement.landmarks import Members, PlacedUnit, landmarks_of
+from noctule_mapper.placement.pose_adjustment import adjusted, grouped
+from noctule_mapper.placement.pose_search import Standing, pair_starts, standings
+from noctule_mapper.placement.unit_views import UnitView
+from noctule_mapper.readings.angles import wrapped
+
+_MOST_HYPOTHESES = 10
+_MOST_BRANCHES = 6
+_MOST_COMPLETED = 12  # of the hypotheses that were dropped
+_HOPELESS_NATS = 14.0  # below the best
+_SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """Where units stand, those that nobody else hears left out, and what all this is worth in nats. ``waiting`` have
+    not been looked for.
+    """
+
+    placed: tuple[PlacedUnit, ...]
+    groups: tuple[Members, ...]
+    waiting: tuple[UnitView, ...]
+    worth_nats: float
+
+    def pose_of(self, unit: str) -> np.ndarray | None:
+        return next((one.pose for one in self.placed if one.view.unit == unit), None)
+
+    def has_looked_for(self, unit: str) -> bool:
+        return all(view.unit != unit for view in self.waiting)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Poses of one unit in the frame of another, kept by the two units' names."""
+
+    starts: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+
+    def of(self, view: UnitView, one: UnitView) -> np.ndarray:
+        key = view.unit, one.unit
+        if key not in self.starts:
+            self.starts[key] = pair_starts(view, one)
+        return self.starts[key]
+
+    def at(self, view: UnitView, placed: Sequence[PlacedUnit]) -> np.ndarray:
+        """Poses (k, 3) of the unit in the frame of those that are placed."""
+        return np.concatenate([moved(one.pose, self.of(view, one.view)) for one in placed])
+
+
+def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pairs) -> list[Hypothesis]:
+    """The hypotheses that were followed to their end, and those that were dropped, the best first; each by its worth
+    under the best one's. Of those that were dropped close to the best, it is what they come to unit by unit, else what
+    they were worth when they were dropped.
+    """
+    root, waiting = _root(known, unknown, pairs)
+    alive, order = [Hypothesis(root, grouped(root), waiting, 0.0)], []
+    dropped: list[tuple[float, Hypothesis]] = []
+    fixed = len(root)
+    while alive[0].waiting:
+        view, found = _surest(alive[0], pairs)
+        grown = _branches(alive[0], view, found)
+        for rival in alive[1:]:
+            grown += _branches(rival, view, _standings(rival, view, pairs))
+        grown = _distinct(grown)
+        top_nats = grown[0].worth_nats
+        kept = [one for one in grown if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_HYPOTHESES]
+        order.append(view)
+        dropped += [(top_nats - one.worth_nats, one) for one in grown[len(kept) :]]
+        alive = [_settled(one, fixed) for one in kept]
+    top_nats = alive[0].worth_nats
+    ended = [replace(one, worth_nats=one.worth_nats - top_nats) for one in alive]
+    dropped.sort(key=lambda each: each[0])
+    for number, (under_nats, one) in enumerate(dropped):
+        if number < _MOST_COMPLETED and under_nats < _HOPELESS_NATS:
+            one = _completed(one, order, fixed, pairs)
+            under_nats = top_nats - one.worth_nats
+        ended.append(replace(one, worth_nats=-under_nats))
+    ended.sort(key=lambda one: -one.worth_nats)
+    return [_in_frame_of(known, one) for one in ended]
+
+
+def _completed(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
+    """The hypothesis with its other units, one after another where each is likeliest."""
+    for view in order:
+        if view in hypothesis.waiting:
+            hypothesis = _settled(hypothesis, fixed)
+            branches = _branches(hypothesis, view, _standings(hypothesis, view, pairs)[:1])
+            hypothesis = max(branches, key=lambda one: one.worth_nats)
+    return hypothesis
+
+
+def margin_alone_nats(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float:
+    """By how much the unit's pose stands above all others, and above none, if all other units stand as they are."""
+    own = next(one for one in placed if one.view.unit == unit)
+    others = [one for one in placed if one is not own]
+    marks = landmarks_of(others, grouped(others))
+    starts = np.concatenate([own.pose[None], pairs.at(own.view, others)])
+    worth_nats = [0.0], [-np.inf]
+    for one in standings(own.view, marks, others, starts):
+        worth_nats[1 if is_same(one.pose, own.pose) else 0].append(one.worth_nats)
+    return float(max(worth_nats[1]) - np.logaddexp.reduce(worth_nats[0]))
+
+
+def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
+    """The hypothesis with its newest unit's plateaus among the others', and all poses adjusted but the ``fixed``."""
+    units = {number for group in hypothesis.groups for number, _ in group}
+    if len(units) == len(hypothesis.placed):
+        return hypothesis
+    groups = grouped(hypothesis.placed, hypothesis.groups, len(hypothesis.placed) - 1)
+    return replace(hypothesis, groups=groups, placed=tuple(adjusted(hypothesis.placed, groups, fixed)))
+
+
+def _root(
+    known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pairs
+) -> tuple[tuple[PlacedUnit, ...], tuple[UnitView, ...]]:
+    """Which units the search begins with, and the others."""
+    if len(known) > 1 or len(unknown) < 2:
+        return tuple(known), tuple(unknown)
+    views = [known[0].view, *unknown]
+    best, surest_nats = 0, -np.inf
+    for number, view in enumerate(views):
+        alone = _alone(view)
+        marks = landmarks_of([alone], grouped([alone]))
+        for other in views[number + 1 :]:
+            nats = _sureness_nats(standings(other, marks, [alone], pairs.of(other, view)))
+            if nats > surest_nats:
+                best, surest_nats = number, nats
+    if best == 0:
+        return tuple(known), tuple(unknown)
+    return (_alone(views[best]),), tuple(view for view in views if view is not views[best])
+
+
+def _alone(view: UnitView) -> PlacedUnit:
+    return PlacedUnit(view, np.zeros(3), np.zeros((3, 3)))
+
+
+def _sureness_nats(found: Sequence[Standing]) -> float:
+    """By how much the best standing is above all others, and above none."""
+    worth = [one.worth_nats for one in found]
+    return float(worth[0] - np.logaddexp.reduce([*worth[1:], 0.0])) if worth else -np.inf
+
+
+def _standings(hypothesis: Hypothesis, view: UnitView, pairs: Pairs) -> list[Standing]:
+    """Where the unit may stand by the map of those that stand already."""
+    marks = landmarks_of(hypothesis.placed, hypothesis.groups)
+    return standings(view, marks, hypothesis.placed, pairs.at(view, hypothesis.placed))
+
+
+def _surest(hypothesis: Hypothesis, pairs: Pairs) -> tuple[UnitView, list[Standing]]:
+    """The unit that waits whose best pose stands out most, and where it may stand."""
+    found = [_standings(hypothesis, view, pairs) for view in hypothesis.waiting]
+    surest = int(np.argmax([_sureness_nats(each) for each in found]))
+    return hypothesis.waiting[surest], found[surest]
+
+
+def _branches(hypothesis: Hypothesis, view: UnitView, found: Sequence[Standing]) -> list[Hypothesis]:
+    """The hypothesis with the unit at each of the places where it may stand, and without it."""
+    waiting = tuple(one for one in hypothesis.waiting if one is not view)
+    return [
+        replace(hypothesis, waiting=waiting),
+        *(_with(hypothesis, view, standing, waiting) for standing in found[:_MOST_BRANCHES]),
+    ]
+
+
+def _with(hypothesis: Hypothesis, view: UnitView, standing: Standing, waiting: tuple[UnitView, ...]) -> Hypothesis:
+    placed = *hypothesis.placed, PlacedUnit(view, standing.pose, standing.covariance)
+    return Hypothesis(placed, hypothesis.groups, waiting, hypothesis.worth_nats + standing.worth_nats)
+
+
+def _distinct(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Those that differ in some unit's pose, the worthiest first."""
+    chosen: list[Hypothesis] = []
+    for one in sorted(hypotheses, key=lambda one: -one.worth_nats):
+        if not any(_are_same(one, other) for other in chosen):
+            chosen.append(one)
+    return chosen
+
+
+def _are_same(one: Hypothesis, other: Hypothesis) -> bool:
+    units = {each.view.unit for each in one.placed}
+    return units == {each.view.unit for each in other.placed} and all(
+        is_same(one.pose_of(unit), other.pose_of(unit)) for unit in units
+    )
+
+
+def is_same(first: np.ndarray | None, second: np.ndarray | None) -> bool:
+    if first is None or second is None:
+        return first is second
+    off_m, off_rad = np.hypot(*(first - second)[:2]), abs(wrapped(first[2] - second[2]))
+    return bool(off_m < _SAME_M and off_rad < _SAME_RAD)
+
+
+def _in_frame_of(known: Sequence[PlacedUnit], hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis moved as a whole to where the known units stand; these first. Units that are not with these stand
+    nowhere.
+    """
+    names = [one.view.unit for one in known]
+    if hypothesis.placed[: len(known)] and hypothesis.placed[0].view.unit == names[0]:
+        return replace(hypothesis, placed=(*known, *hypothesis.placed[len(known) :]))
+    here = hypothesis.pose_of(names[0])
+    if here is None:
+        return replace(hypothesis, placed=tuple(known))
+    to_site = moved(known[0].pose, inverse(here)[None])[0]
+    others = [
+        replace(one, pose=moved(to_site, one.pose[None])[0]) for one in hypothesis.placed if one.view.unit not in names
+    ]
+    return replace(hypothesis, placed=(*known, *others))
+
+
+def moved(frame: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Poses (k, 3) that are stated in the frame of a pose (3,), as poses outside."""
+    cosine, sine = np.cos(frame[2]), np.sin(frame[2])
+    x_m, y_m, heading_rad = poses.T
+    return np.stack(
+        [frame[0] + cosine * x_m - sine * y_m, frame[1] + sine * x_m + cosine * y_m, frame[2] + heading_rad], axis=1
+    )
+
+
+def inverse(pose: np.ndarray) -> np.ndarray:
+    """The pose of the outside in the frame of ``pose`` (3,)."""
+    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+    return np.array([-cosine * pose[0] - sine * pose[1], sine * pose[0] - cosine * pose[1], -pose[2]])

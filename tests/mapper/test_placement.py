@@ -1,0 +1,136 @@
+"""The parts by which units of unknown pose are placed: poses by pairs, silence, the adjustment of all together."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mapper.fixed_units import survey_fixed
+from mapper.placement_oracle import tellable
+from mapper.room import Room
+from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, rectangle, units_anywhere
+
+from noctule_mapper.config import MapperConfig
+from noctule_mapper.placement.joint_search import Pairs, margin_alone_nats, moved
+from noctule_mapper.placement.landmarks import PlacedUnit, landmarks_of
+from noctule_mapper.placement.pair_poses import pair_poses
+from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
+from noctule_mapper.placement.silence import silence_nats, surroundings
+from noctule_mapper.placement.unit_views import UnitView, view_of
+from noctule_mapper.placement.unknown_poses import ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS
+
+EXACTLY = np.zeros((3, 3))
+ALL_AROUND_DEG = np.arange(-180.0, 180.0, 4.5)
+
+
+def placed(room: Room, poses: np.ndarray) -> list[PlacedUnit]:
+    """Units at their true poses, with what they hear there."""
+    swept = [one.sweep for one in survey_fixed(room, poses, np.random.default_rng(1))]
+    units = []
+    for number, pose in enumerate(poses, start=1):
+        view = view_of(f"u{number}", [sweep for sweep in swept if sweep.unit == f"u{number}"], MapperConfig())
+        assert view is not None
+        units.append(PlacedUnit(view, pose, EXACTLY))
+    return units
+
+
+def is_near(pose: np.ndarray, true: np.ndarray) -> bool:
+    off_rad = abs(math.remainder(pose[2] - true[2], math.tau))
+    return bool(np.hypot(*(pose - true)[:2]) < 0.05 and off_rad < math.radians(2))
+
+
+def test_two_units_that_hear_the_same_walls_have_the_true_pose_among_those_by_pairs() -> None:
+    first, second = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
+    assert any(is_near(pose, second.pose) for pose in moved(first.pose, pair_poses(first.view, second.view)))
+
+
+def test_the_adjustments_slopes_are_its_residuals_derivatives() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    groups = [*grouped(units)[:4]]
+    # A corner, heard by two units, for a landmark that is a point.
+    groups += [((0, 0), (1, 0))]
+    problem = problem_of(units, groups, known=1)
+    assert problem.is_wall.any() and not problem.is_wall.all()
+    values = np.concatenate([NEAR_ITS_MIDDLE.ravel(), problem.landmark.ravel()])
+    step = 1e-6 * np.eye(len(values))
+    numerical = [(problem.linearised(values + d)[0] - problem.linearised(values - d)[0]) / 2e-6 for d in step]
+    slopes = problem.linearised(values)[1]
+    assert slopes == pytest.approx(np.array(numerical).T, rel=1e-5, abs=1e-4)
+
+
+def test_units_a_little_off_are_adjusted_to_their_places() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    off = (0.03, -0.02, math.radians(2))
+    errors = np.diag([0.03**2, 0.03**2, math.radians(2) ** 2])
+    moved_off = [units[0], *(replace(unit, pose=unit.pose + off, covariance=errors) for unit in units[1:])]
+    for _ in range(2):
+        moved_off = adjusted(moved_off, grouped(moved_off), known=1)
+    assert all(is_near(unit.pose, true) for unit, true in zip(moved_off, NEAR_ITS_MIDDLE, strict=True))
+
+
+def view_with(ranges_m: dict[float, float], looks_deg: np.ndarray = ALL_AROUND_DEG) -> UnitView:
+    """A unit that looked all around, if not told, and heard a reflector in each of the directions, in degrees."""
+    direction_rad = np.radians(list(ranges_m))
+    look_m = np.full(len(looks_deg), np.inf)
+    for direction_deg, range_m in ranges_m.items():
+        look_m[np.abs((looks_deg - direction_deg + 180) % 360 - 180) < 9] = range_m
+    count = len(ranges_m)
+    return UnitView(
+        unit="u",
+        direction_rad=direction_rad,
+        direction_sigma_rad=np.full(count, math.radians(1)),
+        range_m=np.array(list(ranges_m.values())),
+        range_sigma_m=np.full(count, 0.005),
+        look_rad=np.radians(looks_deg),
+        look_m=look_m,
+    )
+
+
+def cost_nats(others: list[PlacedUnit], view: UnitView, pose: tuple[float, float, float]) -> float:
+    """What silence costs a unit at ``pose`` none of whose plateaus the others' landmarks explain."""
+    marks = landmarks_of(others, grouped(others))
+    nowhere = np.full((1, len(view)), -1)
+    around = surroundings(others, marks)
+    return float(silence_nats(view, marks, others, around, np.array([pose]), nowhere)[0])
+
+
+# Two units that look nowhere else touch the wall y = 1 at x = 0 and x = 2.
+AHEAD = view_with({90.0: 1.0}, np.arange(81.0, 100.0, 4.5))
+WALL = [PlacedUnit(AHEAD, np.array([x_m, 0.0, 0.0]), EXACTLY) for x_m in (0.0, 2.0)]
+
+
+def test_a_wall_that_is_not_heard_between_feet_of_others_costs_most() -> None:
+    deaf = view_with({})
+    between, beyond, far = (cost_nats(WALL, deaf, (x_m, -0.5, 0.0)) for x_m in (1.0, 2.5, 5.0))
+    assert between > 3 > beyond > far > 0
+
+
+def test_a_wall_that_another_unit_did_not_hear_beyond_its_end_is_not_missed_there_again() -> None:
+    deaf = PlacedUnit(view_with({}), np.array([3.0, 0.0, 0.0]), EXACTLY)
+    assert cost_nats([*WALL, deaf], view_with({}), (3.2, -0.5, 0.0)) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_unit_that_hears_something_through_a_wall_pays() -> None:
+    behind = view_with({90.0: 2.5})
+    before = view_with({-90.0: 2.5})
+    assert cost_nats(WALL, behind, (1.0, 0.0, 0.0)) > cost_nats(WALL, before, (1.0, 0.0, 0.0)) + 2
+
+
+def test_a_unit_at_its_true_place_stands_out_alone_but_not_in_a_rectangle() -> None:
+    assert margin_alone_nats(placed(IRREGULAR, NEAR_ITS_MIDDLE), "u3", Pairs()) > ALONE_MARGIN_NATS
+    room = rectangle(4.0, 3.0)
+    units = placed(room, units_anywhere(room, np.random.default_rng(4), 4))
+    assert margin_alone_nats(units, "u1", Pairs()) < SQUARE_ALONE_MARGIN_NATS
+
+
+def test_the_oracle_calls_every_place_in_an_irregular_room_tellable_and_none_in_symmetric_ones() -> None:
+    rng = np.random.default_rng(4)
+    assert tellable(IRREGULAR, NEAR_ITS_MIDDLE, survey_fixed(IRREGULAR, NEAR_ITS_MIDDLE, rng)) == (
+        "u2",
+        "u3",
+        "u4",
+        "u5",
+    )
+    for room in (rectangle(3.2, 3.2), rectangle(4.0, 3.0), rectangle(16.0, 2.0)):
+        poses = units_anywhere(room, rng, 5)
+        assert tellable(room, poses, survey_fixed(room, poses, rng)) == ()
