@@ -8,7 +8,7 @@ from google.protobuf import message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 
-from noctule import bus, keys
+from noctule import bus, bus_config, keys
 from noctule.errors import BusConfigError, BusError
 from noctule.messages_pb2 import Contour, Sweep
 
@@ -54,7 +54,7 @@ def test_a_configuration_file_gives_what_the_endpoints_do_not(endpoint, tmp_path
     config = tmp_path / "zenoh.json5"
     config.write_text('{ metadata: { name: "from the file" }, mode: "peer" }')
     monkeypatch.setenv(bus.CONFIG_VARIABLE, str(config))
-    made = bus._config([], [endpoint])
+    made = bus_config.config([], [endpoint], None)
     assert made.get_json("metadata") == '{"name":"from the file"}'
     assert made.get_json("mode") == '"router"'
 

@@ -2,6 +2,7 @@
 
 import ipaddress
 import os
+import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -87,9 +88,11 @@ def pem(certificate: x509.Certificate) -> bytes:
 
 
 def _self_signed(key: PrivateKey, now: datetime) -> x509.Certificate:
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, _NAME)])
+    # Of a name of its own: with two authorities of one name, a router calls a stranger's certificate a broken signature.
+    name = f"{_NAME} {secrets.token_hex(4)}"
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     return (
-        _builder(_NAME, subject, key, now, now + VALID)
+        _builder(name, subject, key, now, now + VALID)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(_usage(signs_certificates=True), critical=True)
         .sign(key, hashes.SHA256())

@@ -5,6 +5,7 @@ import uuid
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -48,13 +49,17 @@ class Client:
     def __init__(
         self,
         site: str,
-        connect: Sequence[str] = (bus.DEFAULT_ROUTER,),
+        connect: Sequence[str] = (),
         session: zenoh.Session | None = None,
         queue_length: int = 10_000,
+        tls_folder: Path | None = None,
     ) -> None:
-        """Join ``site`` over the routers ``connect``, waiting until one answers, or over the caller's ``session``."""
+        """Join ``site`` over the routers ``connect``, waiting until one answers, or over the caller's ``session``.
+
+        ``tls_folder`` is as in ``bus.open_session``.
+        """
         self.site = keys.name(site, "site")
-        self.session = bus.open_session(connect) if session is None else session
+        self.session = bus.open_session(connect, tls_folder=tls_folder) if session is None else session
         self._owns_session = session is None
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()

@@ -167,6 +167,14 @@ def service_status(site: str, service: str) -> str:
     return _key("service_status", site=site, service=service)
 
 
+def of_all(key: str) -> str:
+    """The expression by which others read a unit's or service's ``key``: the same with ANY for its name."""
+    match key.split("/"):
+        case ["noctule", "@v1", site, "unit" | "service" as kind, _, *subject]:
+            return "/".join((ROOT, site, kind, ANY, *subject))
+    return key
+
+
 def contour(site: str) -> str:
     """Key of a site's contour (message Contour); answers a query with the last one."""
     return _key("contour", site=site)

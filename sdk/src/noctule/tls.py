@@ -48,7 +48,7 @@ class Identity:
 
 
 def chosen(folder: Path | None, now: datetime | None = None) -> Identity | None:
-    """The identity of ``folder``, or of the one that NOCTULE_TLS names; None where there is neither. Raises TlsError."""
+    """The identity of ``folder``, or of the one that NOCTULE_TLS names; None without either. Raises TlsError."""
     named = folder or (Path(value) if (value := os.environ.get(FOLDER_VARIABLE)) else None)
     return None if named is None else load(named, now or datetime.now(UTC))
 

@@ -1,0 +1,139 @@
+"""Whether a service's way over the bus is open, because Zenoh drops what a router forbids and says nothing.
+
+What the service publishes is read back over a second connection, as a reader would get it. That is done after each
+connection to a router and every ten minutes, and takes a second or two; in between there is no second connection.
+"""
+
+import logging
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from time import monotonic
+
+import zenoh
+
+from noctule import bus, bus_config, endpoints, keys, reachability, tls
+from noctule.bus import StatePublisher
+from noctule.errors import BusError
+
+LOOK_EVERY_S = 0.5
+READ_BACK_WITHIN_S = 6.0  # states are published each second
+AGAIN_S, AGAIN_WHILE_WRONG_S = 600.0, 20.0
+LOST_AFTER_S = 3.0  # a router that is started again is back by then
+_COMPARE_EVERY_S = 0.1  # so that no state that is published each second is passed over
+_LISTED = 5
+
+_log = logging.getLogger(__name__)
+
+
+class BusWatch:
+    """Watches the session of a service until close(); detail() is for the service's status.
+
+    ``publishers`` gives the states that the service publishes each second or so, ``connect``, ``listen`` and
+    ``tls_folder`` are what the session was opened with. A service that is the router itself has no way to watch.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        publishers: Callable[[], Sequence[StatePublisher]],
+        connect: Sequence[str] = (),
+        listen: Sequence[str] = (),
+        tls_folder: Path | None = None,
+    ) -> None:
+        """Raises BusConfigError."""
+        self._session, self._publishers = session, publishers
+        self._identity = tls.chosen(tls_folder)
+        config = bus_config.config(connect, listen, self._identity)
+        self._routers = bus_config.endpoints_of(config, "connect")
+        self._trouble = self._expiry = ""
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="bus watch", daemon=True)
+        if not bus_config.is_router(config):
+            self._thread.start()
+
+    def detail(self) -> str:
+        """What is wrong, and a certificate that expires soon, in words; empty while all is well."""
+        alarm = self._identity.expiry_alarm(datetime.now(UTC)) if self._identity else ""
+        if alarm and alarm != self._expiry:
+            _log.warning("%s", alarm)
+        self._expiry = alarm
+        return "; ".join(filter(None, (self._trouble, alarm)))
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._closed.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        checked: frozenset[str] = frozenset()
+        due_s, seen_s = 0.0, monotonic()
+        while not self._closed.wait(LOOK_EVERY_S):
+            routers = frozenset(str(zid) for zid in self._session.info.routers_zid())
+            now_s = monotonic()
+            if routers:
+                seen_s = now_s
+            elif now_s - seen_s < LOST_AFTER_S:
+                continue
+            if routers == checked and now_s < due_s:
+                continue
+            self._tell(self._read_back() if routers else self._no_router())
+            checked = routers
+            due_s = monotonic() + (AGAIN_WHILE_WRONG_S if self._trouble else AGAIN_S)
+
+    def _no_router(self) -> str:
+        return f"the connection is lost: {reachability.why_no_router(self._routers, self._identity)}"
+
+    def _read_back(self) -> str:
+        """Read what is published, as others do; what is wrong, or empty."""
+        try:
+            with bus.open_session(
+                self._routers, patience_s=0.0, tls_folder=self._identity.folder if self._identity else None
+            ) as reader:
+                missing = self._unread(reader)
+        except (BusError, zenoh.ZError) as error:
+            return f"whether others read what is published is not known, because a second connection failed: {error}"
+        if not missing:
+            return ""
+        more = f" and {len(missing) - _LISTED} more" if len(missing) > _LISTED else ""
+        return f"nobody reads what is published on {', '.join(missing[:_LISTED])}{more}: {self._likely_cause()}"
+
+    def _unread(self, reader: zenoh.Session) -> list[str]:
+        """The keys on which something was published and nothing came back in time."""
+        publishers = {each.key: each for each in self._publishers()}
+        published: defaultdict[str, set[bytes]] = defaultdict(set)
+        received: defaultdict[str, set[bytes]] = defaultdict(set)
+        for expression in sorted({keys.of_all(key) for key in publishers}):
+            reader.declare_subscriber(
+                expression, lambda sample: received[str(sample.key_expr)].add(sample.payload.to_bytes())
+            )
+        until_s = monotonic() + READ_BACK_WITHIN_S
+        while publishers and monotonic() < until_s:
+            for key, each in list(publishers.items()):
+                if each.last is not None:
+                    published[key].add(each.last)
+                if published[key] & received[key].copy():
+                    del publishers[key]
+            if self._closed.wait(_COMPARE_EVERY_S):
+                return []
+        return sorted(key for key in publishers if published[key])
+
+    def _likely_cause(self) -> str:
+        at = f"the router at {endpoints.shown(self._routers)}"
+        if self._identity is None:
+            return f"the rules of {at} forbid it"
+        name = self._identity.common_name
+        return (
+            f"the rules of {at} don't allow it to {name}. Either this certificate was revoked, or the fleet file has "
+            "another site, other units or another name for it, or the router was not started again after a change"
+        )
+
+    def _tell(self, trouble: str) -> None:
+        if trouble and trouble != self._trouble:
+            _log.warning("%s", trouble)
+        elif self._trouble and not trouble:
+            _log.info("what is published is read again")
+        self._trouble = trouble
