@@ -106,4 +106,5 @@ def open_to_all(config: zenoh.Config) -> list[str]:
 
 def endpoints_of(config: zenoh.Config, side: str) -> list[str]:
     """The endpoints that a session is to ``connect`` to, or to ``listen`` on."""
-    return json.loads(config.get_json(f"{side}/endpoints"))
+    named = json.loads(config.get_json(f"{side}/endpoints"))
+    return named.get(json.loads(config.get_json("mode")), []) if isinstance(named, dict) else named  # Zenoh's default

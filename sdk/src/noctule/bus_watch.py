@@ -19,7 +19,7 @@ from noctule.bus import StatePublisher
 from noctule.errors import BusError
 
 LOOK_EVERY_S = 0.5
-READ_BACK_WITHIN_S = 6.0  # states are published each second
+READ_BACK_WITHIN_S = 4.0  # states are published each second
 AGAIN_S, AGAIN_WHILE_WRONG_S = 600.0, 20.0
 LOST_AFTER_S = 3.0  # a router that is started again is back by then
 _COMPARE_EVERY_S = 0.1  # so that no state that is published each second is passed over
@@ -29,29 +29,35 @@ _log = logging.getLogger(__name__)
 
 
 class BusWatch:
-    """Watches the session of a service until close(); detail() is for the service's status.
+    """Watches the session of a service from begin() to close(); detail() is for the service's status.
 
-    ``publishers`` gives the states that the service publishes each second or so, ``connect``, ``listen`` and
-    ``tls_folder`` are what the session was opened with. A service that is the router itself has no way to watch.
+    ``connect``, ``listen`` and ``tls_folder`` are what the session was opened with. Where the service is the router
+    itself, only the certificate's expiry is watched.
     """
 
     def __init__(
         self,
         session: zenoh.Session,
-        publishers: Callable[[], Sequence[StatePublisher]],
         connect: Sequence[str] = (),
         listen: Sequence[str] = (),
         tls_folder: Path | None = None,
     ) -> None:
         """Raises BusConfigError."""
-        self._session, self._publishers = session, publishers
+        self._session = session
         self._identity = tls.chosen(tls_folder)
         config = bus_config.config(connect, listen, self._identity)
         self._routers = bus_config.endpoints_of(config, "connect")
+        self._is_router = bus_config.is_router(config)
+        self._publishers: Callable[[], Sequence[StatePublisher]] = tuple
         self._trouble = self._expiry = ""
+        self.looked = threading.Event()  # set once the way was looked at
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="bus watch", daemon=True)
-        if not bus_config.is_router(config):
+
+    def begin(self, publishers: Callable[[], Sequence[StatePublisher]]) -> None:
+        """Watch what ``publishers`` gives: the states that the service publishes each second or so."""
+        self._publishers = publishers
+        if not self._is_router:
             self._thread.start()
 
     def detail(self) -> str:
@@ -69,7 +75,7 @@ class BusWatch:
             self._thread.join()
 
     def _run(self) -> None:
-        checked: frozenset[str] = frozenset()
+        checked: tuple[frozenset[str], frozenset[str]] = frozenset(), frozenset()
         due_s, seen_s = 0.0, monotonic()
         while not self._closed.wait(LOOK_EVERY_S):
             routers = frozenset(str(zid) for zid in self._session.info.routers_zid())
@@ -78,10 +84,12 @@ class BusWatch:
                 seen_s = now_s
             elif now_s - seen_s < LOST_AFTER_S:
                 continue
-            if routers == checked and now_s < due_s:
+            present = routers, frozenset(each.key for each in self._publishers() if each.last is not None)
+            if present == checked and now_s < due_s:
                 continue
             self._tell(self._read_back() if routers else self._no_router())
-            checked = routers
+            self.looked.set()
+            checked = present
             due_s = monotonic() + (AGAIN_WHILE_WRONG_S if self._trouble else AGAIN_S)
 
     def _no_router(self) -> str:
@@ -102,8 +110,8 @@ class BusWatch:
         return f"nobody reads what is published on {', '.join(missing[:_LISTED])}{more}: {self._likely_cause()}"
 
     def _unread(self, reader: zenoh.Session) -> list[str]:
-        """The keys on which something was published and nothing came back in time."""
-        publishers = {each.key: each for each in self._publishers()}
+        """The keys on which something was published and did not come back in time."""
+        publishers = {each.key: each for each in self._publishers() if each.last is not None}
         published: defaultdict[str, set[bytes]] = defaultdict(set)
         received: defaultdict[str, set[bytes]] = defaultdict(set)
         for expression in sorted({keys.of_all(key) for key in publishers}):
@@ -113,13 +121,12 @@ class BusWatch:
         until_s = monotonic() + READ_BACK_WITHIN_S
         while publishers and monotonic() < until_s:
             for key, each in list(publishers.items()):
-                if each.last is not None:
-                    published[key].add(each.last)
+                published[key].add(each.last or b"")
                 if published[key] & received[key].copy():
                     del publishers[key]
             if self._closed.wait(_COMPARE_EVERY_S):
                 return []
-        return sorted(key for key in publishers if published[key])
+        return sorted(publishers)
 
     def _likely_cause(self) -> str:
         at = f"the router at {endpoints.shown(self._routers)}"

@@ -184,13 +184,16 @@ class Client:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
-        Raises BusError: no gateway serves the unit, or there was no reply within ``timeout_s``.
+        Raises BusError: no gateway serves the unit, or there was no reply within ``timeout_s``; KeyFormatError: a name
+        that is none, or a wildcard.
         """
         if not request.request_id:
             request.request_id = uuid.uuid4().hex
-        key = keys.rpc(self.site, unit, name)
+        key = keys.rpc(self.site, keys.name(unit, "unit"), keys.name(name, "command"))  # never several at once
         reply = next(self._ask(key, request.SerializeToString(), timeout_s), None)
         if reply is None:
+            if unit in self.units():
+                raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
             raise BusError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
         return _decode(CommandReply, reply)
 

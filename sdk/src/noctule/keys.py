@@ -217,6 +217,15 @@ def parse_unit(key: str) -> UnitKey:
     raise KeyFormatError(f"{key!r} is not a unit's key: it should read {ROOT}/SITE/unit/UNIT/SUBJECT")
 
 
+def parse_rpc(key: str) -> str:
+    """The command of a key of one unit and one command; raises KeyFormatError for any other, wildcards too."""
+    parsed = parse_unit(key)
+    match parsed.subject.split("/"):
+        case ["@rpc", command]:
+            return name(command, "command")
+    raise KeyFormatError(f"{key!r} is not a command's key: it should read {ROOT}/SITE/unit/UNIT/@rpc/COMMAND")
+
+
 def _key(subject: str, **chunks: str) -> str:
     return SUBJECTS[subject].of(**chunks)
 

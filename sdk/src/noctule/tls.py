@@ -53,6 +53,15 @@ def chosen(folder: Path | None, now: datetime | None = None) -> Identity | None:
     return None if named is None else load(named, now or datetime.now(UTC))
 
 
+def service_name(folder: Path | None, otherwise: str) -> str:
+    """The name that a service shows itself by: that in its certificate, because no other is allowed to it.
+
+    Raises TlsError.
+    """
+    identity = chosen(folder)
+    return otherwise if identity is None or identity.name is None else identity.name
+
+
 def load(folder: Path, now: datetime) -> Identity:
     """Check a folder. Raises TlsError: a file is missing, unreadable, does not fit the others, or is not valid now."""
     for name in (CONFIG, AUTHORITY, CERTIFICATE, PRIVATE_KEY):
