@@ -88,7 +88,7 @@ def pem(certificate: x509.Certificate) -> bytes:
 
 
 def _self_signed(key: PrivateKey, now: datetime) -> x509.Certificate:
-    # Of a name of its own: with two authorities of one name, a router calls a stranger's certificate a broken signature.
+    # With two authorities of one name a router calls a stranger's certificate a broken signature.
     name = f"{_NAME} {secrets.token_hex(4)}"
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     return (

@@ -159,7 +159,7 @@ def _contradictions(fleet: Fleet) -> Iterator[str]:
     names_of_routers = Counter(each.name for each in fleet.router)
     for name, count in [*names.items(), *names_of_routers.items()]:
         if count > 1:
-            yield f"name {name!r} is given {count} times: give each its own, whatever it is"
+            yield f"name {name!r} is given {count} times: give each table a name of its own"
     served = Counter((each.site, unit) for each in fleet.gateway for unit in each.units)
     for (site, unit), count in served.items():
         if count > 1:
@@ -169,13 +169,17 @@ def _contradictions(fleet: Fleet) -> Iterator[str]:
         for number, each in enumerate(getattr(fleet, kind), start=1):
             for site in each.sites:
                 if site not in sites | {keys.ANY}:
-                    yield f"[[{kind}]] {number}: sites has {site!r}, which no gateway serves{_meant(site, sites)}"
+                    yield f"[[{kind}]] {number}: sites has {site!r}, {_unserved(site, sites)}"
     for number, service in enumerate(fleet.service, start=1):
         for tracked in service.tracks:
             if (tracked.site, tracked.unit) not in served:
                 units = {unit for site, unit in served if site == tracked.site}
                 where = f"unit {tracked.unit!r} of site {tracked.site!r}"
-                yield f"[[service]] {number}: tracks {where}, which no gateway serves{_meant(tracked.unit, units)}"
+                yield f"[[service]] {number}: tracks {where}, {_unserved(tracked.unit, units)}"
+
+
+def _unserved(word: str, served: set[str]) -> str:
+    return "which no gateway serves" + (_meant(word, served) or ": add it to a gateway, or correct it")
 
 
 def _words(error: Any, entries: dict[str, Any]) -> str:

@@ -18,7 +18,8 @@ _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor"
 def client(fleet: Fleet) -> dict[str, Any]:
     """The configuration of a client: every router is one to fall back on."""
     endpoints = [_reached(router) for router in fleet.router]
-    return {"mode": "client", "connect": _connect(endpoints)} | _common(fleet, {"protocols": ["tls"]}, listens=False)
+    sides = {"connect": _connect(endpoints), "listen": {"endpoints": []}}
+    return {"mode": "client"} | sides | _common(fleet, {"protocols": ["tls"]}, listens=False)
 
 
 def router(fleet: Fleet, own: Router, generations: dict[str, Generations]) -> dict[str, Any]:
