@@ -1,10 +1,13 @@
 """Who is not let in, and what an operator reads then."""
 
+import json
 import shutil
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from deploy.secured_fleet import SecuredFleet, rendered
+from deploy.secured_fleet import SecuredFleet, rendered, running_routers
+from system.processes import wait_until
 
 from noctule import bus, keys, tls
 from noctule.bus_watch import BusWatch
@@ -81,10 +84,6 @@ def test_a_revoked_generation_is_told_within_ten_seconds_that_nobody_reads_it(se
     assert detail_within_ten_seconds(secured, "service.alarm.g2", "house", "alarm", wrong=False) == ""
 
 
-def test_a_service_under_another_name_is_told_so(secured: SecuredFleet) -> None:
-    assert "another name" in detail_within_ten_seconds(secured, "service.tracker.g1", "house", "alarm")
-
-
 def detail_within_ten_seconds(secured: SecuredFleet, common_name: str, site: str, name: str, wrong: bool = True) -> str:
     """What a service's status says after its first look at its own path, and after at most ten seconds."""
     with secured.join(common_name) as session:
@@ -101,3 +100,48 @@ def detail_within_ten_seconds(secured: SecuredFleet, common_name: str, site: str
             return watch.detail()
         finally:
             watch.close()
+
+
+def test_a_service_says_why_it_has_lost_its_router_and_when_it_is_read_again(tmp_path: Path) -> None:
+    own = rendered(tmp_path)
+    folder = own.folder("service.alarm.g1")
+    with ExitStack() as closing:
+        routers = closing.enter_context(ExitStack())
+        routers.enter_context(running_routers(own))
+        session = closing.enter_context(own.join("service.alarm.g1"))
+        state = bus.StatePublisher(session, keys.service_status("house", "alarm"), ServiceStatus)
+        watch = BusWatch(session, tls_folder=folder)
+        watch.begin(lambda: [state])
+        closing.callback(watch.close)
+
+        def says(words: str) -> bool:
+            state.put(ServiceStatus(site="house", name="alarm"))
+            return words in watch.detail() if words else watch.looked.is_set() and not watch.detail()
+
+        wait_until(lambda: says(""), "its way was not open", 10, every_s=0.5)
+        routers.close()
+        wait_until(lambda: says("the connection is lost: no router answers at tls/"), "not told", 10, every_s=0.5)
+        closing.enter_context(running_routers(own))
+        wait_until(lambda: says(""), "it is not read again", 15, every_s=0.5)
+
+
+def test_a_router_that_does_not_tell_a_service_of_its_readers_is_found_out(tmp_path: Path) -> None:
+    own = rendered(tmp_path)
+    config_file = own.folder("router.one.g1") / tls.CONFIG
+    config = json.loads(config_file.read_text())
+    for rule in config["access_control"]["rules"]:
+        if rule["flows"] == ["egress"] and rule["messages"] == ["declare_subscriber"]:
+            rule["key_exprs"] = [keys.service_status("house", "alarm")]  # of itself: the readers' wildcard is not in it
+    config_file.write_text(json.dumps(config))
+    with bus.open_session(tls_folder=own.folder("router.one.g1")):
+        assert "nobody reads" in detail_within_ten_seconds(own, "service.alarm.g1", "house", "alarm")
+
+
+def test_a_certificate_that_expires_soon_stands_in_the_services_status_and_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    own = rendered(tmp_path, "valid_days = 29")
+    with running_routers(own):
+        told = detail_within_ten_seconds(own, "service.alarm.g1", "house", "alarm")
+    assert told.startswith("the certificate of service.alarm.g1 expires on 20")
+    assert [record.getMessage() for record in caplog.records if "expires on" in record.getMessage()] == [told]

@@ -168,12 +168,10 @@ def test_a_gateway_with_a_routers_certificate_is_the_router(tmp_path: Path) -> N
         wait_until(lambda: list(details(client)) == ["one"], "the gateway does not show itself", 10)
 
 
-def test_a_program_whose_key_others_may_read_ends_and_says_why(running: Programs, tmp_path: Path) -> None:
-    folder = rendered(tmp_path).folder("gateway.attic.g1")
-    (folder / "private.key").chmod(0o644)
-    start_gateway(running, tmp_path, folder, u1=NOBODY)
-    assert running.wait("gateway") == 1
-    assert "(mode 0644): chmod 600" in running.log("gateway")
+def test_a_program_whose_key_others_may_read_says_what_to_do(tmp_path: Path) -> None:
+    folder = rendered(tmp_path).folder("operator.anna.g1")
+    (folder / tls.PRIVATE_KEY).chmod(0o644)
+    assert "(mode 0644): chmod 600" in noctule(folder, "units", "house")
 
 
 @pytest.mark.parametrize(("endpoint", "warned"), [("tcp/127.0.0.1:0", False), ("tcp/0.0.0.0:0", True)])
