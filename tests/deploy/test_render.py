@@ -128,6 +128,12 @@ def test_a_missing_authority_is_never_replaced_by_another(made: SecuredFleet) ->
         render.render(fleet.load(made.file), made.place, NOW)
 
 
+def test_what_was_revoked_is_not_admitted_again_because_the_generations_are_lost(made: SecuredFleet) -> None:
+    (made.place.out / "generations.json").unlink()
+    with pytest.raises(RenderError, match="generations.json is gone, .* bring it back from your backup"):
+        render.render(fleet.load(made.file), made.place, NOW)
+
+
 def test_a_name_that_is_none_of_the_fleet_can_not_be_revoked(made: SecuredFleet) -> None:
     with pytest.raises(RenderError, match=r"'gateway.atic' .* names are router.one, .*gateway.attic"):
         render.revoke(fleet.load(made.file), made.place, "gateway.atic", NOW)

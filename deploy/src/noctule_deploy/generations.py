@@ -53,7 +53,11 @@ def load(folder: Path) -> dict[str, Generations]:
     try:
         entries = json.loads(path.read_text())
         return {subject: Generations(int(each["oldest"]), int(each["newest"])) for subject, each in entries.items()}
-    except FileNotFoundError:
+    except FileNotFoundError as error:
+        if any(folder.glob("*.g*")):
+            raise RenderError(
+                f"{path} is gone, and {folder} has certificates: bring it back from your backup, it says which are revoked"
+            ) from error
         return {}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise RenderError(
