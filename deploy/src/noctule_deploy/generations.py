@@ -56,7 +56,7 @@ def load(folder: Path) -> dict[str, Generations]:
     except FileNotFoundError as error:
         if any(folder.glob("*.g*")):
             raise RenderError(
-                f"{path} is gone, and it says which certificates of {folder} are revoked: bring it back from your backup"
+                f"{path} is gone: bring it back from your backup, because it says which certificates are revoked"
             ) from error
         return {}
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
