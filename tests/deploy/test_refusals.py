@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -115,7 +116,7 @@ def test_a_service_says_why_it_has_lost_its_router_and_when_it_is_read_again(tmp
         closing.callback(watch.close)
 
         def says(words: str) -> bool:
-            state.put(ServiceStatus(site="house", name="alarm"))
+            state.put(ServiceStatus(site="house", name="alarm", counters={"put": time.monotonic_ns()}))
             return words in watch.detail() if words else watch.looked.is_set() and not watch.detail()
 
         wait_until(lambda: says(""), "its way was not open", 10, every_s=0.5)

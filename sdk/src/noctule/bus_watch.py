@@ -6,7 +6,7 @@ connection to a router and every ten minutes, and takes a second or two; in betw
 
 import logging
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +19,8 @@ from noctule.bus import StatePublisher
 from noctule.errors import BusError
 
 LOOK_EVERY_S = 0.5
-READ_BACK_WITHIN_S = 4.0  # states are published each second
+# Looks are counted and not timed: a process that is held up by its own work has not waited.
+_LOOKS, _LOOKS_FOR_ONE = 60, 30
 AGAIN_S, AGAIN_WHILE_WRONG_S = 600.0, 20.0
 LOST_AFTER_S = 3.0  # a router that is started again is back by then
 _COMPARE_EVERY_S = 0.1  # so that no state that is published each second is passed over
@@ -87,7 +88,10 @@ class BusWatch:
             present = routers, frozenset(each.key for each in self._publishers() if each.last is not None)
             if present == checked and now_s < due_s:
                 continue
-            self._tell(self._read_back() if routers else self._no_router())
+            found = self._read_back() if routers else self._no_router()
+            if found is None:
+                continue
+            self._tell(found)
             self.looked.set()
             checked = present
             due_s = monotonic() + (AGAIN_WHILE_WRONG_S if self._trouble else AGAIN_S)
@@ -95,38 +99,42 @@ class BusWatch:
     def _no_router(self) -> str:
         return f"the connection is lost: {reachability.why_no_router(self._routers, self._identity)}"
 
-    def _read_back(self) -> str:
-        """Read what is published, as others do; what is wrong, or empty."""
+    def _read_back(self) -> str | None:
+        """Read what is published, as others do; what is wrong, or empty; None where that can't be said yet."""
         try:
             with bus.open_session(
-                self._routers, patience_s=0.0, tls_folder=self._identity.folder if self._identity else None
+                self._routers, patience_s=2.0, tls_folder=self._identity.folder if self._identity else None
             ) as reader:
                 missing = self._unread(reader)
         except (BusError, zenoh.ZError) as error:
             return f"whether others read what is published is not known, because a second connection failed: {error}"
         if not missing:
-            return ""
+            return None if missing is None else ""
         more = f" and {len(missing) - _LISTED} more" if len(missing) > _LISTED else ""
         return f"nobody reads what is published on {', '.join(missing[:_LISTED])}{more}: {self._likely_cause()}"
 
-    def _unread(self, reader: zenoh.Session) -> list[str]:
-        """The keys on which something was published and did not come back in time."""
+    def _unread(self, reader: zenoh.Session) -> list[str] | None:
+        """The keys on which something was published and did not come back; None where too little was to say."""
         publishers = {each.key: each for each in self._publishers() if each.last is not None}
+        before = {key: each.last for key, each in publishers.items()}
         published: defaultdict[str, set[bytes]] = defaultdict(set)
         received: defaultdict[str, set[bytes]] = defaultdict(set)
+        waited: Counter[str] = Counter()
         for expression in sorted({keys.of_all(key) for key in publishers}):
             reader.declare_subscriber(
                 expression, lambda sample: received[str(sample.key_expr)].add(sample.payload.to_bytes())
             )
-        until_s = monotonic() + READ_BACK_WITHIN_S
-        while publishers and monotonic() < until_s:
+        for _ in range(_LOOKS):
             for key, each in list(publishers.items()):
-                published[key].add(each.last or b"")
+                if each.last != before[key]:  # what was put before the reader came says nothing
+                    published[key].add(each.last or b"")
+                    waited[key] += 1
                 if published[key] & received[key].copy():
                     del publishers[key]
-            if self._closed.wait(_COMPARE_EVERY_S):
-                return []
-        return sorted(publishers)
+            if all(waited[key] > _LOOKS_FOR_ONE for key in publishers) or self._closed.wait(_COMPARE_EVERY_S):
+                break
+        missing = sorted(key for key in publishers if waited[key] > _LOOKS_FOR_ONE)
+        return missing if missing or not publishers else None
 
     def _likely_cause(self) -> str:
         at = f"the router at {endpoints.shown(self._routers)}"
