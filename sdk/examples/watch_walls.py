@@ -6,7 +6,7 @@ import threading
 import noctule
 
 site, *routers = sys.argv[1:]
-with noctule.Client(site, connect=routers or ["tcp/127.0.0.1:7447"]) as client:
+with noctule.Client(site, connect=routers) as client:
     client.on_sweep(lambda sweep: print(f"{sweep.unit}: {len(sweep.readings)} readings", flush=True))
     client.on_contour(
         lambda contour: print("walls", [round(wall.rho_m, 2) for wall in contour.walls], "m away", flush=True)

@@ -44,6 +44,7 @@ serial = {serial}
 address = "{address}"
 {more}
 """
+RPC_ANY = keys.rpc(SITE, "u1", keys.ANY)
 FIXED = "pose = { x_m = 1.0, y_m = 2.0, heading_deg = 90 }"
 
 
@@ -222,6 +223,23 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
     assert isinstance(configure, frames.Configure)
     assert (configure.first_bearing, configure.bearing_step, configure.count) == (-24576, 8192, 7)
     assert (waypoint, single) == (frames.SetWaypoint(0, 3), frames.Single(0))
+
+
+@pytest.mark.parametrize("several", [keys.rpc(SITE, keys.ANY, "home"), keys.rpc(keys.ANY, "u1", "home"), RPC_ANY])
+def test_a_command_with_a_wildcard_is_refused_and_no_unit_obeys(
+    several: str, tmp_path: Path, router: zenoh.Session
+) -> None:
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            request = CommandRequest(request_id="several").SerializeToString()
+            (refusal,) = router.get(several, payload=request)
+            assert refusal.err is not None and b"can't be part of a key" in refusal.err.payload.to_bytes()
+            assert client.command("u1", "single", CommandRequest(), timeout_s=10).done
+    _, single = unit.carried_out  # first the plan that every fixed unit gets
+    assert single == frames.Single(0)
 
 
 def test_a_unit_in_its_loader_is_shown_and_served_again_when_its_firmware_runs(

@@ -1,6 +1,7 @@
 """Sessions, states and schemas on a real router."""
 
 import threading
+import traceback
 
 import pytest
 import zenoh
@@ -8,7 +9,7 @@ from google.protobuf import message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 
-from noctule import bus, keys
+from noctule import bus, bus_config, keys
 from noctule.errors import BusConfigError, BusError
 from noctule.messages_pb2 import Contour, Sweep
 
@@ -50,11 +51,29 @@ def test_a_configuration_file_that_can_not_be_read_is_told(endpoint, tmp_path, m
         bus.open_session([endpoint])
 
 
+@pytest.mark.parametrize("fault", ["oops", 'usr: "me",'])
+def test_a_fault_in_a_configuration_file_is_told_by_its_line_and_not_by_what_stands_there(
+    fault, endpoint, tmp_path, monkeypatch
+):
+    config = tmp_path / "zenoh.json5"
+    config.write_text("{\n transport: { auth: { usrpwd: { FAULT password: 'hunter2' } } } }".replace("FAULT", fault))
+    monkeypatch.setenv(bus.CONFIG_VARIABLE, str(config))
+    with pytest.raises(BusConfigError, match=f"{config}, line 2, .*has an error") as refusal:
+        bus.open_session([endpoint])
+    assert "hunter2" not in "".join(traceback.format_exception(refusal.value))
+
+
+def test_an_endpoints_own_configuration_which_may_hold_a_key_is_not_told(endpoint):
+    with pytest.raises(BusError) as refusal:
+        bus.open_session([f"{endpoint}#connect_private_key_base64=hunter2"], patience_s=0.0)
+    assert "hunter2" not in str(refusal.value)
+
+
 def test_a_configuration_file_gives_what_the_endpoints_do_not(endpoint, tmp_path, monkeypatch):
     config = tmp_path / "zenoh.json5"
     config.write_text('{ metadata: { name: "from the file" }, mode: "peer" }')
     monkeypatch.setenv(bus.CONFIG_VARIABLE, str(config))
-    made = bus._config([], [endpoint])
+    made = bus_config.config([], [endpoint], None)
     assert made.get_json("metadata") == '{"name":"from the file"}'
     assert made.get_json("mode") == '"router"'
 

@@ -277,6 +277,12 @@ def test_a_command_that_nobody_takes_is_told_from_one_that_takes_too_long(client
         client.command("u1", "home", CommandRequest(), timeout_s=0.2)
 
 
+def test_a_command_never_goes_to_several_units_at_once(client):
+    for unit, command in (("*", "stop"), ("u$*", "stop"), ("u1", "*")):
+        with pytest.raises(KeyFormatError):
+            client.command(unit, command, CommandRequest(), timeout_s=5.0)
+
+
 def test_a_client_of_a_name_that_fits_no_key_is_refused_before_it_connects():
     with pytest.raises(KeyFormatError, match="site 'My Room'"):
         Client("My Room")

@@ -70,3 +70,18 @@ def test_the_readme_lists_every_subject():
     for subject in keys.SUBJECTS.values():
         message = f"`{subject.message.rsplit('.', 1)[-1]}`" if subject.message else ""
         assert f"| `{subject.key}` | {message} | {subject.publisher} | {subject.meaning} |" in readme
+
+
+@pytest.mark.parametrize("several", ["*", "**", "u$*", "@rpc"])
+def test_a_commands_key_is_of_one_unit_and_one_command(several: str) -> None:
+    key = keys.rpc("room", "u1", "stop")
+    assert keys.parse_rpc(key) == "stop"
+    for wild in (key.replace("u1", several), key.replace("stop", several), key.replace("room", several)):
+        with pytest.raises(KeyFormatError):
+            keys.parse_rpc(wild)
+
+
+def test_others_read_a_units_or_a_services_key_by_the_same_with_any_name():
+    assert keys.of_all(keys.unit_status("room", "u1")) == keys.unit_status("room", keys.ANY)
+    assert keys.of_all(keys.service_status("room", "s1")) == keys.service_status("room", keys.ANY)
+    assert keys.of_all(keys.contour("room")) == keys.contour("room")

@@ -84,6 +84,13 @@ def test_a_replayed_unit_is_alive_has_a_status_and_answers_that_it_takes_no_comm
     assert hello.done and hello.status.log_id == status.log_id
 
 
+def test_a_replayed_unit_refuses_a_command_to_several_units(client, replay, known):
+    replay.run(survey_of("u1", count=1), None)
+    known(client.session, keys.rpc("room", "u1", "hello"))
+    (reply,) = client.session.get(keys.rpc("room", keys.ANY, "hello"), payload=CommandRequest().SerializeToString())
+    assert reply.ok is None and b"unit '*'" in reply.err.payload.to_bytes()
+
+
 def test_a_log_query_that_is_not_one_gets_an_error(client, replay, known):
     replay.run(survey_of("u1", count=1), None)
     known(client.session, keys.log("room", "u1"))

@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,8 @@ import typer
 import zenoh
 from rich.console import Console
 
-from noctule import bus, site
+from noctule import bus, site, tls
+from noctule.bus_watch import BusWatch
 from noctule.errors import NoctuleError
 from noctule.threads import end_process_when_one_fails
 from noctule_gateway.limits import allow_files
@@ -43,9 +45,22 @@ def run(
     data: Annotated[Path, typer.Option(help="Folder of the units' logs; made if it is not there.")],
     connect: Annotated[list[str] | None, typer.Option(help="A router of the bus; give more for a fallback.")] = None,
     listen: Annotated[
-        list[str] | None, typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect.")
+        list[str] | None,
+        typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."),
     ] = None,
-    name: Annotated[str, typer.Option(help="This gateway's name among the site's services.")] = "gateway",
+    tls_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--tls",
+            envvar=tls.FOLDER_VARIABLE,
+            metavar="FOLDER",
+            help="Certificate and key: a folder that noctule-deploy made. It also names the routers.",
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(help="Its name among the site's services; its certificate's, or 'gateway', if left out."),
+    ] = None,
     keep_mb: Annotated[float, typer.Option(min=1, help="Size of each unit's log, in MB of sweeps.")] = 256,
     keep_days: Annotated[float, typer.Option(min=0, help="Age at which sweeps leave the log.")] = 30,
 ) -> None:
@@ -56,7 +71,9 @@ def run(
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
     try:
-        _serve(site_file, data, name, retention, connect or [], listen or ([] if connect else [DEFAULT_LISTEN]))
+        default = [] if connect or tls_folder else [DEFAULT_LISTEN]
+        access = _Access(connect or [], listen or default, tls_folder)
+        _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access)
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -107,7 +124,16 @@ def repair(
         typer.echo(f"{data} holds no logs")
 
 
-def _serve(site_file: Path, data: Path, name: str, retention: Retention, connect: list[str], listen: list[str]) -> None:
+@dataclass(frozen=True)
+class _Access:
+    """How the gateway joins the bus."""
+
+    connect: list[str]
+    listen: list[str]
+    tls_folder: Path | None
+
+
+def _serve(site_file: Path, data: Path, name: str, retention: Retention, access: _Access) -> None:
     served = site.load(site_file)
     if warning := allow_files(len(served.units)):
         _log.warning("%s", warning)
@@ -115,9 +141,10 @@ def _serve(site_file: Path, data: Path, name: str, retention: Retention, connect
     session: zenoh.Session | None = None
     try:
         gateway.start()
-        session = bus.open_session(connect, listen)
-        gateway.join(session)
-        _log.info("on the bus: %s", f"the router at {', '.join(listen)}" if listen else ", ".join(connect))
+        session = bus.open_session(access.connect, access.listen, tls_folder=access.tls_folder)
+        gateway.join(session, BusWatch(session, access.connect, access.listen, access.tls_folder))
+        where = access.listen or access.connect or [f"as {access.tls_folder} says"]
+        _log.info("on the bus: %s", f"the router at {', '.join(where)}" if access.listen else ", ".join(where))
         while True:
             gateway.report()
             time.sleep(_REPORT_EVERY_S)

@@ -13,6 +13,7 @@ from time import time_ns
 import zenoh
 
 from noctule import bus, keys
+from noctule.bus_watch import BusWatch
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
@@ -83,14 +84,18 @@ class Gateway:
         self._readers = ThreadPoolExecutor(_LOG_READERS, thread_name_prefix="log reader")
         self._status: bus.StatePublisher | None = None
         self._clock_watch = ClockWatch()
+        self._watch: BusWatch | None = None
 
     def start(self) -> None:
         """Begin to serve the units."""
         for served in self._served:
             served.server.start()
 
-    def join(self, session: zenoh.Session) -> None:
-        """Put the units on the bus. The caller closes ``session``, after close()."""
+    def join(self, session: zenoh.Session, watch: BusWatch | None = None) -> None:
+        """Put the units on the bus, and begin to ``watch`` that others can read them.
+
+        The caller closes ``session``, after close().
+        """
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
@@ -104,6 +109,9 @@ class Gateway:
                 self._outbox,
                 self._readers,
             )
+        if watch is not None:
+            self._watch = watch
+            watch.begin(self._states)
 
     def report(self) -> None:
         """Look after the folder and the host's clock, publish the gateway's own status; to be called each second.
@@ -119,6 +127,8 @@ class Gateway:
 
     def close(self) -> None:
         """Let the units go, commit what is on its way, and put on the bus what waits."""
+        if self._watch is not None:
+            self._watch.close()
         for served in self._served:
             served.server.stop()
         for served in self._served:
@@ -126,6 +136,11 @@ class Gateway:
         self._readers.shutdown()
         self._outbox.close()
         self._folder.close()
+
+    def _states(self) -> list[bus.StatePublisher]:
+        """What is published each second."""
+        of_units = [served.on_bus.status for served in self._served if served.on_bus is not None]
+        return of_units if self._status is None else [self._status, *of_units]
 
     def _status_message(self) -> ServiceStatus:
         connected = sum(served.server.connected for served in self._served)
@@ -141,6 +156,7 @@ class Gateway:
                 filter(
                     None,
                     (
+                        self._watch.detail() if self._watch else "",
                         _listed("not connected", away),
                         _listed("being updated", updating),
                         _listed("served late", late),

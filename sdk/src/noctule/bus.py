@@ -1,9 +1,8 @@
 """The bus as Noctule uses it: sessions, states that a late joiner can ask for, and the messages' schemas."""
 
-import json
 import logging
-import os
 from collections.abc import Sequence
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -11,51 +10,55 @@ import zenoh
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
-from noctule import keys, messages_pb2
-from noctule.errors import BusConfigError, BusError
+from noctule import bus_config, endpoints, keys, messages_pb2, reachability, tls
+from noctule.bus_config import CONFIG_VARIABLE, DEFAULT_ROUTER
+from noctule.errors import BusError
 
-DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
-CONFIG_VARIABLE = "ZENOH_CONFIG"
-
-_ATTEMPT_MS = 1000
-_SETTINGS = {
-    "scouting/multicast/enabled": False,
-    "scouting/gossip/enabled": False,
-    "scouting/delay": 0,  # nothing is scouted, so nothing is to be waited for
-    "transport/shared_memory/enabled": False,
-    # An open session looks for its routers for ever, and often enough that an outage is soon over.
-    "connect/timeout_ms": _ATTEMPT_MS,
-    "connect/exit_on_failure": False,
-    "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
-}
+__all__ = ["CONFIG_VARIABLE", "DEFAULT_ROUTER"]
 
 _log = logging.getLogger(__name__)
 
 
 def open_session(
-    connect: Sequence[str] = (), listen: Sequence[str] = (), patience_s: float | None = None
+    connect: Sequence[str] = (),
+    listen: Sequence[str] = (),
+    patience_s: float | None = None,
+    tls_folder: Path | None = None,
 ) -> zenoh.Session:
     """Open a session as a client of the routers ``connect``, or, with ``listen``, as a router itself.
 
+    ``tls_folder``, or the folder that NOCTULE_TLS names, gives certificate and key (see ``noctule.tls``), and endpoints
+    where neither ``connect`` nor ``listen`` does. Without any the router is DEFAULT_ROUTER. Without a folder, other
+    settings are read from the Zenoh configuration file that ZENOH_CONFIG names.
     A client waits for its first router, for ever or for ``patience_s``; after that the session reconnects by itself.
-    What else there is to set (certificates) is read from the Zenoh configuration file that ZENOH_CONFIG names.
     The caller must close the session, or the process does not end.
-    Raises BusError: no router in time, or an endpoint that can't be listened on; BusConfigError: one that is none.
+    Raises BusError: no router in time, or an endpoint that can't be listened on; BusConfigError: one that is none;
+    TlsError: a folder that can't be used.
     """
-    config = _config(connect, listen)
-    return _open_router(config, listen) if listen else _open_client(config, connect, patience_s)
+    identity = tls.chosen(tls_folder)
+    config = bus_config.config(connect, listen, identity)
+    if bus_config.is_router(config):
+        return _open_router(config, identity)
+    return _open_client(config, identity, patience_s)
 
 
-def _open_router(config: zenoh.Config, listen: Sequence[str]) -> zenoh.Session:
+def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.Session:
+    listen = bus_config.endpoints_of(config, "listen")
+    if open_to_all := bus_config.open_to_all(config):
+        _log.warning(
+            "anybody who reaches %s can command and flash the units: listen on loopback, or give --tls FOLDER",
+            endpoints.shown(open_to_all),
+        )
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
+        name = f" as {identity.common_name}" if identity else ""
         reason = str(error).split(" at /")[0]  # what follows is a place in Zenoh's source
-        raise BusError(f"can't be a router on {', '.join(listen)}: {reason}") from error
+        raise BusError(f"can't be a router on {endpoints.shown(listen)}{name}: {reason}") from error
 
 
-def _open_client(config: zenoh.Config, connect: Sequence[str], patience_s: float | None) -> zenoh.Session:
-    where = ", ".join(connect) or "no endpoint"
+def _open_client(config: zenoh.Config, identity: tls.Identity | None, patience_s: float | None) -> zenoh.Session:
+    connect = bus_config.endpoints_of(config, "connect")
     began_s = monotonic()
     waiting = False
     # Zenoh could wait by itself, but then no signal would reach the process.
@@ -64,28 +67,10 @@ def _open_client(config: zenoh.Config, connect: Sequence[str], patience_s: float
             return zenoh.open(config)
         except zenoh.ZError as error:
             if patience_s is None and not waiting:
-                _log.warning("no router answers at %s yet; trying on", where)
+                _log.warning("%s; trying on", reachability.why_no_router(connect, identity))
                 waiting = True
             elif patience_s is not None and monotonic() - began_s >= patience_s:
-                raise BusError(f"no router answers at {where}: start one, or name another endpoint") from error
-
-
-def _config(connect: Sequence[str], listen: Sequence[str]) -> zenoh.Config:
-    try:
-        config = zenoh.Config.from_env() if os.environ.get(CONFIG_VARIABLE) else zenoh.Config()
-    except zenoh.ZError as error:
-        raise BusConfigError(f"the Zenoh configuration that {CONFIG_VARIABLE} names can't be read: {error}") from error
-    settings = _SETTINGS | {
-        "mode": "router" if listen else "client",
-        "connect/endpoints": list(connect),
-        "listen/endpoints": list(listen),
-    }
-    for key, value in settings.items():
-        try:
-            config.insert_json5(key, json.dumps(value))
-        except zenoh.ZError as error:
-            raise BusConfigError(f"{key} can't be {value}: write an endpoint as tcp/HOST:PORT") from error
-    return config
+                raise BusError(reachability.why_no_router(connect, identity)) from error
 
 
 def encoding(message_type: type[Message]) -> zenoh.Encoding:
@@ -104,16 +89,16 @@ class StatePublisher:
     """Publishes a state and answers queries on its key with the last one, so that a late joiner sees the present."""
 
     def __init__(self, session: zenoh.Session, key: str, message_type: type[Message]) -> None:
-        self._key = key
+        self.key = key
         self._encoding = encoding(message_type)
-        self._last: bytes | None = None
+        self.last: bytes | None = None  # what was put last
         self._publisher = declare_publisher(session, key, message_type)
         self._queryable = session.declare_queryable(key, self._answer, complete=True)
 
     def put(self, message: Message) -> None:
         """Publish ``message`` and keep it as the answer to queries."""
-        self._last = message.SerializeToString()
-        self._publisher.put(self._last)
+        self.last = message.SerializeToString()
+        self._publisher.put(self.last)
 
     def close(self) -> None:
         """Publish and answer no more."""
@@ -121,8 +106,8 @@ class StatePublisher:
         self._publisher.undeclare()
 
     def _answer(self, query: zenoh.Query) -> None:
-        if self._last is not None:
-            query.reply(self._key, self._last, encoding=self._encoding)
+        if self.last is not None:
+            query.reply(self.key, self.last, encoding=self._encoding)
 
 
 def declare_schemas(session: zenoh.Session) -> zenoh.Queryable:

@@ -5,6 +5,7 @@ import uuid
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -48,13 +49,17 @@ class Client:
     def __init__(
         self,
         site: str,
-        connect: Sequence[str] = (bus.DEFAULT_ROUTER,),
+        connect: Sequence[str] = (),
         session: zenoh.Session | None = None,
         queue_length: int = 10_000,
+        tls_folder: Path | None = None,
     ) -> None:
-        """Join ``site`` over the routers ``connect``, waiting until one answers, or over the caller's ``session``."""
+        """Join ``site`` over the routers ``connect``, waiting until one answers, or over the caller's ``session``.
+
+        ``tls_folder`` is as in ``bus.open_session``.
+        """
         self.site = keys.name(site, "site")
-        self.session = bus.open_session(connect) if session is None else session
+        self.session = bus.open_session(connect, tls_folder=tls_folder) if session is None else session
         self._owns_session = session is None
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()
@@ -179,13 +184,16 @@ class Client:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
-        Raises BusError: no gateway serves the unit, or there was no reply within ``timeout_s``.
+        Raises BusError: no gateway serves the unit, or there was no reply within ``timeout_s``; KeyFormatError: a name
+        that is none, or a wildcard.
         """
         if not request.request_id:
             request.request_id = uuid.uuid4().hex
-        key = keys.rpc(self.site, unit, name)
+        key = keys.rpc(self.site, keys.name(unit, "unit"), keys.name(name, "command"))  # never several at once
         reply = next(self._ask(key, request.SerializeToString(), timeout_s), None)
         if reply is None:
+            if unit in self.units():
+                raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
             raise BusError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
         return _decode(CommandReply, reply)
 

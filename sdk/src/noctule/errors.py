@@ -41,3 +41,7 @@ class BusError(NoctuleError):
 
 class BusConfigError(BusError):
     """An endpoint or a configuration that makes no sense, however long one waits."""
+
+
+class TlsError(BusConfigError):
+    """A folder of certificate and key that can't be used; the message never holds a part of a key."""

@@ -6,6 +6,7 @@ SUBJECTS is the table of all keys. Where a key is to match several, ANY stands f
 
 import re
 from dataclasses import dataclass
+from enum import StrEnum
 
 from noctule.errors import KeyFormatError
 
@@ -16,35 +17,104 @@ _NAMES = ("site", "unit", "service", "command")  # chunks that only a name() may
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
 
+class Role(StrEnum):
+    """What a program or a person on the bus is there for; a router's rules go by it."""
+
+    GATEWAY = "gateway"
+    MAPPER = "mapper"
+    OPERATOR = "operator"
+    VIEWER = "viewer"
+    SERVICE = "service"
+
+
+class Carrier(StrEnum):
+    """How a subject travels."""
+
+    DATA = "published"
+    STATE = "published, and a query gets the last one"
+    ANSWER = "the answer to a query"
+    TOKEN = "a liveliness token"
+
+
 @dataclass(frozen=True)
 class Subject:
-    """What one kind of key carries.
+    """What one kind of key carries, and who may publish and read it.
 
     ``key`` follows ROOT, with the names that vary in braces. ``message`` is the full name of what is published, or of
-    the reply where the key is queried; empty where the key alone says it.
+    the reply where the key is queried; empty where the key alone says it. ``publisher`` is who publishes it in words,
+    ``publishers`` are their roles: each for its own units, for itself, or for its sites, as ``key`` has a unit, a
+    service or only a site. A service publishes poses of the units that it tracks.
     """
 
     key: str
     message: str
     publisher: str
     meaning: str
+    carrier: Carrier
+    publishers: frozenset[Role]
+    readers: frozenset[Role]
 
+    def of(self, **names: str) -> str:
+        """The key of the given site, unit and so on, with ANY for those that are not given."""
+        values = {chunk: names.get(chunk, ANY) for chunk in self.chunks()}
+        checked = {chunk: _chunk(value, chunk) if chunk in _NAMES else value for chunk, value in values.items()}
+        return f"{ROOT}/{self.key.format_map(checked)}"
+
+    def chunks(self) -> list[str]:
+        """What varies in the key: ``site``, ``unit``."""
+        return re.findall(r"{(\w+)}", self.key)
+
+
+_GATEWAY, _MAPPER, _SERVICE = frozenset({Role.GATEWAY}), frozenset({Role.MAPPER}), frozenset({Role.SERVICE})
+_OPERATOR = frozenset({Role.OPERATOR})
+_ALL = frozenset(Role)
+_WATCHERS = _ALL - _GATEWAY
+_PROGRAMS = _ALL - _OPERATOR  # operators come and go, and show no status
 
 SUBJECTS = {
-    "sweep": Subject("{site}/unit/{unit}/sweep", "noctule.v1.Sweep", "gateway", "a sweep, once it is in the log"),
-    "pose": Subject("{site}/unit/{unit}/pose", "noctule.v1.Pose", "tracker", "where a moving unit is"),
-    "unit_status": Subject("{site}/unit/{unit}/status", "noctule.v1.UnitStatus", "gateway", "a unit's state"),
-    "log": Subject("{site}/unit/{unit}/@log", "noctule.v1.LogRecords", "gateway", "a unit's log: ?from=N;max=M"),
-    "rpc": Subject("{site}/unit/{unit}/@rpc/{command}", "noctule.v1.CommandReply", "gateway", "a unit's commands"),
-    "alive": Subject("{site}/unit/{unit}/@alive", "", "gateway", "a liveliness token while it serves the unit"),
-    "service_status": Subject(
-        "{site}/service/{service}/status", "noctule.v1.ServiceStatus", "each service", "a service's state"
+    "sweep": Subject(
+        *("{site}/unit/{unit}/sweep", "noctule.v1.Sweep", "gateway", "a sweep, once it is in the log"),
+        *(Carrier.DATA, _GATEWAY, _WATCHERS),
     ),
-    "contour": Subject("{site}/map/contour", "noctule.v1.Contour", "mapper", "the site's contour"),
-    "features": Subject("{site}/map/features", "noctule.v1.Features", "mapper", "the site's feature points"),
-    "grid": Subject("{site}/map/grid/{tile}", "noctule.v1.GridTile", "mapper", "one tile of the reliability grid"),
+    "pose": Subject(
+        *("{site}/unit/{unit}/pose", "noctule.v1.Pose", "tracker", "where a moving unit is"),
+        *(Carrier.DATA, _SERVICE, _ALL),
+    ),
+    "unit_status": Subject(
+        *("{site}/unit/{unit}/status", "noctule.v1.UnitStatus", "gateway", "a unit's state"),
+        *(Carrier.STATE, _GATEWAY, _ALL),
+    ),
+    "log": Subject(
+        *("{site}/unit/{unit}/@log", "noctule.v1.LogRecords", "gateway", "a unit's log: ?from=N;max=M"),
+        *(Carrier.ANSWER, _GATEWAY, _WATCHERS),
+    ),
+    "rpc": Subject(
+        *("{site}/unit/{unit}/@rpc/{command}", "noctule.v1.CommandReply", "gateway", "a unit's commands"),
+        *(Carrier.ANSWER, _GATEWAY, _OPERATOR),
+    ),
+    "alive": Subject(
+        *("{site}/unit/{unit}/@alive", "", "gateway", "a liveliness token while it serves the unit"),
+        *(Carrier.TOKEN, _GATEWAY, _ALL),
+    ),
+    "service_status": Subject(
+        *("{site}/service/{service}/status", "noctule.v1.ServiceStatus", "each service", "a service's state"),
+        *(Carrier.STATE, _PROGRAMS, _ALL),
+    ),
+    "contour": Subject(
+        *("{site}/map/contour", "noctule.v1.Contour", "mapper", "the site's contour"),
+        *(Carrier.STATE, _MAPPER, _WATCHERS),
+    ),
+    "features": Subject(
+        *("{site}/map/features", "noctule.v1.Features", "mapper", "the site's feature points"),
+        *(Carrier.STATE, _MAPPER, _WATCHERS),
+    ),
+    "grid": Subject(
+        *("{site}/map/grid/{tile}", "noctule.v1.GridTile", "mapper", "one tile of the reliability grid"),
+        *(Carrier.STATE, _MAPPER, _WATCHERS),
+    ),
     "schema": Subject(
-        "@schema/{message}", "google.protobuf.FileDescriptorSet", "gateway, mapper", "how a message is laid out"
+        *("@schema/{message}", "google.protobuf.FileDescriptorSet", "gateway, mapper", "how a message is laid out"),
+        *(Carrier.ANSWER, _GATEWAY | _MAPPER, _ALL),
     ),
 }
 
@@ -97,6 +167,14 @@ def service_status(site: str, service: str) -> str:
     return _key("service_status", site=site, service=service)
 
 
+def of_all(key: str) -> str:
+    """The expression by which others read a unit's or service's ``key``: the same with ANY for its name."""
+    match key.split("/"):
+        case ["noctule", "@v1", site, "unit" | "service" as kind, _, *subject]:
+            return "/".join((ROOT, site, kind, ANY, *subject))
+    return key
+
+
 def contour(site: str) -> str:
     """Key of a site's contour (message Contour); answers a query with the last one."""
     return _key("contour", site=site)
@@ -139,9 +217,17 @@ def parse_unit(key: str) -> UnitKey:
     raise KeyFormatError(f"{key!r} is not a unit's key: it should read {ROOT}/SITE/unit/UNIT/SUBJECT")
 
 
+def parse_rpc(key: str) -> str:
+    """The command of a key of one unit and one command; raises KeyFormatError for any other, wildcards too."""
+    parsed = parse_unit(key)
+    match parsed.subject.split("/"):
+        case ["@rpc", command]:
+            return name(command, "command")
+    raise KeyFormatError(f"{key!r} is not a command's key: it should read {ROOT}/SITE/unit/UNIT/@rpc/COMMAND")
+
+
 def _key(subject: str, **chunks: str) -> str:
-    names = {what: _chunk(value, what) if what in _NAMES else value for what, value in chunks.items()}
-    return f"{ROOT}/{SUBJECTS[subject].key.format_map(names)}"
+    return SUBJECTS[subject].of(**chunks)
 
 
 def _chunk(value: str, what: str) -> str:

@@ -9,7 +9,7 @@ import zenoh
 
 from noctule import bounds, bus, keys
 from noctule.client import Client
-from noctule.errors import BoundsError, SurveyError
+from noctule.errors import BoundsError, KeyFormatError, SurveyError
 from noctule.messages_pb2 import (
     CommandReply,
     CommandRequest,
@@ -103,12 +103,13 @@ class ReplayedUnit:
 
     def _answer_command(self, query: zenoh.Query) -> None:
         try:
+            command = keys.parse_rpc(str(query.key_expr))
             request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
-        except BoundsError as error:
+        except (BoundsError, KeyFormatError) as error:
             query.reply_err(str(error))
             return
         reply = CommandReply(request_id=request.request_id)
-        if str(query.key_expr).rsplit("/", 1)[-1] in ("hello", "status"):
+        if command in ("hello", "status"):
             reply.done = True
             reply.status.CopyFrom(self._present())
         else:

@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import zenoh
 
 from noctule import bounds, bus, keys
-from noctule.errors import BoundsError
+from noctule.errors import BoundsError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogRecords, Pose, Sweep, UnitStatus
 from noctule.site import PoseKey, Unit
 from noctule_gateway.bus.command_cache import CommandCache, Server
@@ -41,7 +41,7 @@ class UnitOnBus:
         self._commands = CommandCache(server)
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
-        self._status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)
+        self.status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)
         session.declare_queryable(self._log_key, self._on_log_query, complete=True)
         session.declare_queryable(keys.rpc(site, unit.name, keys.ANY), self._on_command, complete=True)
         if isinstance(unit.pose, PoseKey):
@@ -54,7 +54,7 @@ class UnitOnBus:
 
     def report(self, status: UnitStatus) -> None:
         """Publish the unit's status."""
-        self._outbox.post(lambda: self._status.put(status))
+        self._outbox.post(lambda: self.status.put(status))
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
         try:
@@ -82,10 +82,10 @@ class UnitOnBus:
                 query.reply(self._log_key, records.SerializeToString(), encoding=bus.encoding(LogRecords))
 
     def _on_command(self, query: zenoh.Query) -> None:
-        name = str(query.key_expr).rsplit("/", 1)[-1]
         try:
+            name = keys.parse_rpc(str(query.key_expr))  # a wildcard commands nobody
             request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
-        except BoundsError as error:
+        except (BoundsError, KeyFormatError) as error:
             query.reply_err(str(error))
             return
         reply = self._commands.carry_out(name, request)

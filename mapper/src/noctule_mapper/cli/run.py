@@ -14,10 +14,17 @@ def run(
     connect: Annotated[list[str] | None, typer.Option(help="A Zenoh router; may be given several times.")] = None,
     rerun: Annotated[str, typer.Option(help="The Rerun relay, or 'none'.")] = rerun_paths.DEFAULT_RELAY,
     config: Annotated[Path | None, typer.Option(help="TOML file of parameters.")] = None,
-    name: Annotated[str, typer.Option(help="The service's name on the bus.")] = "mapper",
+    name: Annotated[
+        str | None, typer.Option(help="The service's name on the bus; its certificate's, or 'mapper', if left out.")
+    ] = None,
+    tls: Annotated[
+        Path | None,
+        typer.Option(
+            envvar="NOCTULE_TLS", metavar="FOLDER", help="Certificate and key: a folder that noctule-deploy made."
+        ),
+    ] = None,
 ) -> None:
     """Map a site as its sweeps come."""
-    from noctule import bus
     from noctule_mapper.live.process import run_process
 
-    run_process(site, name, data, connect or [bus.DEFAULT_ROUTER], None if rerun == "none" else rerun, config)
+    run_process(site, name, data, connect or [], None if rerun == "none" else rerun, config, tls)

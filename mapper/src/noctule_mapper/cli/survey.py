@@ -23,6 +23,10 @@ def survey(
         typer.Option(help="A unit to write, and no other; several times if need be. Needed for a pose called wrong."),
     ] = None,
     connect: Annotated[list[str] | None, typer.Option(help="A Zenoh router; may be given several times.")] = None,
+    tls: Annotated[
+        Path | None,
+        typer.Option(envvar="NOCTULE_TLS", metavar="FOLDER", help="Certificate and key, as noctule-deploy makes them."),
+    ] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the survey's sensor.")] = None,
 ) -> None:
     """Show where the units of a site are by what they hear, and write it into the site file on request."""
@@ -31,7 +35,7 @@ def survey(
     from noctule_mapper.calibration.unit_survey import edits, unit_verdicts
 
     loaded = site_file.load(site)
-    contour = _running(loaded.name, connect) if sweeps is None else _fitted(sweeps, sensor)
+    contour = _running(loaded.name, connect, tls) if sweeps is None else _fitted(sweeps, sensor)
     verdicts = unit_verdicts(contour, loaded, site, unit or ())
     for verdict in verdicts:
         print(f"{verdict.unit}: {verdict.said}")
@@ -55,13 +59,15 @@ def _fitted(sweeps: Path, sensor: Path | None) -> "Contour":
     return fit(survey_file.read(sweeps), sensor=load_sensor(sensor) if sensor else None)
 
 
-def _running(name: str, connect: list[str] | None) -> "Contour":
+def _running(name: str, connect: list[str] | None, tls: Path | None) -> "Contour":
     from noctule import bus
     from noctule.client import Client
     from noctule_mapper.calibration.unit_survey import UnitSurveyError
 
-    routers = connect or [bus.DEFAULT_ROUTER]
-    with bus.open_session(routers, patience_s=2.0) as session, Client(name, session=session) as client:
+    with (
+        bus.open_session(connect or [], patience_s=2.0, tls_folder=tls) as session,
+        Client(name, session=session) as client,
+    ):
         contour = client.contour()
     if contour is None:
         raise UnitSurveyError(f"no mapper has a contour of site {name!r}: start noctule-mapper run, or give a survey")

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from noctule import tls
 from noctule.errors import NoctuleError
 from noctule.threads import FAILED, end_process_when_one_fails
 from noctule_mapper.live import service
@@ -19,10 +20,18 @@ _log = logging.getLogger(__name__)
 
 
 def run_process(
-    site: str, name: str, data: Path, connect: Sequence[str], rerun_url: str | None, config: Path | None
+    site: str,
+    name: str | None,
+    data: Path,
+    connect: Sequence[str],
+    rerun_url: str | None,
+    config: Path | None,
+    tls_folder: Path | None,
 ) -> NoReturn:
     """Map ``site`` until SIGTERM or SIGINT, then end the process: status 0; 1 for what an operator can put in order;
     70 where a part of the mapper has failed, so that its supervisor starts it again.
+
+    ``name`` None is the name in the certificate of ``tls_folder``, or "mapper".
     """
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     end_process_when_one_fails()
@@ -31,7 +40,8 @@ def run_process(
         signal.signal(number, lambda *_: _stop(stop))
     try:
         parameters = load_live(config) if config else LiveConfig()
-        service.run(service.LiveSettings(site, name, data, connect, rerun_url, parameters), stop)
+        name = name or tls.service_name(tls_folder, "mapper")
+        service.run(service.LiveSettings(site, name, data, connect, rerun_url, parameters, tls_folder), stop)
         status = 0
     except NoctuleError as error:
         _log.error("%s", error)

@@ -17,7 +17,7 @@ class MapPublisher:
         self._site = site
         self._contour = StatePublisher(session, keys.contour(site), Contour)
         self._features = StatePublisher(session, keys.features(site), Features)
-        self._status = StatePublisher(session, keys.service_status(site, service), ServiceStatus)
+        self.status = StatePublisher(session, keys.service_status(site, service), ServiceStatus)
         self._tiles: dict[str, StatePublisher] = {}
 
     def publish_map(self, contour: Contour, features: Features, changed_tiles: Iterable[GridTile]) -> None:
@@ -35,11 +35,11 @@ class MapPublisher:
 
     def publish_status(self, status: ServiceStatus) -> None:
         """Publish how the service fares."""
-        self._status.put(status)
+        self.status.put(status)
 
     def close(self) -> None:
         """Publish and answer no more."""
-        for publisher in (self._contour, self._features, self._status, *self._tiles.values()):
+        for publisher in (self._contour, self._features, self.status, *self._tiles.values()):
             publisher.close()
 
     def _tile(self, name: str) -> StatePublisher:

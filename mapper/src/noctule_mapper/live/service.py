@@ -13,6 +13,7 @@ from pathlib import Path
 import zenoh
 
 from noctule import bounds, bus, keys
+from noctule.bus_watch import BusWatch
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
@@ -44,6 +45,7 @@ class LiveSettings:
     connect: Sequence[str]
     rerun_url: str | None
     config: LiveConfig
+    tls_folder: Path | None = None
 
 
 def run(settings: LiveSettings, stop: threading.Event) -> None:
@@ -59,7 +61,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site)
         closing.callback(log.close)
-        session = _join(settings.connect, stop)
+        session = _join(settings, stop)
         if session is None:
             return
         closing.callback(session.close)
@@ -91,6 +93,7 @@ class LiveMapper:
         self._follower = LogFollower(client, self.deliver, store.cursors())
         self._counts = Counter(sweeps_taken=0, sweeps_set_aside=len(store.sweeps_set_aside()))
         self._refused = RefusedSweeps(log.show_event)
+        self._watch = BusWatch(client.session, settings.connect, tls_folder=settings.tls_folder)
         self._contour = Contour()
 
     def start(self) -> None:
@@ -105,6 +108,7 @@ class LiveMapper:
         self._client.on_unit_status(self._log.show_unit_status)
         self._client.on_alive(self._tell_alive)
         self._follower.start()
+        self._watch.begin(lambda: [self._publisher.status])
         self._log.show_event(f"mapper started with {len(held)} sweeps from its store")
 
     def deliver(self, sweeps: Sequence[Sweep]) -> None:
@@ -147,12 +151,14 @@ class LiveMapper:
         """Take in no more; what was taken in is in the store."""
         self._follower.close()
         self._worker.close()
+        self._watch.close()
         self._publisher.close()
         self._schemas.undeclare()
 
     def _detail(self) -> str:
         """What is wrong, and what the contour lacks, as long as a status may be."""
-        told = "; ".join(filter(None, [self._troubles.detail(), self._refused.detail(), self._contour.note]))
+        parts = (self._watch.detail(), self._troubles.detail(), self._refused.detail(), self._contour.note)
+        told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
 
     def _readings(self, sweep: Sweep) -> SweepReadings | None:
@@ -201,12 +207,12 @@ class LiveMapper:
             self._log.show_unit_status(gone)
 
 
-def _join(connect: Sequence[str], stop: threading.Event) -> zenoh.Session | None:
+def _join(settings: LiveSettings, stop: threading.Event) -> zenoh.Session | None:
     """A session on the bus, as soon as a router answers; None if ``stop`` is set before."""
     told = False
     while not stop.is_set():
         try:
-            return bus.open_session(connect, patience_s=0)
+            return bus.open_session(settings.connect, patience_s=0, tls_folder=settings.tls_folder)
         except BusConfigError:
             raise
         except BusError as error:

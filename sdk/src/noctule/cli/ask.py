@@ -6,7 +6,7 @@ import typer
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from noctule import bus, keys, survey
-from noctule.cli.joining import DEFAULT_CONNECT, SHORT_PATIENCE_S, Connect, SiteName, UnitName, joined
+from noctule.cli.joining import DEFAULT_CONNECT, SHORT_PATIENCE_S, Connect, SiteName, Tls, UnitName, joined, may_read
 from noctule.errors import BusError
 
 
@@ -15,14 +15,16 @@ def log(
     unit: UnitName,
     first: Annotated[int, typer.Option("--from", metavar="N", help="The first log sequence.", min=0)] = 1,
     connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
 ) -> None:
     """Print a unit's log as JSON lines of Sweep."""
-    with joined(site, connect) as client:
+    with joined(site, connect, tls) as client:
         sequence = first
         while True:
             records = client.log(unit, sequence)
             if records is None:
-                raise BusError(f"no gateway serves unit {unit!r} of site {site!r}: start it, or correct the name")
+                unserved = f"no gateway serves unit {unit!r} of site {site!r}: start it, or correct the name."
+                raise BusError(f"{unserved}{may_read(tls)}")
             for sweep in records.sweeps:
                 typer.echo(survey.to_json(sweep))
             if not records.sweeps or records.sweeps[-1].log_sequence >= records.head:
@@ -35,9 +37,10 @@ def schema(
         str | None, typer.Argument(metavar="[MESSAGE]", help="noctule.v1.Sweep; all if left out.")
     ] = None,
     connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
 ) -> None:
     """Print the schemas that the bus gives out: the messages' names, or one message's fields."""
-    with bus.open_session(connect, patience_s=SHORT_PATIENCE_S) as session:
+    with bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls) as session:
         replies = [reply.ok for reply in session.get(keys.schema(message or keys.ANY)) if reply.ok is not None]
     if not replies:
         raise BusError(f"nobody on the bus knows the schema of {message or 'any message'}: start a gateway or mapper")

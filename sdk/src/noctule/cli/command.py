@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from noctule import survey
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, UnitName, joined
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined
 from noctule.client import Client
 from noctule.errors import BusError
 from noctule.messages_pb2 import Calibration, CommandReply, CommandRequest, SweepPlan, UnitStatus
@@ -38,6 +38,7 @@ def rpc(
     unit: UnitName,
     command: Annotated[str, typer.Argument(metavar="COMMAND", help=f"One of {', '.join(COMMANDS)}.")],
     connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
     timeout_s: Annotated[
         float | None,
         typer.Option(
@@ -100,7 +101,7 @@ def rpc(
         if image is None:
             raise typer.BadParameter("update needs the image: give --image build/update.hex", param_hint="--image")
         request.image, request.force = image.read_bytes(), force
-    with joined(site, connect) as client:
+    with joined(site, connect, tls) as client:
         if command == "update":
             reply = _update(client, unit, request, timeout_s or UPDATE_TIMEOUT_S)
         else:

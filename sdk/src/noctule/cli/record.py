@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, joined
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined
 from noctule.log_follower import LogFollower
 from noctule.recording import Recording
 
@@ -16,12 +16,13 @@ def record(
     site: SiteName,
     out: Annotated[Path, typer.Argument(metavar="OUT.jsonl|OUT.mcap", help="Goes on where it ends if it is there.")],
     connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
 ) -> None:
     """Record every sweep of a site until Ctrl-C, through outages, from where the file ends."""
     with (
         closing(Recording(out, site)) as recording,
         suppress(KeyboardInterrupt),  # the way to end it
-        joined(site, connect, patience_s=None) as client,
+        joined(site, connect, tls, patience_s=None) as client,
         closing(LogFollower(client, recording.append, recording.cursors)) as follower,
     ):
         follower.start()

@@ -9,7 +9,7 @@ import typer
 
 from noctule import bus, survey
 from noctule import replay as replaying
-from noctule.cli.joining import DEFAULT_CONNECT, Connect
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, Tls
 from noctule.client import Client
 from noctule.errors import BusError
 
@@ -31,6 +31,7 @@ def replay(
     site: Annotated[str, typer.Option(help="The site to replay it as.")],
     speed: Annotated[float, typer.Option(parser=_speed, metavar="X|max", help="How many times as fast.")] = 1.0,
     connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
     listen: Annotated[list[str] | None, typer.Option(metavar="ENDPOINT", help="Be the router, here.")] = None,
     exit_when_done: Annotated[bool, typer.Option(help="End when the services that read it have read it all.")] = False,
     timeout_s: Annotated[
@@ -40,7 +41,7 @@ def replay(
     """Put a survey on the bus as if its units were sweeping now; stays until Ctrl-C."""
     with (
         suppress(KeyboardInterrupt),  # the way to end it
-        bus.open_session([] if listen else connect, listen or []) as session,
+        bus.open_session([] if listen else connect, listen or [], tls_folder=tls) as session,
         Client(site, session=session) as client,
     ):
         readers = replaying.Readers(client)

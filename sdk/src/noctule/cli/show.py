@@ -12,24 +12,27 @@ from rich.console import Console
 from rich.table import Table
 
 from noctule import keys, poses, survey
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, joined
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, may_read
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
 
 
-def units(site: SiteName, connect: Connect = DEFAULT_CONNECT) -> None:
+def units(site: SiteName, connect: Connect = DEFAULT_CONNECT, tls: Tls = None) -> None:
     """Show a site's units: who is alive, in which state, how long its log is, how good its clock."""
-    with joined(site, connect) as client:
+    with joined(site, connect, tls) as client:
         alive = client.units()
         statuses = {status.unit: status for status in client.unit_statuses()}
     table = Table("unit", "alive", "state", "firmware", "serial", "boot", "log", "clock error", "detail")
     for name in sorted(alive | statuses.keys()):
         table.add_row(name, "yes" if name in alive else "no", *_status_cells(statuses.get(name)))
-    Console().print(table if table.rows else f"site {site!r} has no units on the bus: is its gateway up?")
+    Console().print(
+        table if table.rows else f"site {site!r} has no units on the bus: is its gateway up?{may_read(tls)}"
+    )
 
 
 def watch(
     site: SiteName,
     connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {key, message, value}.")] = False,
 ) -> None:
     """Show sweeps, statuses and contours as they come, until Ctrl-C or until nobody reads them."""
@@ -41,7 +44,7 @@ def watch(
         except BrokenPipeError:
             over.set()
 
-    with suppress(KeyboardInterrupt), joined(site, connect, patience_s=None) as client:
+    with suppress(KeyboardInterrupt), joined(site, connect, tls, patience_s=None) as client:
         client.on_sweep(lambda sweep: show(keys.sweep(site, sweep.unit), sweep))
         client.on_unit_status(lambda status: show(keys.unit_status(site, status.unit), status))
         client.on_contour(lambda contour: show(keys.contour(site), contour))

@@ -1,0 +1,89 @@
+"""Whether what was rendered is sound and still fits the fleet file: expiry, keys' permissions, generations, rules."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from enum import IntEnum
+from pathlib import Path
+
+from noctule import tls
+from noctule.errors import TlsError
+from noctule_deploy import authority, generations
+from noctule_deploy.fleet import Fleet
+from noctule_deploy.generations import common_name
+from noctule_deploy.render import Place, Wanted, wanted
+
+
+class Severity(IntEnum):
+    """How bad a finding is; the worst one is the command's exit status."""
+
+    WRONG = 1
+    EXPIRES = 3
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that an operator has to see to."""
+
+    severity: Severity
+    text: str
+
+
+def check(fleet: Fleet, place: Place, now: datetime) -> list[Finding]:
+    """All that is wrong, and what expires within 30 days. Raises RenderError where the generations can't be read."""
+    known = generations.load(place.out)
+    expected = generations.of_fleet(known, fleet.subjects())
+    findings = list(_authority(place))
+    if expected != known:
+        changed = sorted(subject for subject in expected if expected[subject] != known.get(subject))
+        findings.append(_wrong(f"names were added to or taken from the fleet file ({', '.join(changed)}): {_RENDER}"))
+    for each in wanted(fleet, expected):
+        findings += _folder(place.out / each.common_name, each, now)
+    findings += _old_keys(place, fleet, expected)
+    return findings
+
+
+_RENDER = "run noctule-deploy render, copy the routers' folders to them and start them again"
+
+
+def _authority(place: Place) -> Iterator[Finding]:
+    key = place.ca / authority.KEY_FILE
+    if key.exists():  # it may be kept elsewhere
+        yield from _private(key)
+
+
+def _folder(folder: Path, wanted: Wanted, now: datetime) -> Iterator[Finding]:
+    if not folder.is_dir():
+        yield _wrong(f"{folder} is not there: {_RENDER}")
+        return
+    try:
+        identity = tls.load(folder, now)
+    except TlsError as error:
+        yield _wrong(str(error))
+        return
+    if alarm := identity.expiry_alarm(now):
+        yield Finding(Severity.EXPIRES, alarm)
+    if identity.common_name != wanted.common_name:
+        yield _wrong(f"{folder} holds a certificate of {identity.common_name}, which is of another name: {_RENDER}")
+    if (folder / tls.CONFIG).read_bytes() != wanted.config:
+        yield _wrong(f"{folder / tls.CONFIG} does not fit the fleet file and its generations: {_RENDER}")
+
+
+def _old_keys(place: Place, fleet: Fleet, known: dict[str, generations.Generations]) -> Iterator[Finding]:
+    """Keys of generations that are admitted beside the newest must be as private as it."""
+    for subject in fleet.subjects():
+        for number in range(known[subject].oldest, known[subject].newest):
+            key = place.out / common_name(subject, number) / tls.PRIVATE_KEY
+            if key.exists():
+                yield from _private(key)
+
+
+def _private(path: Path) -> Iterator[Finding]:
+    try:
+        tls.check_private(path)
+    except TlsError as error:
+        yield _wrong(str(error))
+
+
+def _wrong(text: str) -> Finding:
+    return Finding(Severity.WRONG, text)

@@ -1,0 +1,109 @@
+"""Everything that a fleet's hosts need, in one folder for each certificate; what is right already is left alone."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from cryptography import x509
+
+from noctule import tls
+from noctule_deploy import authority, generations, zenoh_config
+from noctule_deploy.errors import RenderError
+from noctule_deploy.files import make_private_folder, write_atomically
+from noctule_deploy.fleet import ROUTER, Fleet
+from noctule_deploy.generations import Generations, common_name
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a fleet is rendered: ``out`` holds a folder for each certificate, ``ca`` the authority's key."""
+
+    out: Path
+    ca: Path
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The folder of a name's newest certificate, as it should be."""
+
+    common_name: str
+    addresses: tuple[str, ...]
+    config: bytes
+
+
+def render(fleet: Fleet, place: Place, now: datetime) -> list[Path]:
+    """Make what is missing or has changed, and return the folders that were touched. Raises RenderError, TlsError."""
+    known = generations.of_fleet(generations.load(place.out), fleet.subjects())
+    return _write(fleet, place, known, now)
+
+
+def renew(fleet: Fleet, place: Place, subject: str, now: datetime) -> list[Path]:
+    """The same, with a new certificate for ``subject``; the one before stays admitted. Raises RenderError, TlsError."""
+    known = _known(fleet, place, subject)
+    return _write(fleet, place, known | {subject: known[subject].renewed()}, now)
+
+
+def revoke(fleet: Fleet, place: Place, subject: str, now: datetime) -> list[Path]:
+    """The same, and no certificate that ``subject`` had is admitted any more. Raises RenderError, TlsError."""
+    known = _known(fleet, place, subject)
+    return _write(fleet, place, known | {subject: known[subject].revoked()}, now)
+
+
+def wanted(fleet: Fleet, known: dict[str, Generations]) -> Iterator[Wanted]:
+    """What render() makes, routers first."""
+    for each in fleet.router:
+        subject = f"{ROUTER}.{each.name}"
+        config = as_json(zenoh_config.router(fleet, each, known))
+        yield Wanted(common_name(subject, known[subject].newest), (each.address,), config)
+    config = as_json(zenoh_config.client(fleet))
+    for member in fleet.members():
+        yield Wanted(common_name(member.subject, known[member.subject].newest), (), config)
+
+
+def as_json(config: dict[str, Any]) -> bytes:
+    """A configuration as it stands in a file."""
+    return (json.dumps(config, indent=1) + "\n").encode()
+
+
+def _known(fleet: Fleet, place: Place, subject: str) -> dict[str, Generations]:
+    known = generations.load(place.out)
+    if subject not in known or subject not in fleet.subjects():
+        present = ", ".join(fleet.subjects())
+        raise RenderError(f"{subject!r} is no name of this fleet that was rendered; names are {present}")
+    return generations.of_fleet(known, fleet.subjects())
+
+
+def _write(fleet: Fleet, place: Place, known: dict[str, Generations], now: datetime) -> list[Path]:
+    if known and any(place.out.glob(f"*/{tls.CERTIFICATE}")) and not (place.ca / authority.CERTIFICATE_FILE).exists():
+        raise RenderError(
+            f"{place.ca} has no authority, and {place.out} has certificates of one: name its folder (--ca)"
+        )
+    make_private_folder(place.out)
+    issuer = authority.open_or_create(place.ca, now)
+    generations.save(place.out, known)  # first: a revocation holds whatever comes after
+    valid = timedelta(days=fleet.valid_days)
+    return [
+        place.out / each.common_name for each in wanted(fleet, known) if _write_one(each, place, issuer, now, valid)
+    ]
+
+
+def _write_one(wanted: Wanted, place: Place, issuer: authority.Authority, now: datetime, valid: timedelta) -> bool:
+    folder = place.out / wanted.common_name
+    make_private_folder(folder)
+    touched = write_atomically(folder / tls.AUTHORITY, authority.pem(issuer.certificate))
+    key = authority.ensure_key(folder / tls.PRIVATE_KEY)
+    if not _is_for(folder / tls.CERTIFICATE, wanted):
+        certificate = issuer.issue(wanted.common_name, wanted.addresses, key, now, valid)
+        touched |= write_atomically(folder / tls.CERTIFICATE, authority.pem(certificate))
+    return write_atomically(folder / tls.CONFIG, wanted.config) or touched
+
+
+def _is_for(path: Path, wanted: Wanted) -> bool:
+    """Whether the certificate is there and good for the addresses; a router that has moved needs another."""
+    if not path.exists():
+        return False
+    present = tls.read_certificate(path).extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    return present == authority.alternative_names(wanted.common_name, wanted.addresses)

@@ -1,0 +1,110 @@
+"""How a session is set up: Zenoh's configuration from endpoints, a folder of certificate and key, or a file."""
+
+import json
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import zenoh
+
+from noctule import endpoints, tls
+from noctule.errors import BusConfigError
+
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
+CONFIG_VARIABLE = "ZENOH_CONFIG"
+
+_ATTEMPT_MS = 1000
+_SETTINGS = {
+    "scouting/multicast/enabled": False,
+    "scouting/gossip/enabled": False,
+    "scouting/delay": 0,  # nothing is scouted, so nothing is to be waited for
+    "transport/shared_memory/enabled": False,
+    # An open session looks for its routers for ever, and often enough that an outage is soon over.
+    "connect/timeout_ms": _ATTEMPT_MS,
+    "connect/exit_on_failure": False,
+    "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
+}
+
+
+def is_router(config: zenoh.Config) -> bool:
+    """Whether a session of this configuration is a router itself."""
+    return json.loads(config.get_json("mode")) == "router"
+
+
+def config(connect: Sequence[str], listen: Sequence[str], identity: tls.Identity | None) -> zenoh.Config:
+    """The configuration of a session. Raises BusConfigError."""
+    if identity is not None:
+        made = _read_config(identity.folder / tls.CONFIG, f"the folder of {identity.common_name} has")
+    elif path := os.environ.get(CONFIG_VARIABLE):
+        made = _read_config(Path(path), f"{CONFIG_VARIABLE} names")
+    else:
+        made = zenoh.Config()
+    settings = dict(_SETTINGS)
+    if identity is None or connect or listen:
+        settings |= {
+            "mode": "router" if listen else "client",
+            "connect/endpoints": list(connect if connect or listen else [DEFAULT_ROUTER]),
+            "listen/endpoints": list(listen),
+        }
+    if identity is not None:
+        settings |= {f"transport/link/tls/{key}": str(path) for key, path in _files(identity, made).items()}
+    for key, value in settings.items():
+        try:
+            made.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            written = endpoints.shown(value) if isinstance(value, list) else value
+            raise BusConfigError(f"{key} can't be {written}: write an endpoint as tcp/HOST:PORT") from error
+    if identity is not None:
+        _check_secured(made, identity)
+    return made
+
+
+def _read_config(path: Path, whose: str) -> zenoh.Config:
+    try:
+        return zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        # Zenoh shows the line, which may hold a password; its place is enough, in a traceback too.
+        line = re.search(r"--> (\d+):|line: (\d+)", str(error))
+        place = f", line {line[1] or line[2]}" if line else ""
+        problem = "has an error" if path.is_file() else "is not there"
+        raise BusConfigError(f"the Zenoh configuration {path}{place}, which {whose}, {problem}: correct it") from None
+
+
+def _files(identity: tls.Identity, config: zenoh.Config) -> dict[str, Path]:
+    """The folder's files where its configuration names some: that has the paths of the host that it was made for."""
+    folder, named = identity.folder, json.loads(config.get_json("transport/link/tls"))
+    files = {"root_ca_certificate": folder / tls.AUTHORITY}
+    for side in ("connect", "listen"):
+        files |= {f"{side}_certificate": folder / tls.CERTIFICATE, f"{side}_private_key": folder / tls.PRIVATE_KEY}
+    return {key: path for key, path in files.items() if named[key]}
+
+
+def _check_secured(config: zenoh.Config, identity: tls.Identity) -> None:
+    for side in ("connect", "listen"):
+        for endpoint in endpoints_of(config, side):
+            if not _is_secured(config, endpoint):
+                shown = endpoints.shown([endpoint])
+                raise BusConfigError(
+                    f"{shown} would not use the certificate of {identity.common_name}: write tls/HOST:PORT"
+                )
+
+
+def _is_secured(config: zenoh.Config, endpoint: str) -> bool:
+    mutual = json.loads(config.get_json("transport/link/tls/enable_mtls"))
+    return endpoints.protocol(endpoint) in ("tls", "quic") and mutual is True
+
+
+def open_to_all(config: zenoh.Config) -> list[str]:
+    """The endpoints beyond loopback on which a session listens for anybody, with or without a certificate."""
+    return [
+        each
+        for each in endpoints_of(config, "listen")
+        if not endpoints.is_loopback(each) and not _is_secured(config, each)
+    ]
+
+
+def endpoints_of(config: zenoh.Config, side: str) -> list[str]:
+    """The endpoints that a session is to ``connect`` to, or to ``listen`` on."""
+    named = json.loads(config.get_json(f"{side}/endpoints"))
+    return named.get(json.loads(config.get_json("mode")), []) if isinstance(named, dict) else named  # Zenoh's default
