@@ -58,7 +58,7 @@ def test_a_sound_log_of_a_killed_gateway_is_set_aside_with_all_that_was_acknowle
     assert done.set_aside == aside
     assert done.sweeps >= acknowledged
     assert not list(tmp_path.glob("u1.*"))
-    assert [each.name for each in aside.iterdir()] == ["u1.sqlite"]  # the -wal is in it
+    assert sorted(each.name for each in aside.iterdir()) == ["u1.sqlite", "u1.sqlite-head"]  # the -wal is in it
     assert held(aside / "u1.sqlite") == list(range(1, done.sweeps + 1))
 
 
@@ -110,14 +110,17 @@ def test_a_record_that_is_no_sweep_and_an_empty_table_are_damage(tmp_path: Path)
     assert "1 more records can't be read" in str(found[0])
 
 
-def test_an_empty_table_is_that_logs_trouble_and_names_the_repair(tmp_path: Path) -> None:
+def test_a_log_whose_table_is_empty_is_rebuilt_by_the_gateway_under_the_same_id(tmp_path: Path) -> None:
     path = tmp_path / "u1.sqlite"
     with opened(path) as log:
         append(log, arrival(1))
+        log_id = log.state.log_id
     with closing(sqlite3.connect(path)) as db, db:
         db.execute("DELETE FROM log")
     with opened(path) as log:
-        assert f"repair {tmp_path} --unit u1" in log.state.error
+        assert (log.state.log_id, log.state.head, log.state.error) == (log_id, 1, "")
+        assert "none of its sweeps is lost: its table log does not fit" in log.state.damage
+        assert [sweep.sequence for sweep in read(log)] == [1]
 
 
 def test_a_wal_whose_database_is_gone_is_set_aside_before_a_new_log_would_delete_it(tmp_path: Path) -> None:

@@ -13,8 +13,8 @@ from google.protobuf.message import DecodeError
 from noctule.folder_lock import FolderLock, Owner, owner_of
 from noctule.messages_pb2 import Sweep
 from noctule_gateway.errors import LogError
-from noctule_gateway.log.log_file import FILE_SUFFIXES
-from noctule_gateway.log.log_schema import refuse_later
+from noctule_gateway.log.log_files import FILE_SUFFIXES
+from noctule_gateway.log.log_schema import version_of
 
 SET_ASIDE = "set-aside"
 _SUFFIX = ".sqlite"
@@ -70,7 +70,7 @@ def _look_at(path: Path) -> tuple[int, str]:
     sweeps = unreadable = 0
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
-            refuse_later(db, path)
+            version_of(db, path)
             for (record,) in db.execute("SELECT record FROM sweeps ORDER BY log_sequence"):
                 readable = _is_sweep(record)
                 sweeps += readable
