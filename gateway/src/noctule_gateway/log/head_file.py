@@ -1,4 +1,4 @@
-"""The small file beside a log that knows which sequences may have been used, whatever becomes of the log's last commits.
+"""The small file beside a log that knows which sequences may have been used, whatever becomes of its last commits.
 
 A log_sequence must never stand for two sweeps of one log_id: readers pass over what they believe to have read. SQLite
 drops the newest commits in silence when their -wal is damaged or cut, and then head alone would lead to old numbers. So

@@ -226,9 +226,7 @@ class LogFile:
             return
         most_used = heads.most_used(log.log_id, now.kernel_boot)
         if most_used is None:
-            raise damaged(
-                self._path, "its head file does not know it: the log was copied here, or that file is damaged"
-            )
+            raise damaged(self._path, "its head file does not know it (the log was copied here, or that is damaged)")
         newest = heads.newest if heads.newest is not None and heads.newest.log_id == log.log_id else None
         if newest is not None and newest.head == log.head and newest.newest != log.newest.hex():
             raise damaged(self._path, f"its head file knows another sweep {log.head}: the log was copied here")

@@ -67,7 +67,8 @@ def log_of(rows: Sequence[tuple[Any, ...]]) -> Log | None:
     """The log from the rows of its table; None where that is not one sound row."""
     if len(rows) != 1 or checksum(*rows[0][:-1]) != rows[0][-1]:
         return None
-    return Log(*rows[0][:6], Elapsed(*rows[0][6:9]))
+    log_id, head, tail, size_bytes, newest, adopted, *elapsed, _ = rows[0]
+    return Log(log_id, head, tail, size_bytes, newest, adopted, Elapsed(*elapsed))
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from google.protobuf.message import DecodeError
 
 from noctule.messages_pb2 import Sweep
 from noctule_gateway.clock.elapsed import Elapsed
+from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file
 from noctule_gateway.log.log_files import head_path
-from noctule_gateway.log.log_schema import version_of
+from noctule_gateway.log.log_schema import VERSION, version_of
 from noctule_gateway.log.rows import ALL_COLUMNS, Gap, Log, SweepRow, fault, gap_of, log_of
 
 _EARLIER = {
@@ -40,10 +41,11 @@ class Salvage:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=rw", uri=True, isolation_level=None)
-        self.version = self._version()
+        self._db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
+        self._db.execute("BEGIN")  # all that is read is of one moment, also while a gateway writes
+        self.version, self.strange = self._version()
         self.log = self._log()
-        self.gaps = self._gaps() if self.version == 3 else []
+        self.gaps = self._gaps() if self.version == VERSION else []
         self.log_id = self.log.log_id if self.log else self._log_id()
 
     def close(self) -> None:
@@ -61,13 +63,13 @@ class Salvage:
             if held is None:
                 yield found
         if held is not None:
-            newest = self.log.newest if self.log and self.log.head == held[0] and self.version == 3 else None
+            newest = self.log.newest if self.log and self.log.head == held[0] and self.version == VERSION else None
             sound = newest is None or held[9] == newest
             yield Found(held[0], held if sound else None, "" if sound else "it is not the one that was logged last")
 
     def _attested(self, row: SweepRow, following: SweepRow | None) -> Found:
         """Two rows that are both sound by themselves: the later one names what was before it."""
-        if self.version == 3 and following is not None and following[0] == row[0] + 1 and following[8] != row[9]:
+        if self.version == VERSION and following is not None and following[0] == row[0] + 1 and following[8] != row[9]:
             return Found(row[0], None, "it is not the one that was followed by the next")
         return Found(row[0], row, "")
 
@@ -81,7 +83,7 @@ class Salvage:
             return Found(log_sequence, None, str(error))
         if not rows:
             return Found(log_sequence, None, "it is missing")
-        reason = fault(self.log_id, rows[0]) if self.version == 3 else _unlike_record(self.log_id, rows[0])
+        reason = fault(self.log_id, rows[0]) if self.version == VERSION else _unlike_record(self.log_id, rows[0])
         return Found(log_sequence, None if reason else rows[0], reason)
 
     def _sequences(self) -> list[int]:
@@ -108,17 +110,29 @@ class Salvage:
             return found, False
         return found, True
 
-    def _version(self) -> int:
+    def integrity(self) -> str:
+        """What SQLite finds wrong with its own structure; empty if nothing."""
+        try:
+            (found,) = self._db.execute("PRAGMA integrity_check(1)").fetchone()
+        except sqlite3.Error as error:
+            return str(error)
+        return "" if found == "ok" else found
+
+    def _version(self) -> tuple[int, bool]:
+        """The version to read by, and whether the tables are strange: then their rows fail their checksums."""
         try:
             version = version_of(self._db, self._path)
         except sqlite3.Error:
-            return 3
-        return version or 3  # rows that are not of this version fail their checksums
+            return VERSION, True
+        except LogError:
+            self.close()
+            raise
+        return version or VERSION, not version
 
     def _log(self) -> Log | None:
         try:
             rows = self._db.execute("SELECT * FROM log LIMIT 2").fetchall()
-            if self.version == 3:
+            if self.version == VERSION:
                 return log_of(rows)
             (log_id, head, size_bytes, *elapsed), *more = rows
             (tail,) = self._db.execute("SELECT min(log_sequence) FROM sweeps").fetchone()
