@@ -5,6 +5,7 @@ from contextlib import closing
 from pathlib import Path
 
 from noctule.errors import NoctuleError
+from noctule.sqlite_faults import SQLITE_ERRORS
 
 
 class BackupError(NoctuleError):
@@ -35,5 +36,5 @@ def _copy(path: Path, copy: Path) -> None:
         source = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
         with closing(source), closing(sqlite3.connect(copy)) as target:
             source.backup(target)
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         raise BackupError(f"{path} can't be copied to {copy}: {error}; see what check says of it") from error

@@ -4,6 +4,7 @@ import os
 import sqlite3
 from pathlib import Path
 
+from noctule.sqlite_faults import primary_code
 from noctule_gateway.errors import DamagedError, LogError
 
 _REMEDIES = {
@@ -18,9 +19,9 @@ _REMEDIES = {
 }
 
 
-def log_error(path: Path, what: str, error: sqlite3.Error) -> LogError:
+def log_error(path: Path, what: str, error: sqlite3.Error | UnicodeDecodeError) -> LogError:
     """``error`` as the log's own; ``what`` could not be done with it. DamagedError where the file is the trouble."""
-    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
+    code = primary_code(error)
     # The header says whether a file may be written, and a bit of it may have flipped.
     blamed_on_header = code == sqlite3.SQLITE_READONLY and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
     if code in _REMEDIES and not blamed_on_header:

@@ -21,7 +21,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from noctule_gateway.log.rows import checksum
+from noctule.checksum import checksum
 
 _LINE_BYTES = 256  # each line is padded to this, so that it is written over in place, also on a full disk
 _AHEAD = 1000

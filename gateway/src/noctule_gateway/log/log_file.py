@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from noctule.messages_pb2 import Sweep
+from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.clock.elapsed import Elapsed, Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file, log_schema
@@ -78,12 +79,12 @@ class LogFile:
             raise self._os_error("opened", error) from error
         try:
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             self._head_file.close()
             raise log_error(path, "opened", error) from error
         try:
             self._prepare(now)
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             self._let_go()
             raise log_error(path, "opened", error) from error
         except OSError as error:
@@ -135,7 +136,7 @@ class LogFile:
     def close(self) -> None:
         """Close the file."""
         in_place = self._files_at_path() == self._identities
-        with contextlib.suppress(sqlite3.Error):
+        with contextlib.suppress(*SQLITE_ERRORS):
             self._db.close()
         with contextlib.suppress(OSError):
             if in_place:
@@ -167,7 +168,7 @@ class LogFile:
                 self._db.execute(_UPDATE, log.row())
             self._log = log
             self._head_file.note(self._newest(closed=False))
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             raise log_error(self._path, "written", error) from error
         except OSError as error:
             raise self._os_error("written", error) from error
@@ -305,7 +306,7 @@ class LogFile:
     # ---- Its files ------------------------------------------------------------------------------------------------
 
     def _let_go(self) -> None:
-        with contextlib.suppress(sqlite3.Error):
+        with contextlib.suppress(*SQLITE_ERRORS):
             self._db.close()
         self._head_file.close()
 
@@ -317,7 +318,7 @@ class LogFile:
         if self._files_at_path() == self._identities:
             return
         # A file that was moved without its -wal is so made whole, and the -wal harms none that was put in its place.
-        with contextlib.suppress(sqlite3.Error):
+        with contextlib.suppress(*SQLITE_ERRORS):
             self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         raise LogError(
             f"log {self._path} was moved, deleted or replaced under the running gateway: it opens the file again "

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from noctule.messages_pb2 import Sweep
+from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.clock.regression import HostTime
 from noctule_gateway.log.faults import damaged, log_error
 from noctule_gateway.log.rows import ALL_COLUMNS, Gap, Log, SweepRow, fault, gap_of, log_of
@@ -44,7 +45,7 @@ class LogReader:
             self._db = sqlite3.connect(
                 f"{path.absolute().as_uri()}?mode=rw", uri=True, isolation_level=None, check_same_thread=False
             )
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             raise log_error(path, "opened", error) from error
 
     def close(self) -> None:
@@ -61,7 +62,7 @@ class LogReader:
                 before = self._db.execute(_BEFORE, (first,)).fetchone()
                 rows, all_read = self._rows(first, max_records, max_bytes, head)
                 gaps = read_gaps(self._db, self._path)
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             raise log_error(self._path, "read", error) from error
         to = head if all_read else rows[-1][0] if rows else first - 1
         check_rows(self._path, log, rows)
@@ -78,7 +79,7 @@ class LogReader:
                 log = read_log(self._db, self._path)
                 found = self._db.execute(_OF_BOOT, (boot,)).fetchone()
                 rows = self._db.execute(_FROM, (found[0], 1)).fetchall() if found else []
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             raise log_error(self._path, "read", error) from error
         if not rows:
             return None

@@ -1,11 +1,11 @@
 """What a unit's log holds, every record of it checked: for the operator, by hand. It changes nothing."""
 
-import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_files import SUFFIX
 from noctule_gateway.log.log_reader import uncovered
@@ -49,7 +49,7 @@ def look_at(path: Path) -> Look:
     try:
         with closing(Salvage(path)) as found:
             return _look_at(path.stem, found)
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         return Look(path.stem, trouble=f"the file is damaged: {error}")
 
 

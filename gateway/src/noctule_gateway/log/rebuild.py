@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from noctule.messages_pb2 import Sweep
+from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.clock.elapsed import Elapsed, Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file, log_schema
@@ -44,7 +45,7 @@ def rebuild(path: Path, reason: str, now: Instant) -> str:
             with suppress(OSError):  # others are there
                 folder.parent.rmdir()
             return f"log {path} was converted from an earlier gateway's, with its {taken} sweeps"
-    except sqlite3.Error as error:
+    except SQLITE_ERRORS as error:
         raise LogError(f"{log_error(path, 'opened', error)} (it is to be rebuilt, since {reason})") from error
     except OSError as error:
         raise LogError(f"log {path} can't be opened: {error}; make room on the disk (it is to be rebuilt)") from error
@@ -57,7 +58,7 @@ def _opened(path: Path) -> Salvage | None:
         return None  # SQLite would make it a database, and delete a -wal that lies beside
     try:
         return Salvage(path)
-    except sqlite3.Error:
+    except SQLITE_ERRORS:
         return None
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from noctule.folder_lock import FolderLock, Owner, owner_of
+from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_files import SUFFIX, set_aside, set_aside_folder
 from noctule_gateway.log.look import look_at, units_in
@@ -63,5 +64,5 @@ def _repair(path: Path, asked: bool) -> Repair:
 def _checkpoint(path: Path) -> None:
     """Bring the commits of the -wal into the database, so that one file holds all."""
     # Without room for that the -wal still holds them, and is set aside too.
-    with suppress(sqlite3.Error), closing(sqlite3.connect(path)) as db:
+    with suppress(*SQLITE_ERRORS), closing(sqlite3.connect(path)) as db:
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)")

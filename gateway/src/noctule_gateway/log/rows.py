@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
+from noctule.checksum import checksum
 from noctule_gateway.clock.elapsed import Elapsed
 
 COLUMNS = "log_sequence, boot, sequence, digest, start_tick, committed_s, committed_elapsed_s, record, previous"
@@ -20,11 +21,6 @@ _RECORD, _PREVIOUS, _CHECKSUM = 7, 8, 9
 
 # log_sequence, boot, sequence, digest, start_tick, committed_s, committed_elapsed_s, record, previous, checksum
 SweepRow = tuple[Any, ...]
-
-
-def checksum(*values: object) -> bytes:
-    """16 bytes over ``values``: each one's type, length and content."""
-    return hashlib.blake2b(repr(values).encode(), digest_size=16).digest()
 
 
 def sealed(log_id: str, row: SweepRow) -> SweepRow:

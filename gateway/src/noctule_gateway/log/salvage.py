@@ -12,6 +12,7 @@ from pathlib import Path
 from google.protobuf.message import DecodeError
 
 from noctule.messages_pb2 import Sweep
+from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.clock.elapsed import Elapsed
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file
@@ -79,7 +80,7 @@ class Salvage:
             rows = self._db.execute(
                 f"SELECT {columns} FROM sweeps NOT INDEXED WHERE log_sequence = ?", (log_sequence,)
             ).fetchall()
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             return Found(log_sequence, None, str(error))
         if not rows:
             return Found(log_sequence, None, "it is missing")
@@ -106,7 +107,7 @@ class Salvage:
                 f"SELECT log_sequence FROM sweeps NOT INDEXED ORDER BY log_sequence {order}"
             ):
                 found.add(log_sequence)
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             return found, False
         return found, True
 
@@ -114,7 +115,7 @@ class Salvage:
         """What SQLite finds wrong with its own structure; empty if nothing."""
         try:
             (found,) = self._db.execute("PRAGMA integrity_check(1)").fetchone()
-        except sqlite3.Error as error:
+        except SQLITE_ERRORS as error:
             return str(error)
         return "" if found == "ok" else found
 
@@ -122,7 +123,7 @@ class Salvage:
         """The version to read by, and whether the tables are strange: then their rows fail their checksums."""
         try:
             version = version_of(self._db, self._path)
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             return VERSION, True
         except LogError:
             self.close()
@@ -136,7 +137,7 @@ class Salvage:
                 return log_of(rows)
             (log_id, head, size_bytes, *elapsed), *more = rows
             (tail,) = self._db.execute("SELECT min(log_sequence) FROM sweeps").fetchone()
-        except (sqlite3.Error, ValueError):
+        except (*SQLITE_ERRORS, ValueError):
             return None
         sound = not more and isinstance(log_id, str) and isinstance(head, int) and log_id and head >= 0
         counted = Elapsed(*elapsed) if elapsed else Elapsed(0.0, "", 0.0)
@@ -145,7 +146,7 @@ class Salvage:
     def _gaps(self) -> list[Gap]:
         try:
             found = [gap_of(row) for row in self._db.execute("SELECT * FROM gaps ORDER BY first, last")]
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             return []
         return [gap for gap in found if gap is not None]
 
@@ -159,7 +160,7 @@ class Salvage:
             for (record,) in self._db.execute("SELECT record FROM sweeps NOT INDEXED ORDER BY log_sequence"):
                 if (sweep := _sweep(record)) is not None and sweep.log_id:
                     return sweep.log_id
-        except sqlite3.Error:
+        except SQLITE_ERRORS:
             pass
         return ""
 
