@@ -14,6 +14,7 @@ import pytest
 from mapper.room import paper_path
 
 from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
@@ -390,6 +391,7 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 
@@ -418,3 +420,24 @@ def test_a_killed_writer_leaves_sweeps_and_cursor_that_agree(path: Path) -> None
         assert reached >= acknowledged[-1]
         assert sequences(store) == list(range(1, reached + 1))
         store.close()
+
+
+def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store, out = SweepStore(path, Window()), path.parent / "out"
+    store.commit([sweep(1), sweep(2)], [cursor(2)])
+    main_of(["backup", str(path.parent), str(out)], status=0)
+    assert capsys.readouterr().out == "paper-room.sqlite3: 2 sweeps, all is sound\n"
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("UPDATE sweep SET visit = 9")
+    main_of(["check", str(path.parent)], status=1)
+    assert capsys.readouterr().out == "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
+    restored = SweepStore(out / path.name, Window())
+    assert (sequences(restored), restored.damage) == ([1, 2], "")
+    restored.close()
+
+
+def main_of(arguments: list[str], status: int) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert (ended.value.code or 0) == status

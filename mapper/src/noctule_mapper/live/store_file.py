@@ -57,24 +57,32 @@ def opened(path: Path, now_s: int) -> tuple[sqlite3.Connection, str]:
 
 
 def fault(path: Path) -> str:
-    """What is damaged in the store at ``path``; empty if nothing. Raises StoreError on another version, sqlite3.Error
-    where the file is not the trouble.
+    """What is damaged in the store at ``path``; empty if nothing. It changes nothing.
+
+    Raises StoreError on another version, sqlite3.Error where the file is not the trouble.
     """
-    if not path.exists() or (path.stat().st_size < _HEADER_BYTES and _is_empty(path)):
+    if not path.exists() or path.stat().st_size == 0:
         return "" if not Path(f"{path}-wal").exists() else "its database is gone or empty"
     try:
-        with closing(sqlite3.connect(path, isolation_level=None)) as database:
-            _convert(database, path)
-            (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
-            if found != "ok":
-                return found
-            damaged = {table: sum(row is None for row in _rows(database, table)) for table in _TABLES}
-            contours = len(list(_rows(database, "contour")))
+        with closing(
+            sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
+        ) as database:
+            database.execute("BEGIN")  # all that is read is of one moment, also while a mapper writes
+            return _fault(database, path)
     except SQLITE_ERRORS as error:
         if not is_damage(error):
             raise
         return str(error)
+
+
+def _fault(database: sqlite3.Connection, path: Path) -> str:
+    version = _version(database, path)
+    (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
+    if found != "ok" or version != VERSION:
+        return "" if found == "ok" else found
+    damaged = {table: sum(row is None for row in _rows(database, table)) for table in _TABLES}
     named = [f"{count} rows of its table {table} do not fit" for table, count in damaged.items() if count]
+    contours = len(list(_rows(database, "contour")))
     return "; ".join(named or ([] if contours == 1 else ["its table contour is empty"]))
 
 
@@ -84,14 +92,12 @@ def held(path: Path) -> int:
         return database.execute("SELECT count(*) FROM sweep").fetchone()[0]
 
 
-def _is_empty(path: Path) -> bool:
-    return path.stat().st_size == 0
-
-
 def _connected(path: Path) -> sqlite3.Connection:
     database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     database.execute("PRAGMA journal_mode = WAL")
     database.execute("PRAGMA synchronous = FULL")
+    if _version(database, path) == 2:
+        _convert(database)
     _create(database, 0)
     return database
 
@@ -103,22 +109,22 @@ def _create(database: sqlite3.Connection, contour_version: int) -> None:
     database.execute(f"PRAGMA user_version = {VERSION}")
 
 
-def _convert(database: sqlite3.Connection, path: Path) -> None:
-    """Give the rows of a store of version 2 their checksums. Raises StoreError on any other version."""
+def _version(database: sqlite3.Connection, path: Path) -> int:
+    """3 or 2, or 0 of a file whose first opening was cut off. Raises StoreError and sqlite3.Error."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
-    if version == VERSION:
-        return
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if version == 0 and not tables:  # its first opening was cut off
-        _create(database, 0)
-        return
-    if version != 2:
-        if set(_TABLES) <= tables:
-            raise sqlite3.DatabaseError(f"its format is {version}, and its tables are those of {VERSION}")
-        raise StoreError(
-            f"{path} has format {version}, this mapper reads {VERSION}: stop the mapper, move the whole folder "
-            f"{path.parent} away and start the mapper again; it reads what the gateways' logs still hold"
-        )
+    if version == VERSION or version == 2 or (version == 0 and not tables):
+        return version
+    if set(_TABLES) <= tables:
+        raise sqlite3.DatabaseError(f"its format is {version}, and its tables are those of {VERSION}")
+    raise StoreError(
+        f"{path} has format {version}, this mapper reads {VERSION}: stop the mapper, move the whole folder "
+        f"{path.parent} away and start the mapper again; it reads what the gateways' logs still hold"
+    )
+
+
+def _convert(database: sqlite3.Connection) -> None:
+    """Give the rows of a store of version 2 their checksums."""
     with database:
         database.execute("BEGIN IMMEDIATE")
         for table in _TABLES:
