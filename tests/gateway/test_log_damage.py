@@ -14,6 +14,9 @@ import pytest
 from gateway.log_faults import SWEEPS, KilledLog, faults, killed_log
 from gateway.test_sweep_log import append, arrival, opened, read
 
+from noctule import bounds
+from noctule.messages_pb2 import LogRecords
+from noctule_gateway.bus.unit_on_bus import read_records
 from noctule_gateway.clock import elapsed
 from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.errors import LogError
@@ -224,3 +227,15 @@ def test_a_rebuilt_log_takes_its_place_wherever_the_gateway_was_killed(tmp_path:
     with opened(path) as log:
         assert [sweep.sequence for sweep in read(log)] == [0, 1, 2, 3]
     assert sorted(each.name for each in (tmp_path / "set-aside" / "u1.1").iterdir()) == ["u1.sqlite", "u1.sqlite-head"]
+
+
+def test_a_reply_of_the_log_states_the_damage_within_the_bounds_of_the_bus(tmp_path: Path) -> None:
+    path = tmp_path / "u1.sqlite"
+    written(path)
+    spoiled(path, "DELETE FROM sweeps WHERE log_sequence BETWEEN 4 AND 6")
+    with opened(path) as log:
+        read_after_rebuild(log)
+        reply = read_records(log, {"from": "1", "max": "5"}.get)
+    assert [sweep.log_sequence for sweep in reply.sweeps] == [1, 2, 3, 7, 8]
+    assert [(gap.first, gap.last, gap.damaged) for gap in reply.gaps] == [(4, 6, True)]
+    assert bounds.decode(LogRecords, reply.SerializeToString()) == reply
