@@ -13,6 +13,7 @@ from gateway.test_sweep_log import WRITER, append, arrival, opened, read
 
 from noctule.folder_lock import FolderError, FolderLock, Owner, owner_of
 from noctule_gateway.errors import LogError
+from noctule_gateway.log.look import look_at_all
 from noctule_gateway.log.repair import repair
 
 ATTIC = Owner("gateway", "attic", "gateway")
@@ -58,7 +59,7 @@ def test_a_sound_log_of_a_killed_gateway_is_set_aside_with_all_that_was_acknowle
     assert done.set_aside == aside
     assert done.sweeps >= acknowledged
     assert not list(tmp_path.glob("u1.*"))
-    assert [each.name for each in aside.iterdir()] == ["u1.sqlite"]  # the -wal is in it
+    assert sorted(each.name for each in aside.iterdir()) == ["u1.sqlite", "u1.sqlite-head"]  # the -wal is in it
     assert held(aside / "u1.sqlite") == list(range(1, done.sweeps + 1))
 
 
@@ -110,14 +111,17 @@ def test_a_record_that_is_no_sweep_and_an_empty_table_are_damage(tmp_path: Path)
     assert "1 more records can't be read" in str(found[0])
 
 
-def test_an_empty_table_is_that_logs_trouble_and_names_the_repair(tmp_path: Path) -> None:
+def test_a_log_whose_table_is_empty_is_rebuilt_by_the_gateway_under_the_same_id(tmp_path: Path) -> None:
     path = tmp_path / "u1.sqlite"
     with opened(path) as log:
         append(log, arrival(1))
+        log_id = log.state.log_id
     with closing(sqlite3.connect(path)) as db, db:
         db.execute("DELETE FROM log")
     with opened(path) as log:
-        assert f"repair {tmp_path} --unit u1" in log.state.error
+        assert (log.state.log_id, log.state.head, log.state.error) == (log_id, 1, "")
+        assert "none of its sweeps is lost: its table log does not fit" in log.state.damage
+        assert [sweep.sequence for sweep in read(log)] == [1]
 
 
 def test_a_wal_whose_database_is_gone_is_set_aside_before_a_new_log_would_delete_it(tmp_path: Path) -> None:
@@ -174,3 +178,46 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert int(done.split()[1]) >= acknowledged
     refused = subprocess.run([*command, "--unit", "u1"], capture_output=True, text=True, check=False)
     assert (refused.returncode, "holds no log of unit 'u1'" in refused.stderr) == (1, True)
+
+
+def test_check_reads_a_log_under_a_running_gateway_and_names_what_is_damaged(tmp_path: Path) -> None:
+    with opened(tmp_path / "u1.sqlite") as log, opened(tmp_path / "u2.sqlite") as other:
+        append(log, *map(arrival, range(5)))
+        append(other, arrival(1))
+        with closing(sqlite3.connect(tmp_path / "u1.sqlite")) as db, db:
+            db.execute("UPDATE sweeps SET boot = 3 WHERE log_sequence = 2")
+        command = ["noctule-gateway", "check", str(tmp_path)]
+        looked = subprocess.run(command, capture_output=True, text=True, check=False)
+    damaged, sound = looked.stdout.splitlines()
+    assert damaged.startswith("u1: 4 sound sweeps, sequences 1 to 5; the file is damaged: ")
+    assert "sweep 2: its checksum does not fit" in damaged
+    assert sound == "u2: 1 sound sweeps, sequences 1 to 1; all is sound"
+    assert looked.returncode == 1
+
+
+def test_check_changes_no_file_and_says_that_all_is_sound_after_a_kill(tmp_path: Path) -> None:
+    acknowledged = killed_while_writing(tmp_path / "u1.sqlite")
+    before = hashes(tmp_path)
+    (found,) = look_at_all(tmp_path)
+    assert (found.trouble, found.sweeps >= acknowledged) == ("", True)
+    after = hashes(tmp_path)
+    assert [name for name in before if after[name] != before[name] and not name.endswith("-shm")] == []
+    with pytest.raises(LogError, match="holds no logs"):
+        look_at_all(tmp_path / "none")
+
+
+def test_a_backup_of_a_running_gateway_holds_what_was_committed_and_restores_under_a_new_id(tmp_path: Path) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    data.mkdir()
+    with opened(data / "u1.sqlite") as log:
+        append(log, *map(arrival, range(20)))
+        command = ["noctule-gateway", "backup", str(data), str(out)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        again = subprocess.run(command, capture_output=True, text=True, check=False)
+        append(log, arrival(20))  # after the backup: sequence 21 stands for this sweep, and for no other
+        log_id = log.state.log_id
+    assert done.stdout == "u1: 20 sound sweeps, sequences 1 to 20; all is sound\n"
+    assert (again.returncode, "is there already" in again.stderr) == (1, True)
+    with opened(out / "u1.sqlite") as log:
+        assert [sweep.sequence for sweep in read(log)] == list(range(20))
+        assert log.state.log_id != log_id

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from noctule.messages_pb2 import Sweep
+from noctule_gateway.clock import elapsed
 from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
-from noctule_gateway.log.repair import repair
 from noctule_gateway.log.sweep_log import SweepLog
 
 KEEP_ALL = Retention()
@@ -148,19 +148,17 @@ def test_the_newest_sweep_of_a_boot_gives_its_tick_and_time(tmp_path: Path) -> N
     assert (tick, utc.time_s, utc.error_s) == (8_000_000, 1_000_000_002.0, 0.25)
 
 
-def test_a_damaged_file_is_told_and_left_alone_and_the_log_goes_on_once_it_is_away(tmp_path: Path) -> None:
+def test_a_file_that_is_no_log_is_set_aside_whole_and_a_new_log_begins(tmp_path: Path) -> None:
     path = tmp_path / "u1.sqlite"
-    path.write_bytes(b"not a database at all" * 100)
+    letter = b"not a database at all" * 100
+    path.write_bytes(letter)
     with opened(path) as log:
-        assert f"noctule-gateway repair {tmp_path} --unit u1" in log.state.error
-        (failed,) = append(log, arrival(1))
-        assert isinstance(failed, LogError)
-        assert str(path) in str(failed)
-        repair(tmp_path, ["u1"])
         (result,) = append(log, arrival(1))
         assert isinstance(result, Committed)
         assert log.state.error == ""
+        assert "the old files are in set-aside/u1.1" in log.state.damage
         assert len(read(log)) == 1
+    assert (tmp_path / "set-aside" / "u1.1" / "u1.sqlite").read_bytes() == letter
 
 
 def test_a_full_disk_fails_the_commit_and_loses_nothing_when_there_is_room_again(tmp_path: Path) -> None:
@@ -186,8 +184,12 @@ def test_a_file_of_a_later_gateway_is_not_touched(tmp_path: Path) -> None:
     path = tmp_path / "u1.sqlite"
     with sqlite3.connect(path) as db:
         db.execute("PRAGMA user_version = 99")
+    before = path.read_bytes()
     with pytest.raises(LogError, match="schema 99"):
-        LogFile(path)
+        LogFile(path, elapsed.now())
+    with opened(path) as log:
+        assert "has schema 99, this gateway knows 3; run its own version" in log.state.error
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize(
@@ -214,7 +216,7 @@ def test_a_log_whose_file_was_replaced_goes_on_in_the_new_file_and_the_moved_one
     path, other, aside = (tmp_path / f"{name}.sqlite" for name in ("u1", "backup", "aside"))
     with opened(other) as log:
         append(log, *map(arrival, range(10, 15)))
-        restored = log.state.log_id
+        copied = log.state.log_id
     with opened(path) as log:
         append(log, *map(arrival, range(3)))
         path.rename(aside)
@@ -223,7 +225,10 @@ def test_a_log_whose_file_was_replaced_goes_on_in_the_new_file_and_the_moved_one
         assert isinstance(failed, LogError)
         (result,) = append(log, arrival(4))
         assert isinstance(result, Committed)
-        assert (log.state.log_id, result.log_sequence) == (restored, 6)
+        # Nobody knows which sequences the copied log has used elsewhere since.
+        assert result.log_sequence == 6
+        assert log.state.log_id != copied
+        assert [sweep.sequence for sweep in read(log)] == [*range(10, 15), 4]
     with opened(aside) as log:
         assert [sweep.sequence for sweep in read(log)] == [0, 1, 2]
 
@@ -276,7 +281,7 @@ def test_what_was_acknowledged_is_there_after_a_kill_in_the_middle_of_writing(tm
         writer.send_signal(signal.SIGKILL)
         acknowledged += map(int, writer.stdout.read().split())
         writer.wait()
-        with opened(path) as log:
+        with opened(path, now=elapsed.now) as log:
             held = [sweep.log_sequence for sweep in read(log)]
             assert held == list(range(1, log.state.head + 1))
             assert set(acknowledged) <= set(held)

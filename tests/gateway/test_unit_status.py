@@ -134,3 +134,10 @@ def test_a_single_frame_that_is_hit_is_not_worth_a_word() -> None:
     quality = LineQuality()
     quality.note(0, 1)
     assert not quality.bad
+
+
+def test_damage_to_a_units_log_is_counted_and_named_unless_something_is_wrong_now() -> None:
+    log = LogState("L", head=9, damaged=3, damage="its log was damaged, 3 of its sweeps are lost")
+    told = unit_status.message(replace(GOOD, log=log), UNIT)
+    assert (told.log_damaged, told.detail) == (3, "its log was damaged, 3 of its sweeps are lost")
+    assert unit_status.detail(replace(GOOD, log=log, trouble="the line is cut"), UNIT) == "the line is cut"

@@ -1,19 +1,23 @@
 """The mapper's store: nothing twice, nothing lost, nothing beyond the window."""
 
 import math
+import shutil
 import sqlite3
 import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
 from mapper.room import paper_path
 
 from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule_mapper.cli import main
 from noctule_mapper.config import Window
-from noctule_mapper.live.store import StoreError, SweepStore
+from noctule_mapper.live.store import SweepStore
+from noctule_mapper.live.store_file import StoreError
 
 LOG = "8c1f"
 
@@ -262,10 +266,107 @@ def test_contour_versions_go_on_counting_after_a_restart(path: Path) -> None:
     reopened.close()
 
 
-def test_a_file_that_is_no_store_is_refused_with_what_to_do(path: Path) -> None:
-    path.write_text("a letter to the editor, long enough to be no database " * 40)
-    with pytest.raises(StoreError, match=r"paper-room\.sqlite3 can't be used .* move the whole folder"):
-        SweepStore(path, Window())
+def test_a_file_that_is_no_store_is_set_aside_and_a_new_store_begins(path: Path) -> None:
+    letter = "a letter to the editor, long enough to be no database " * 40
+    path.write_text(letter)
+    store = SweepStore(path, Window())
+    assert store.sweeps() == []
+    assert "file is not a database" in store.damage
+    assert (path.parent / "set-aside" / "paper-room.1" / path.name).read_text() == letter
+    store.close()
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE sweep SET record = x'ffff' WHERE log_sequence = 2",
+        "UPDATE sweep SET place_x_m = 70 WHERE log_sequence = 2",
+        "UPDATE sweep SET log_sequence = 70 WHERE log_sequence = 2",
+        "UPDATE sweep SET record = 5 WHERE log_sequence = 2",
+    ],
+)
+def test_a_damaged_sweep_is_not_mapped_and_is_read_again_from_its_log(path: Path, statement: str) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1), sweep(2), sweep(3)], [cursor(3)])
+    assert [store.next_contour_version() for _ in range(5)][-1] == 5
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(statement)
+    reopened = SweepStore(path, Window())
+    assert sequences(reopened) == [1, 3]
+    assert reopened.damage.startswith("the mapper's store was damaged (1 rows of its table sweep do not fit): 2 sound")
+    assert reopened.cursors() == {}
+    assert reopened.next_contour_version() == 6
+    reopened.commit([sweep(1), sweep(2), sweep(3)], [cursor(3)])
+    assert sequences(reopened) == [1, 2, 3]
+    reopened.close()
+    assert SweepStore(path, Window()).damage == ""
+
+
+@pytest.mark.parametrize("table", ["cursor", "contour", "set_aside"])
+def test_a_damaged_row_beside_the_sweeps_loses_no_sweep(path: Path, table: str) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1), sweep(2)], [cursor(2)])
+    store.set_aside((LOG, 2), "a bug")
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(f"UPDATE {table} SET {'version' if table == 'contour' else 'log_sequence'} = 77")
+    reopened = SweepStore(path, Window())
+    assert f"1 rows of its table {table} do not fit" in reopened.damage
+    assert sequences(reopened) == [1]
+    if table == "contour":
+        assert reopened.next_contour_version() > 10**9  # above all that was counted: seconds of UTC
+    reopened.close()
+
+
+def test_a_store_of_the_version_before_gets_checksums_and_loses_nothing(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1, x_m=-0.0), sweep(2)], [cursor(2)])
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        for table in ("sweep", "cursor", "set_aside", "contour"):
+            database.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
+        database.execute("PRAGMA user_version = 2")
+    for _ in range(2):
+        reopened = SweepStore(path, Window())
+        assert (sequences(reopened), reopened.cursors(), reopened.damage) == ([1, 2], {"u1": cursor(2)}, "")
+        reopened.close()
+
+
+def flipped_or_cut(folder: Path, random: Random) -> str:
+    """Flip a bit or cut a file of the store at a place drawn at random; what was done."""
+    file = random.choice([each for each in sorted(folder.iterdir()) if each.is_file() and each.stat().st_size])
+    text = bytearray(file.read_bytes())
+    place = random.randrange(len(text))
+    if random.random() < 0.2:
+        del text[place:]
+    else:
+        text[place] ^= 1 << random.randrange(8)
+    file.write_bytes(text)
+    return f"{file.name} at {place}"
+
+
+def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_mapper(tmp_path: Path) -> None:
+    running, left = tmp_path / "running", tmp_path / "left"
+    store = SweepStore(running / "store.sqlite3", Window())
+    for number in range(1, 41):
+        store.commit([sweep(number)], [cursor(number)])
+    shutil.copytree(running, left)  # as a kill leaves it: all is in the -wal
+    store.close()
+    shutil.copytree(running, tmp_path / "closed")
+    for seed in range(60):
+        folder = tmp_path / "trial"
+        shutil.copytree(left if seed % 2 else tmp_path / "closed", folder)
+        done = flipped_or_cut(folder, Random(seed))
+        spoiled = SweepStore(folder / "store.sqlite3", Window())
+        held = spoiled.sweeps()
+        assert all(one == sweep(one.log_sequence) for one in held), done
+        reached = spoiled.cursors()["u1"].log_sequence if spoiled.cursors() else 0
+        assert {one.log_sequence for one in held} >= set(range(1, reached + 1)), done  # the rest is read again
+        spoiled.commit([sweep(number) for number in range(reached + 1, 42)], [cursor(41)])
+        assert sequences(spoiled) == list(range(1, 42)), done
+        spoiled.close()
+        shutil.rmtree(folder)
 
 
 def test_a_store_of_another_format_is_refused(path: Path) -> None:
@@ -290,6 +391,7 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 
@@ -318,3 +420,24 @@ def test_a_killed_writer_leaves_sweeps_and_cursor_that_agree(path: Path) -> None
         assert reached >= acknowledged[-1]
         assert sequences(store) == list(range(1, reached + 1))
         store.close()
+
+
+def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store, out = SweepStore(path, Window()), path.parent / "out"
+    store.commit([sweep(1), sweep(2)], [cursor(2)])
+    main_of(["backup", str(path.parent), str(out)], status=0)
+    assert capsys.readouterr().out == "paper-room.sqlite3: 2 sweeps, all is sound\n"
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("UPDATE sweep SET visit = 9")
+    main_of(["check", str(path.parent)], status=1)
+    assert capsys.readouterr().out == "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
+    restored = SweepStore(out / path.name, Window())
+    assert (sequences(restored), restored.damage) == ([1, 2], "")
+    restored.close()
+
+
+def main_of(arguments: list[str], status: int) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert (ended.value.code or 0) == status

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from noctule.errors import BusError
-from noctule.messages_pb2 import Cursor, LogRecords, Sweep
+from noctule.messages_pb2 import Cursor, LogGap, LogRecords, Sweep
 from noctule.unit_reader import UnitReader
 
 
@@ -165,6 +165,34 @@ def test_a_log_that_sends_nothing_of_what_it_says_it_holds_is_told():
     unit, _ = reader(lambda *_: LogRecords(log_id="a", head=9, tail=4), [], Cursor(log_id="a", log_sequence=3))
     with pytest.raises(BusError, match="says that it holds 4 to 9 and sends nothing"):
         unit.ask_log()
+
+
+def gap(first, last, damaged=True):
+    return LogGap(first=first, last=last, damaged=damaged, reason="its checksum does not fit")
+
+
+@pytest.mark.parametrize(
+    ("held", "head", "gaps", "counted"),
+    [
+        ([4, 5, 8], 8, [gap(6, 7)], 2),
+        ([8], 8, [gap(4, 7)], 4),
+        ([4, 5], 8, [gap(6, 8)], 3),
+        ([], 8, [gap(4, 8)], 5),
+        ([], 1004, [gap(4, 4), gap(5, 1004, damaged=False)], 1),  # commits that a power cut took, then skipped numbers
+        ([4, 1005], 1005, [gap(5, 1004, damaged=False)], 0),
+    ],
+)
+def test_what_a_log_states_as_damaged_is_passed_over_and_counted_and_what_was_never_used_is_not(
+    caplog, held, head, gaps, counted
+):
+    delivered, sweeps = [], [Log().sweep(n) for n in held]
+    records = LogRecords(log_id="a", head=head, tail=1, sweeps=sweeps, gaps=gaps)
+    unit, counts = reader(lambda *_: records, delivered, Cursor(unit="u1", log_id="a", log_sequence=3))
+    assert not unit.ask_log()
+    assert sequences(delivered) == held
+    assert unit.cursor.log_sequence == head
+    assert (counts["damaged"], counts["lost"]) == (counted, 0)
+    assert ("of its log are lost: its checksum does not fit" in caplog.text) == bool(counted)
 
 
 def test_nothing_has_moved_when_the_delivery_raised():

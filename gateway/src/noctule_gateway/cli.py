@@ -15,11 +15,13 @@ import zenoh
 from rich.console import Console
 
 from noctule import bus, site, tls
+from noctule.backup import copy_databases
 from noctule.bus_watch import BusWatch
 from noctule.errors import NoctuleError
 from noctule.threads import end_process_when_one_fails
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Retention
+from noctule_gateway.log.look import Look, look_at_all
 from noctule_gateway.log.repair import repair as repair_logs
 from noctule_gateway.service import Gateway
 from noctule_gateway.update.image import load
@@ -122,6 +124,39 @@ def repair(
         typer.echo(str(each))
     if not repairs:
         typer.echo(f"{data} holds no logs")
+
+
+@app.command()
+def check(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a gateway, which may be running.")],
+) -> None:
+    """Read every record of every log and say what is damaged; exit status 1 if anything is. Changes nothing."""
+    try:
+        _tell(look_at_all(data))
+    except NoctuleError as error:
+        Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
+        raise typer.Exit(1) from error
+
+
+@app.command()
+def backup(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a gateway, which may be running.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The folder of the copy; it must not be there yet.")],
+) -> None:
+    """Copy every log into OUT, each as it is at one moment, and check the copies; exit status 1 if one is damaged."""
+    try:
+        copy_databases(data, out)
+        _tell(look_at_all(out))
+    except NoctuleError as error:
+        Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
+        raise typer.Exit(1) from error
+
+
+def _tell(looks: list[Look]) -> None:
+    for each in looks:
+        typer.echo(str(each))
+    if any(each.trouble for each in looks):
+        raise typer.Exit(1)
 
 
 @dataclass(frozen=True)

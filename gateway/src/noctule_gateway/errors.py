@@ -45,3 +45,11 @@ class FlashError(UpdateError):
 
 class LogError(GatewayError):
     """A unit's log can't be opened, read or written."""
+
+
+class DamagedError(LogError):
+    """A unit's log holds what was never written there, or lacks what was: it is to be rebuilt from what is sound."""
+
+    def __init__(self, log: object, reason: str) -> None:
+        super().__init__(f"log {log} is damaged: {reason}")
+        self.reason = reason

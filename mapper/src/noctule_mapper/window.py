@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import tau
 from typing import Any, Literal
 
+from noctule.checksum import checksum
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.readings.sweep import identity_of
@@ -19,16 +20,17 @@ Identity = tuple[str, int]
 
 Reason = Literal["repeated", "superseded", "too old", "too many"]
 
-_SCHEMA = """
+SCHEMA = """
 CREATE TABLE IF NOT EXISTS sweep (
     unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
     start_ns INTEGER NOT NULL, visit INTEGER NOT NULL,
     place_x_m REAL NOT NULL, place_y_m REAL NOT NULL, place_heading_rad REAL NOT NULL,
-    record BLOB NOT NULL,
+    record BLOB NOT NULL, checksum BLOB NOT NULL,
     PRIMARY KEY (unit, log_id, log_sequence));
 CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
 CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad);
 """
+_COVERED = ("unit", "log_id", "log_sequence", "start_ns", "visit", "x_m", "y_m", "heading_rad", "record")
 _CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the host that reads it
 
 # Age goes by the newest sweep's time, but for times that the host's clock has not come to: one wrong clock must not
@@ -55,7 +57,7 @@ WHERE {_NEAR}
 """
 _ENTER = """
 INSERT OR IGNORE INTO sweep
-VALUES (:unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record)
+VALUES (:unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record, :checksum)
 """
 # Of a place, the newest sweeps of its newest visit stay. What came in another log is older.
 _SUPERSEDED = f"""
@@ -78,13 +80,14 @@ class SweepWindow:
 
     def __init__(self, database: sqlite3.Connection, window: Window) -> None:
         self._database, self._window = database, window
-        database.executescript(_SCHEMA)
+        database.executescript(SCHEMA)
 
     def enter(self, sweep: Sweep, record: bytes) -> list[Identity] | None:
         """Take a sweep in, with what is to be kept of it; those that it supersedes, perhaps itself. None if it is there
         already.
         """
         row = self._row(sweep) | {"record": record}
+        row["checksum"] = checksum(*(row[name] for name in _COVERED))
         if self._database.execute(_ENTER, row).rowcount != 1:
             return None
         return self._database.execute(_SUPERSEDED, row).fetchall()
@@ -107,9 +110,9 @@ class SweepWindow:
             "log_sequence": log_sequence,
             "start_ns": sweep.start.ToNanoseconds(),
             "visit": log_sequence,
-            "x_m": sweep.pose.x_m,
-            "y_m": sweep.pose.y_m,
-            "heading_rad": sweep.pose.heading_rad % tau,
+            "x_m": sweep.pose.x_m + 0.0,  # SQLite keeps no -0.0, and the row's checksum covers what it keeps
+            "y_m": sweep.pose.y_m + 0.0,
+            "heading_rad": sweep.pose.heading_rad % tau + 0.0,
             "radius_m": self._window.place_radius_m,
             "turn_rad": self._window.place_heading_rad,
             "full_turn_rad": tau,

@@ -192,6 +192,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "log_head": _NUMBER_53,
         "log_tail": _NUMBER_53,
         "log_removed": _NUMBER_53,
+        "log_damaged": _NUMBER_53,
         "counters": Counts(200, _ID, _NUMBER_53),
         "gateway": _NAME,
         "reset_cause": Text(200),
@@ -203,6 +204,12 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "head": _NUMBER_53,
         "tail": _NUMBER_53,
         "sweeps": Many(1000),
+        "gaps": Many(1000),
+    },
+    "LogGap": {
+        "first": _NUMBER_53,
+        "last": _NUMBER_53,
+        "reason": _SENTENCES,
     },
     "SweepPlan": {
         "first_bearing_rad": _BEARING_RAD,

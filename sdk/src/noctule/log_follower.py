@@ -52,7 +52,7 @@ class LogFollower:
         self._client = client
         self._deliver = deliver
         self._poll_s = poll_s
-        self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, refused=0, failed=0)
+        self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, damaged=0, refused=0, failed=0)
         self._changed = threading.Condition()
         self._closed = False
         self._units: dict[str, _Unit] = {}
@@ -91,7 +91,7 @@ class LogFollower:
         return {name: cursor for name, cursor in found.items() if cursor.log_id}
 
     def counters(self) -> dict[str, int]:
-        """Sweeps ``delivered``, of these ``pulled`` from logs, ``lost``, ``refused``; attempts that ``failed``."""
+        """Sweeps ``delivered`` (``pulled`` from logs), ``lost``, ``damaged``, ``refused``; tries that ``failed``."""
         return dict(self._counts)
 
     # ---- Signs that a log holds more, on the client's thread ------------------------------------------------------

@@ -122,7 +122,7 @@ class Sweep(_message.Message):
     def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ..., clock_drift: _Optional[float] = ...) -> None: ...
 
 class UnitStatus(_message.Message):
-    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c")
+    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged")
     class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         STATE_UNSPECIFIED: _ClassVar[UnitStatus.State]
@@ -172,6 +172,7 @@ class UnitStatus(_message.Message):
     GATEWAY_FIELD_NUMBER: _ClassVar[int]
     RESET_CAUSE_FIELD_NUMBER: _ClassVar[int]
     CHIP_TEMPERATURE_C_FIELD_NUMBER: _ClassVar[int]
+    LOG_DAMAGED_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     time: _timestamp_pb2.Timestamp
@@ -192,19 +193,34 @@ class UnitStatus(_message.Message):
     gateway: str
     reset_cause: str
     chip_temperature_c: float
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ...) -> None: ...
+    log_damaged: int
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ...) -> None: ...
 
 class LogRecords(_message.Message):
-    __slots__ = ("log_id", "head", "tail", "sweeps")
+    __slots__ = ("log_id", "head", "tail", "sweeps", "gaps")
     LOG_ID_FIELD_NUMBER: _ClassVar[int]
     HEAD_FIELD_NUMBER: _ClassVar[int]
     TAIL_FIELD_NUMBER: _ClassVar[int]
     SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    GAPS_FIELD_NUMBER: _ClassVar[int]
     log_id: str
     head: int
     tail: int
     sweeps: _containers.RepeatedCompositeFieldContainer[Sweep]
-    def __init__(self, log_id: _Optional[str] = ..., head: _Optional[int] = ..., tail: _Optional[int] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ...) -> None: ...
+    gaps: _containers.RepeatedCompositeFieldContainer[LogGap]
+    def __init__(self, log_id: _Optional[str] = ..., head: _Optional[int] = ..., tail: _Optional[int] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., gaps: _Optional[_Iterable[_Union[LogGap, _Mapping]]] = ...) -> None: ...
+
+class LogGap(_message.Message):
+    __slots__ = ("first", "last", "damaged", "reason")
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    LAST_FIELD_NUMBER: _ClassVar[int]
+    DAMAGED_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    first: int
+    last: int
+    damaged: bool
+    reason: str
+    def __init__(self, first: _Optional[int] = ..., last: _Optional[int] = ..., damaged: _Optional[bool] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class SweepPlan(_message.Message):
     __slots__ = ("first_bearing_rad", "bearing_step_rad", "count", "ping_interval_s", "top_speed_half_steps_s", "ramp_s", "settle_s", "pings")

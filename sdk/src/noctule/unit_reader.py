@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 from noctule.errors import BusError
-from noctule.messages_pb2 import Cursor, LogRecords, Sweep
+from noctule.messages_pb2 import Cursor, LogGap, LogRecords, Sweep
 from noctule.unit_records import sift
 
 _log = logging.getLogger(__name__)
@@ -15,7 +15,8 @@ class UnitReader:
     """Reads one unit's log by two ways, live sweeps and the log itself, and hands on each sweep just once.
 
     ``ask`` gets records from a log sequence on, or None where nobody serves the unit. ``deliver`` takes sweeps for
-    good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``pulled``, ``lost`` and ``refused``.
+    good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``pulled``, ``lost``, ``damaged``
+    (the log itself has lost them to damage) and ``refused``.
     """
 
     def __init__(
@@ -70,10 +71,11 @@ class UnitReader:
             )
         sifted = sift(records, self.unit, at.log_sequence)
         if sifted.sound or sifted.refused:
-            self._commit(sifted.sound, sifted.refused)
+            self._commit(sifted.sound, sifted.refused, records.gaps)
             self._counts["pulled"] += len(sifted.sound)
-            self._pass_over_refused(records.log_id, sifted.refused)
-        elif records.head > at.log_sequence:
+            self._pass_over_refused(records.log_id, sifted.refused, records.gaps)
+        self._pass_over_gaps(records)
+        if self.cursor is at and records.head > at.log_sequence:
             self._pass_over(records)
         return self.cursor.log_sequence < records.head
 
@@ -94,13 +96,21 @@ class UnitReader:
         self._count_lost(self.cursor.log_sequence, records.head + 1)
         self.cursor = self._at(records.log_id, records.head)
 
-    def _pass_over_refused(self, log_id: str, refused: Mapping[int, str]) -> None:
+    def _pass_over_gaps(self, records: LogRecords) -> None:
+        """Go on behind the gaps that follow on the cursor: nothing will ever come at their sequences."""
+        for gap in records.gaps:
+            last = min(gap.last, records.head)
+            if gap.first <= self.cursor.log_sequence + 1 <= last:
+                self._count_lost(self.cursor.log_sequence, last + 1, gaps=records.gaps)
+                self.cursor = self._at(records.log_id, last)
+
+    def _pass_over_refused(self, log_id: str, refused: Mapping[int, str], gaps: Sequence[LogGap]) -> None:
         """Go on behind records that no reader takes, for they would come again for ever."""
         if not refused:
             return
         first, last = min(refused), max(refused)
         if last > self.cursor.log_sequence:
-            self._count_lost(self.cursor.log_sequence, last, refused)
+            self._count_lost(self.cursor.log_sequence, last, refused, gaps)
             self.cursor = self._at(log_id, last)
         self._counts["refused"] += len(refused)
         _log.error(
@@ -111,14 +121,14 @@ class UnitReader:
             refused[first],
         )
 
-    def _commit(self, sweeps: Sequence[Sweep], refused: Collection[int] = ()) -> None:
+    def _commit(self, sweeps: Sequence[Sweep], refused: Collection[int] = (), gaps: Sequence[LogGap] = ()) -> None:
         """Deliver ``sweeps``, in order and all after the cursor, and move the cursor to the last."""
         if not sweeps:
             return
         self._deliver(sweeps)
         before = self.cursor.log_sequence
         for sweep in sweeps:
-            self._count_lost(before, sweep.log_sequence, refused)
+            self._count_lost(before, sweep.log_sequence, refused, gaps)
             before = sweep.log_sequence
         self.cursor = self._at(sweeps[-1].log_id, before)
         self._counts["delivered"] += len(sweeps)
@@ -126,9 +136,18 @@ class UnitReader:
     def _at(self, log_id: str, log_sequence: int) -> Cursor:
         return Cursor(unit=self.unit, log_id=log_id, log_sequence=log_sequence)
 
-    def _count_lost(self, before: int, after: int, refused: Collection[int] = ()) -> None:
-        """What lies between two sequences was removed, except what was ``refused``."""
-        if lost := after - before - 1 - sum(before < sequence < after for sequence in refused):
+    def _count_lost(self, before: int, after: int, refused: Collection[int] = (), gaps: Sequence[LogGap] = ()) -> None:
+        """What lies between two sequences was removed, except what was ``refused`` or is stated as a gap."""
+        lost = after - before - 1 - sum(before < sequence < after for sequence in refused)
+        for gap in gaps:
+            inside = max(min(gap.last, after - 1) - max(gap.first, before + 1) + 1, 0)
+            lost -= inside
+            if inside and gap.damaged:
+                self._counts["damaged"] += inside
+                _log.error(
+                    "unit %s: sweeps %d to %d of its log are lost: %s", self.unit, gap.first, gap.last, gap.reason
+                )
+        if lost > 0:
             self._counts["lost"] += lost
             _log.error(
                 "unit %s: sweeps %d to %d were removed from its log unread: let the log keep more",

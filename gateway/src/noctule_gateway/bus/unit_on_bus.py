@@ -8,7 +8,7 @@ import zenoh
 
 from noctule import bounds, bus, keys
 from noctule.errors import BoundsError, KeyFormatError
-from noctule.messages_pb2 import CommandReply, CommandRequest, LogRecords, Pose, Sweep, UnitStatus
+from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
 from noctule.site import PoseKey, Unit
 from noctule_gateway.bus.command_cache import CommandCache, Server
 from noctule_gateway.bus.outbox import Outbox
@@ -21,6 +21,8 @@ _MOST_DIGITS = 18  # a count that SQLite holds
 
 MAX_RECORDS = 500
 MAX_REPLY_BYTES = 2**20
+MAX_GAPS = 1000
+_LONGEST_REASON = 1000
 
 
 class UnitOnBus:
@@ -102,7 +104,11 @@ def read_records(log: SweepLog, parameter: Callable[[str], str | None]) -> LogRe
     first, most = (_number(name, parameter(name), default) for name, default in (("from", 1), ("max", MAX_RECORDS)))
     found = log.read(first, min(most, MAX_RECORDS), MAX_REPLY_BYTES)
     sweeps = [Sweep.FromString(record) for record in found.records]
-    return LogRecords(log_id=found.log_id, head=found.head, tail=found.tail, sweeps=sweeps)
+    gaps = [
+        LogGap(first=gap.first, last=gap.last, damaged=gap.damaged, reason=gap.reason[:_LONGEST_REASON])
+        for gap in found.gaps[:MAX_GAPS]
+    ]
+    return LogRecords(log_id=found.log_id, head=found.head, tail=found.tail, sweeps=sweeps, gaps=gaps)
 
 
 def _number(name: str, text: str | None, default: int) -> int:

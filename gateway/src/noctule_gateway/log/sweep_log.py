@@ -1,26 +1,32 @@
 """A unit's log: every sweep is safe on the disk before the unit may forget it.
 
 One thread writes; what has gathered meanwhile goes into its next transaction, and only then are the callers told. A
-fault (full disk, damaged file) fails the waiting appends and shows in the state; each later append tries anew.
+fault (full disk) fails the waiting appends and shows in the state; each later append tries again. A damaged log, found
+by a commit or a read, is rebuilt on the same thread from what is sound in it.
 """
 
 import contextlib
 import logging
 import queue
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from noctule_gateway.clock import elapsed
 from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.clock.regression import HostTime
-from noctule_gateway.errors import LogError
-from noctule_gateway.log.log_file import Arrival, Committed, LogFile, LogSlice, Retention
+from noctule_gateway.errors import DamagedError, LogError
+from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
+from noctule_gateway.log.log_files import finish_replacing
+from noctule_gateway.log.log_reader import LogReader, LogSlice
+from noctule_gateway.log.rebuild import rebuild
 
 Done = Callable[[Committed | LogError], None]
 
 _TRIM_EVERY_S = 60.0
+_REBUILD_EVERY_S = 60.0  # at most: a disk that spoils all it is given is not filled with copies
 
 _log = logging.getLogger(__name__)
 
@@ -33,12 +39,21 @@ class LogState:
     head: int = 0
     tail: int = 1
     size_bytes: int = 0
+    removed: int = 0  # by size or age, since the log's birth
+    damaged: int = 0  # sweeps that damage has cost it since then
+    damage: str = ""  # what was lately found damaged
     error: str = ""
 
-    @property
-    def removed(self) -> int:
-        """Records removed by size or age since the log's birth."""
-        return self.tail - 1
+
+@dataclass(frozen=True)
+class _Found:
+    """Damage that a reader found, in the file that was there after so many rebuilds."""
+
+    damage: DamagedError
+    rebuilds: int
+
+
+_Item = tuple[Arrival, Done] | _Found | None  # None: close
 
 
 class SweepLog:
@@ -50,9 +65,11 @@ class SweepLog:
         self._now = now
         self._state = LogState()
         self._writing: LogFile | None = None
-        self._reading: LogFile | None = None
+        self._reading: LogReader | None = None
         self._reader = threading.Lock()
-        self._waiting: queue.SimpleQueue[tuple[Arrival, Done] | None] = queue.SimpleQueue()
+        self._rebuilds = 0
+        self._rebuilt_at_s = -_REBUILD_EVERY_S
+        self._waiting: queue.SimpleQueue[_Item] = queue.SimpleQueue()
         self._commit([])
         self._thread = threading.Thread(target=self._write, name=f"log {path.stem}", daemon=True)
         self._thread.start()
@@ -68,36 +85,50 @@ class SweepLog:
 
     def read(self, first: int, max_records: int, max_bytes: int) -> LogSlice:
         """Committed records from log_sequence ``first`` on, at least one if there is one. Raises LogError."""
-        with self._reader:
-            return self._reading_file().read(first, max_records, max_bytes)
+        with self._reader, self._reporting_damage():
+            return self._reading_file().read(first, max_records, max_bytes, self._state.head)
 
     def last_of_boot(self, boot: int) -> tuple[int, HostTime] | None:
         """Start tick and time (UTC) of the newest sweep made under ``boot``; None if there is none. Raises LogError."""
-        with self._reader:
+        with self._reader, self._reporting_damage():
             return self._reading_file().last_of_boot(boot)
 
     def close(self) -> None:
         """Commit what waits and close the file."""
         self._waiting.put(None)
         self._thread.join()
-        self._abandon()
+        with self._reader:
+            self._stop_reading()
+        if self._writing is not None:
+            self._writing.close()
+            self._writing = None
 
-    def _reading_file(self) -> LogFile:
+    def _reading_file(self) -> LogReader:
         if self._reading is None:
-            self._reading = LogFile(self._path)
+            self._reading = LogReader(self._path)
         return self._reading
+
+    @contextlib.contextmanager
+    def _reporting_damage(self) -> Iterator[None]:
+        """Have the writing thread rebuild a log in which a reader has found damage."""
+        try:
+            yield
+        except DamagedError as damage:
+            self._waiting.put(_Found(damage, self._rebuilds))
+            raise
 
     def _write(self) -> None:
         closing = False
         while not closing:
             gathered = self._gather()
             closing = None in gathered
-            appends = [item for item in gathered if item is not None]
-            result = self._commit([arrival for arrival, _ in appends])
+            found = [item.damage for item in gathered if isinstance(item, _Found) and item.rebuilds == self._rebuilds]
+            appends = [item for item in gathered if isinstance(item, tuple)]
+            result = self._commit([arrival for arrival, _ in appends], *found[:1])
             for index, (_, done) in enumerate(appends):
                 done(result if isinstance(result, LogError) else result[index])
 
-    def _gather(self) -> list[tuple[Arrival, Done] | None]:
+    def _gather(self) -> list[_Item]:
         """All that waits; nothing after a quiet while, so that age removes records from a quiet log too."""
         gathered = []
         with contextlib.suppress(queue.Empty):
@@ -106,27 +137,55 @@ class SweepLog:
                 gathered.append(self._waiting.get_nowait())
         return gathered
 
-    def _commit(self, arrivals: list[Arrival]) -> list[Committed] | LogError:
+    def _commit(self, arrivals: list[Arrival], damage: DamagedError | None = None) -> list[Committed] | LogError:
         try:
-            if self._writing is None:
-                self._writing = LogFile(self._path)
-            committed = self._writing.commit(arrivals, self._now(), self._retention)
-        except LogError as error:
+            if damage is not None:
+                self._rebuild(damage)
+            try:
+                committed = self._commit_to_file(arrivals)
+            except DamagedError as found:
+                self._rebuild(found)
+                committed = self._commit_to_file(arrivals)
+        except (LogError, OSError) as error:
             self._abandon()
             if not self._state.error:
                 _log.error("%s", error)  # the status may say it for less than a second
             self._state = replace(self._state, error=str(error))
-            return error
+            return error if isinstance(error, LogError) else LogError(f"log {self._path} can't be opened: {error}")
         file = self._writing
-        self._state = LogState(file.log_id, file.head, file.tail, file.size_bytes)
+        assert file is not None
+        self._state = LogState(
+            file.log_id, file.head, file.tail, file.size_bytes, file.removed, file.damaged, file.damage
+        )
         return committed
+
+    def _commit_to_file(self, arrivals: list[Arrival]) -> list[Committed]:
+        now = self._now()
+        if self._writing is None:
+            finish_replacing(self._path)
+            self._writing = LogFile(self._path, now)
+        return self._writing.commit(arrivals, now, self._retention)
+
+    def _rebuild(self, damage: DamagedError) -> None:
+        """Replace the file by one that holds what is sound; raises ``damage`` where that was done just now."""
+        self._abandon()
+        if time.monotonic() < self._rebuilt_at_s + _REBUILD_EVERY_S:
+            raise damage
+        with self._reader:  # nobody opens the file meanwhile
+            done = rebuild(self._path, damage.reason, self._now())
+            self._rebuilds += 1
+        self._rebuilt_at_s = time.monotonic()
+        _log.error("%s", done)
 
     def _abandon(self) -> None:
         """Close the file. When it is opened again its trouble may be over."""
         if self._writing is not None:
-            self._writing.close()
+            self._writing.abandon()
             self._writing = None
         with self._reader:
-            if self._reading is not None:
-                self._reading.close()
-                self._reading = None
+            self._stop_reading()
+
+    def _stop_reading(self) -> None:
+        if self._reading is not None:
+            self._reading.close()
+            self._reading = None

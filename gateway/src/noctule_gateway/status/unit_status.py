@@ -67,7 +67,9 @@ def detail(condition: Condition, unit: Unit) -> str:
         return _LATE
     if condition.bad_line:
         return _BAD_LINE
-    return _lost_pose(unit) if condition.lost_pose else ""
+    if condition.lost_pose:
+        return _lost_pose(unit)
+    return condition.log.damage
 
 
 def message(condition: Condition, unit: Unit) -> UnitStatus:
@@ -81,6 +83,7 @@ def message(condition: Condition, unit: Unit) -> UnitStatus:
         log_head=log.head,
         log_tail=log.tail,
         log_removed=log.removed,
+        log_damaged=log.damaged,
     )
     if condition.loader is not None or condition.update:
         result.state = UnitStatus.STATE_LOADER

@@ -47,7 +47,7 @@ def run_process(
         _log.error("%s", error)
         status = 1
     except BaseException:  # Zenoh's PanicException is no Exception
-        _log.critical("the mapper has failed; its store is whole, and a new start goes on from it", exc_info=True)
+        _log.critical("the mapper has failed; a new start checks its store and goes on from it", exc_info=True)
         status = FAILED
     # All that matters is closed. On its way out Rerun's SDK would wait without end for a relay that takes nothing.
     logging.shutdown()

@@ -98,6 +98,8 @@ class LiveMapper:
 
     def start(self) -> None:
         """Rebuild the map from the store, and go on from where it ends."""
+        if self._store.damage:
+            self._troubles.begin("store", self._store.damage)
         for unit, identity, reason in self._store.sweeps_set_aside()[-1:]:
             self._tell_set_aside(unit, identity, reason)
         held = [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
@@ -127,6 +129,7 @@ class LiveMapper:
     def report(self) -> None:
         """Publish how the mapper fares. Raises what has broken the map, if anything has."""
         self._worker.check()
+        self._store.check()
         status = ServiceStatus(
             site=self._settings.site,
             name=self._settings.service,

@@ -8,26 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import time_ns
 
-from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, Sweep
+from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
+from noctule_mapper.live import store_file
+from noctule_mapper.live.store_file import sealed
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
 
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS cursor (unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL);
-CREATE TABLE IF NOT EXISTS set_aside (
-    log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, unit TEXT NOT NULL, at_ns INTEGER NOT NULL,
-    reason TEXT NOT NULL, record BLOB NOT NULL,
-    PRIMARY KEY (log_id, log_sequence));
-CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL);
-INSERT INTO contour SELECT 0 WHERE NOT EXISTS (SELECT * FROM contour);
-"""
-_VERSION = 2
 # Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
 # have been in it.
-_SET_ASIDE = """
-INSERT OR REPLACE INTO set_aside SELECT log_id, log_sequence, unit, :now_ns, :reason, record FROM sweep
+_HELD = """
+SELECT log_id, log_sequence, unit, :now_ns, :reason, record FROM sweep
 WHERE log_id = :log_id AND log_sequence = :log_sequence
 """
 _IS_SET_ASIDE = "SELECT 1 FROM set_aside WHERE log_id = ? AND log_sequence = ?"
@@ -36,10 +28,6 @@ _FORGET = """
 DELETE FROM set_aside WHERE at_ns < :now_ns - :max_age_ns OR rowid NOT IN (
     SELECT rowid FROM set_aside ORDER BY at_ns DESC LIMIT :max_sweeps)
 """
-
-
-class StoreError(NoctuleError):
-    """A store file that can't be used."""
 
 
 @dataclass(frozen=True)
@@ -54,16 +42,22 @@ class SweepStore:
     """Sweeps of the window by identity, and a cursor per unit. Safe to use from several threads."""
 
     def __init__(self, path: Path, window: Window, now_ns: Callable[[], int] = time_ns) -> None:
-        """Open ``path`` or make it; raises StoreError if it is not a store of this version."""
+        """Open ``path`` or make it; a damaged one is rebuilt from what is sound in it, which ``damage`` then says.
+
+        Raises StoreError if it is a store of another version, or can't be opened.
+        """
         self._window = window
         self._now_ns = now_ns
         self._lock = threading.Lock()
+        self._damaged = ""
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-            self._prepare(path)
-        except sqlite3.DatabaseError as error:
-            raise StoreError(f"{path} can't be used as the mapper's store ({error}): {_begin_again(path)}") from error
+        self._database, self.damage = store_file.opened(path, time_ns() // 10**9)
+        self._rows = SweepWindow(self._database, window)
+
+    def check(self) -> None:
+        """Raise RuntimeError if the file was found damaged while in use: the next start rebuilds it."""
+        if self._damaged:
+            raise RuntimeError(f"the mapper's store is damaged ({self._damaged}): the next start rebuilds it")
 
     def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
         """Take sweeps in and move the cursors in one transaction; a sweep that is already held changes nothing."""
@@ -76,8 +70,8 @@ class SweepStore:
                     entered[identity_of(sweep)] = sweep
                     left.update(superseded)
             database.executemany(
-                "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?)",
-                [(cursor.unit, cursor.log_id, cursor.log_sequence) for cursor in cursors],
+                "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?, ?)",
+                [sealed((cursor.unit, cursor.log_id, cursor.log_sequence)) for cursor in cursors],
             )
             left |= self._shrink()
         return Change(
@@ -91,7 +85,8 @@ class SweepStore:
         limits = {"max_age_ns": int(self._window.max_age_s * 1e9), "max_sweeps": self._window.max_sweeps}
         now = {"now_ns": self._now_ns()}
         with self._transaction() as database:
-            database.execute(_SET_ASIDE, row | now)
+            held = database.execute(_HELD, row | now).fetchall()
+            database.executemany("INSERT OR REPLACE INTO set_aside VALUES (?, ?, ?, ?, ?, ?, ?)", map(sealed, held))
             database.execute(_TAKE_OUT, row)
             database.execute(_FORGET, limits | now)
 
@@ -116,32 +111,27 @@ class SweepStore:
     def next_contour_version(self) -> int:
         """A number that no contour of this store has borne yet, greater than all before it."""
         with self._transaction() as database:
-            return database.execute("UPDATE contour SET version = version + 1 RETURNING version").fetchall()[0][0]
+            (version,) = database.execute("SELECT version + 1 FROM contour").fetchone()
+            database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
+            return version
 
     def close(self) -> None:
         with self._lock:
             self._database.close()
 
-    def _prepare(self, path: Path) -> None:
-        self._database.execute("PRAGMA journal_mode = WAL")
-        self._database.execute("PRAGMA synchronous = FULL")
-        (version,) = self._database.execute("PRAGMA user_version").fetchone()
-        if version not in (0, _VERSION):
-            raise StoreError(f"{path} has format {version}, this mapper reads {_VERSION}: {_begin_again(path)}")
-        self._database.executescript(_SCHEMA)
-        self._rows = SweepWindow(self._database, self._window)
-        self._database.execute(f"PRAGMA user_version = {_VERSION}")
-
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         with self._lock:
-            self._database.execute("BEGIN IMMEDIATE")
             try:
+                self._database.execute("BEGIN IMMEDIATE")
                 yield self._database
-            except BaseException:
-                self._database.execute("ROLLBACK")
+                self._database.execute("COMMIT")
+            except BaseException as error:
+                if isinstance(error, SQLITE_ERRORS) and is_damage(error):
+                    self._damaged = str(error)
+                if self._database.in_transaction:
+                    self._database.execute("ROLLBACK")
                 raise
-            self._database.execute("COMMIT")
 
     def _enter(self, database: sqlite3.Connection, sweep: Sweep) -> list[Identity] | None:
         """What the sweep supersedes; None if it is there already or set aside."""
@@ -152,11 +142,3 @@ class SweepStore:
     def _shrink(self) -> set[Identity]:
         """Take out what is too old or too many."""
         return {*self._rows.too_old(self._now_ns()), *self._rows.too_many()}
-
-
-def _begin_again(path: Path) -> str:
-    """What to do about a store that can't be used: its newest commits are in the -wal file alone."""
-    return (
-        f"stop the mapper, move the whole folder {path.parent} away and start the mapper again; "
-        "it reads what the gateways' logs still hold"
-    )

@@ -1,0 +1,33 @@
+"""The commands ``check`` and ``backup``: the mapper's store by hand."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Data = Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a mapper, which may be running.")]
+
+
+def check(data: Data) -> None:
+    """Read every row of the store and say what is damaged; exit status 1 if anything is. Changes nothing."""
+    from noctule_mapper.live.store_file import StoreError, fault, held
+
+    stores = sorted(data.glob("*.sqlite3"))
+    if not stores:
+        raise StoreError(f"{data} holds no store: give what noctule-mapper run has as --data")
+    faults = {store: fault(store) for store in stores}
+    for store, damage in faults.items():
+        typer.echo(f"{store.name}: {damage or f'{held(store)} sweeps, all is sound'}")
+    if any(faults.values()):
+        raise typer.Exit(1)
+
+
+def backup(
+    data: Data,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The folder of the copy; it must not be there yet.")],
+) -> None:
+    """Copy the store into OUT as it is at one moment, and check the copy; exit status 1 if it is damaged."""
+    from noctule.backup import copy_databases
+
+    copy_databases(data, out)
+    check(out)

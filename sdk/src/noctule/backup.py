@@ -1,0 +1,40 @@
+"""Copies of the SQLite files of a data folder, taken while a program writes them."""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+from noctule.errors import NoctuleError
+from noctule.sqlite_faults import SQLITE_ERRORS
+
+
+class BackupError(NoctuleError):
+    """A data folder could not be copied."""
+
+
+def copy_databases(data: Path, out: Path) -> list[Path]:
+    """Copy every database ``data/*.sqlite*`` into the new folder ``out``, each one as it is at one moment.
+
+    Raises BackupError; what was copied before it stays.
+    """
+    found = sorted(each for each in data.glob("*.sqlite*") if each.suffix in (".sqlite", ".sqlite3"))
+    if not found:
+        raise BackupError(f"{data} holds no data of a gateway or mapper: give what its run has as --data")
+    try:
+        out.mkdir(parents=True)
+    except FileExistsError as error:
+        raise BackupError(f"{out} is there already: give a new folder, so that no backup is overwritten") from error
+    except OSError as error:
+        raise BackupError(f"{out} can't be made: {error.strerror}") from error
+    for path in found:
+        _copy(path, out / path.name)
+    return [out / path.name for path in found]
+
+
+def _copy(path: Path, copy: Path) -> None:
+    try:
+        source = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+        with closing(source), closing(sqlite3.connect(copy)) as target:
+            source.backup(target)
+    except SQLITE_ERRORS as error:
+        raise BackupError(f"{path} can't be copied to {copy}: {error}; see what check says of it") from error
