@@ -123,6 +123,13 @@ def test_a_unit_at_its_true_place_stands_out_alone_but_not_in_a_rectangle() -> N
     assert margin_alone_nats(units, "u1", Pairs()) < SQUARE_ALONE_MARGIN_NATS
 
 
+def test_beside_a_unit_that_hears_nothing_no_pose_stands_out() -> None:
+    own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
+    heard = ("direction_rad", "direction_sigma_rad", "range_m", "range_sigma_m")
+    deaf = replace(other.view, **{name: np.zeros(0) for name in heard})
+    assert margin_alone_nats([own, replace(other, view=deaf)], "u1", Pairs()) == -np.inf
+
+
 def test_the_oracle_calls_every_place_in_an_irregular_room_tellable_and_none_in_symmetric_ones() -> None:
     rng = np.random.default_rng(4)
     assert tellable(IRREGULAR, NEAR_ITS_MIDDLE, survey_fixed(IRREGULAR, NEAR_ITS_MIDDLE, rng)) == (

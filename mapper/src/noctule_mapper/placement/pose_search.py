@@ -48,7 +48,7 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
     """Where the unit may stand by the landmarks that ``units`` hear, near one of ``starts`` (k, 3): distinct poses, the
     worthiest first.
     """
-    if not len(starts):
+    if not len(starts) or not len(marks.heard_by):
         return []
     weight, around = _weights(view), surroundings(units, marks)
 
