@@ -158,7 +158,7 @@ def test_a_plan_that_the_unit_refuses_is_told_and_nothing_is_started() -> None:
     unit = ModelUnit(SERIAL)
     rig = Rig(unit, replace(SWEEPING, plan=replace(PLAN, count=65)))
     rig.run(3.0)
-    assert "out of range" in rig.link.standing_orders.error
+    assert "out of range" in rig.link.setup_error
     assert unit.carried_out == []
 
 
@@ -205,7 +205,7 @@ def test_over_a_bad_line_every_sweep_is_committed_exactly_once(seed: int) -> Non
     assert {sweep.boot for sweep in unit.made} == {1, 2}
     assert rig.committed == unit.made
     assert not unit.ring
-    assert rig.link.reader.frames_bad > 20
+    assert rig.link.counts.frames_bad > 20
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -235,7 +235,7 @@ def test_a_sweep_that_comes_again_is_acknowledged_again_and_not_committed_again(
     unit.ring.append(sweep)  # as if the acknowledgement had been lost
     rig.run(1.0)
     assert rig.committed == [sweep]
-    assert rig.link.receipts.duplicates == 1
+    assert rig.link.counts.sweeps_repeated == 1
     assert not unit.ring
 
 

@@ -14,6 +14,7 @@ from noctule_gateway.link.events import (
     Event,
     Identified,
     InLoader,
+    LinkCounts,
     Refused,
     SettingsRead,
     Silent,
@@ -28,7 +29,7 @@ from noctule_gateway.link.standing_orders import StandingOrders, Wanted
 from noctule_gateway.link.states import IDENTIFIED, TIME_IS_KNOWN, Cause, LinkState, after
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
+from noctule_gateway.wire.frames import Clock, Configure, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
 
 REFUSED_RETRY_S = 5.0
 LOADER_RETRY_S = 5.0
@@ -41,10 +42,10 @@ class Link:
     """
 
     def __init__(self, serial: int, wanted: Wanted, first_request: int) -> None:
-        self.reader = FrameReader()
-        self.standing_orders = StandingOrders(wanted)
-        self.receipts = Receipts()
-        self.timeouts = 0
+        self._reader = FrameReader()
+        self._standing_orders = StandingOrders(wanted)
+        self._receipts = Receipts()
+        self._timeouts = 0
         self._state = LinkState.GREETING
         self._serial = serial
         self._enquiries = Enquiries()
@@ -53,7 +54,7 @@ class Link:
         self._boot = BootWatch()
         self._settings: Settings | None = None
         self._settings_told = False
-        self._orders = OrderQueue(self.standing_orders)
+        self._orders = OrderQueue(self._standing_orders)
         self._round_trip = RoundTrip()
         self._silence = Silence()
         self._hushed_until_s = 0.0
@@ -70,20 +71,20 @@ class Link:
 
     def connected(self, now_s: float, why: str = "the line to the unit was cut") -> list[Event]:
         """The line has been opened, or changes hands; what was ordered before and is not settled fails, for ``why``."""
-        self.reader.reset()
+        self._reader.reset()
         self._out.clear()
         return self._greet(now_s, why)
 
     def set_up_again(self) -> None:
         """Somebody else has spoken to the unit: it may not be doing what it is to do."""
-        self.standing_orders.drop()
+        self._standing_orders.drop()
         self._go(Cause.DISTURBED)
 
     def receive(self, data: bytes, now_s: float) -> list[Event]:
         """Take in what came over the line."""
-        bad_before = self.reader.frames_bad
-        read = self.reader.feed(data)
-        if self.reader.frames_bad > bad_before:
+        bad_before = self._reader.frames_bad
+        read = self._reader.feed(data)
+        if self._reader.frames_bad > bad_before:
             self._garbled(now_s)
         events = [event for frame in read for event in self._take(frame, now_s)]
         return events + self._tell_settings()
@@ -95,7 +96,7 @@ class Link:
     def _advance(self, now_s: float) -> list[Event]:
         if not self._requests.overdue(now_s):
             return []
-        self.timeouts += 1
+        self._timeouts += 1
         self._silence.timed_out()
         if self.identified and self._silence.lasts:
             return [*self._greet(now_s, "the unit has stopped answering"), Silent()]
@@ -141,18 +142,35 @@ class Link:
     def settings(self) -> Settings | None:
         """As the unit has them; None until they have been read, and as long as an order that changes them is under way.
 
-        The plan that ``standing_orders`` are still to give is not in them.
+        ``plan_to_give`` is not in them.
         """
-        return None if self.standing_orders.awaits_status or self._orders.changes_settings else self._settings
+        return None if self._standing_orders.awaits_status or self._orders.changes_settings else self._settings
+
+    @property
+    def plan_to_give(self) -> Configure | None:
+        """The plan of the standing orders, as long as the unit has not got it."""
+        return self._standing_orders.plan_to_give
+
+    @property
+    def setup_error(self) -> str:
+        """Which standing order the unit refused; empty if it refused none."""
+        return self._standing_orders.error
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What was counted so far."""
+        read = self._reader
+        repeated = self._receipts.duplicates
+        return LinkCounts(read.frames_read, read.frames_bad, read.frames_unknown, repeated, self._timeouts)
 
     def committed(self, sweep: Sweep) -> None:
         """``sweep`` is safe: the unit may forget it."""
-        self.receipts.committed(sweep)
+        self._receipts.committed(sweep)
         self._acknowledge(sweep)
 
     def failed(self, sweep: Sweep) -> None:
         """``sweep`` could not be committed; it is taken again when the unit sends it again."""
-        self.receipts.failed(sweep)
+        self._receipts.failed(sweep)
 
     def _next_request(self, now_s: float) -> Enquiry | Order:
         urgent = self._enquiries.urgent(now_s)
@@ -167,7 +185,7 @@ class Link:
         """See whether what the state waits for has come about."""
         if self._state is LinkState.SYNCING and self._enquiries.time_is_known:
             self._go(Cause.TIME_KNOWN)
-        if self._state is LinkState.SETTING_UP and self.standing_orders.done:
+        if self._state is LinkState.SETTING_UP and self._standing_orders.done:
             self._go(Cause.SET_UP)
 
     def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
@@ -186,7 +204,7 @@ class Link:
     def _garbled(self, now_s: float) -> None:
         """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
         self._silence.garbled()
-        if self.identified and (sweep := self.receipts.to_acknowledge_again(now_s)) is not None:
+        if self.identified and (sweep := self._receipts.to_acknowledge_again(now_s)) is not None:
             self._acknowledge(sweep)
 
     def _take(self, frame: frames.Frame, now_s: float) -> list[Event]:
@@ -232,14 +250,14 @@ class Link:
         self._enquiries.begin(now_s, rebooted)
         if rebooted:
             self._boot.begin(hello.boot)
-            self.standing_orders.drop()
+            self._standing_orders.drop()
         return [*done, *lost, Identified(hello, rebooted)]
 
     def _status(self, status: Status, now_s: float) -> list[Event]:
         if self._boot.refuted_by_tick(status.tick):
             return self._doubt(now_s)
-        if self.standing_orders.awaits_status:
-            self.standing_orders.begin(status)
+        if self._standing_orders.awaits_status:
+            self._standing_orders.begin(status)
             self._go_on()
         return [StatusRead(status)]
 
@@ -272,11 +290,11 @@ class Link:
             return []  # it comes again
         if self._boot.doubted_by_sweep(sweep.boot):
             return self._doubt(now_s)
-        standing = self.receipts.arrive(sweep)
+        standing = self._receipts.arrive(sweep)
         if standing is Standing.COMMITTED:
             self._acknowledge(sweep)
         return [SweepRead(sweep)] if standing is Standing.NEW else []
 
     def _acknowledge(self, sweep: Sweep) -> None:
-        self.receipts.acknowledged(sweep)
+        self._receipts.acknowledged(sweep)
         self._out += encode(frames.Ack(sweep.boot, sweep.sequence))

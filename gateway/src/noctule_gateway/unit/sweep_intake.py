@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from noctule.site import Site, Unit
 from noctule_gateway.clock.boot_clocks import Anchor, BootClocks
+from noctule_gateway.clock.regression import Exchange
 from noctule_gateway.errors import LogError
 from noctule_gateway.link.link import Link
 from noctule_gateway.log.log_file import Arrival, Committed
@@ -32,19 +33,47 @@ class SweepIntake:
         publish: Callable[[bytes], None],
         call: Call,
     ) -> None:
-        self.clocks = BootClocks(site.clock == "unit", self._anchor)
-        self.lateness = Lateness()
-        self.committed = self.without_pose = 0
+        self.committed = self.without_pose = self.clocks_refused = 0
         self.lost_pose = False  # of the latest sweep
         self._site, self._unit, self._log, self._track = site, unit, log, track
         self._link, self._publish, self._call = link, publish, call
+        self._clocks = BootClocks(site.clock == "unit", self._anchor)
+        self._lateness = Lateness()
+
+    def begin_boot(self, boot: int) -> None:
+        """The unit has said that it runs under ``boot``."""
+        self._clocks.begin(boot, time.monotonic(), _utc_offset_s())
+
+    def clock_read(self, exchange: Exchange) -> None:
+        """A CLOCK exchange with the unit; one that does not fit those before is counted in ``clocks_refused``."""
+        self.clocks_refused += not self._clocks.add(exchange)
+
+    @property
+    def clock_error_s(self) -> float:
+        """One standard deviation of the UTC that a sweep made now would get."""
+        return self._clocks.error_s
+
+    @property
+    def clock_drift(self) -> float:
+        """By how much the unit's oscillator is fast, seconds per second."""
+        return self._clocks.drift
+
+    @property
+    def worst_lateness_s(self) -> float:
+        """The longest that a sweep had to wait for its commit lately."""
+        return self._lateness.worst_s(time.monotonic())
+
+    @property
+    def late(self) -> bool:
+        """Sweeps are acknowledged later than they should be: the machine can't keep up."""
+        return self._lateness.too_late(time.monotonic())
 
     def take(self, sweep: Sweep) -> None:
         """A sweep has come from the unit."""
-        start = self.clocks.at(sweep.boot, sweep.start, utc_offset_s())
+        start = self._clocks.at(sweep.boot, sweep.start, _utc_offset_s())
         pose = pose_of_sweep(self._unit.pose, waypoint_of(sweep), start.time_s, self._track)
         self.lost_pose = pose is None
-        drift = self.clocks.good_drift(sweep.boot)
+        drift = self._clocks.good_drift(sweep.boot)
         message = to_message(sweep, self._site, self._unit, start, pose, drift)
         arrived_s = time.monotonic()
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
@@ -58,7 +87,7 @@ class SweepIntake:
 
     def _done(self, sweep: Sweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
         now_s = time.monotonic()
-        self.lateness.note(now_s - arrived_s, now_s)
+        self._lateness.note(now_s - arrived_s, now_s)
         if isinstance(result, LogError):
             self._link.failed(sweep)
             return
@@ -73,6 +102,6 @@ class SweepIntake:
             return None  # its trouble is shown in the status; the exchanges tell the time without it
 
 
-def utc_offset_s() -> float:
+def _utc_offset_s() -> float:
     """UTC less the monotonic clock, now."""
     return time.time() - time.monotonic()
