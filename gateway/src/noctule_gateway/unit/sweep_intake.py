@@ -4,14 +4,13 @@ import hashlib
 import time
 from collections.abc import Callable
 
-from noctule.site import Site, Unit
 from noctule_gateway.clock.boot_clocks import Anchor, BootClocks
 from noctule_gateway.clock.regression import Exchange
 from noctule_gateway.errors import LogError
 from noctule_gateway.link.link import Link
 from noctule_gateway.log.log_file import Arrival, Committed
-from noctule_gateway.log.sweep_log import SweepLog
-from noctule_gateway.pose import PoseTrack, pose_of_sweep
+from noctule_gateway.pose import pose_of_sweep
+from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status.health import Lateness
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import Sweep
@@ -25,19 +24,16 @@ class SweepIntake:
 
     def __init__(
         self,
-        site: Site,
-        unit: Unit,
-        log: SweepLog,
-        track: PoseTrack,
+        served: ServedUnit,
         link: Link,
         publish: Callable[[bytes], None],
         call: Call,
     ) -> None:
         self.committed = self.without_pose = self.clocks_refused = 0
         self.lost_pose = False  # of the latest sweep
-        self._site, self._unit, self._log, self._track = site, unit, log, track
+        self._served = served
         self._link, self._publish, self._call = link, publish, call
-        self._clocks = BootClocks(site.clock == "unit", self._anchor)
+        self._clocks = BootClocks(served.site.clock == "unit", self._anchor)
         self._lateness = Lateness()
 
     def begin_boot(self, boot: int) -> None:
@@ -71,10 +67,10 @@ class SweepIntake:
     def take(self, sweep: Sweep) -> None:
         """A sweep has come from the unit."""
         start = self._clocks.at(sweep.boot, sweep.start, _utc_offset_s())
-        pose = pose_of_sweep(self._unit.pose, waypoint_of(sweep), start.time_s, self._track)
+        pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), start.time_s, self._served.track)
         self.lost_pose = pose is None
         drift = self._clocks.good_drift(sweep.boot)
-        message = to_message(sweep, self._site, self._unit, start, pose, drift)
+        message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
         arrived_s = time.monotonic()
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
 
@@ -83,7 +79,7 @@ class SweepIntake:
                 self._publish(result.record)
             self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None))
 
-        self._log.append(Arrival(digest, sweep.start, message), done)
+        self._served.log.append(Arrival(digest, sweep.start, message), done)
 
     def _done(self, sweep: Sweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
         now_s = time.monotonic()
@@ -97,7 +93,7 @@ class SweepIntake:
 
     def _anchor(self, boot: int) -> Anchor | None:
         try:
-            return self._log.last_of_boot(boot)
+            return self._served.log.last_of_boot(boot)
         except LogError:
             return None  # its trouble is shown in the status; the exchanges tell the time without it
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
-from noctule.site import Site, Unit
 from noctule_gateway.errors import CommandError, GatewayError, LineError
 from noctule_gateway.line.line import Line
 from noctule_gateway.link.events import (
@@ -24,8 +23,7 @@ from noctule_gateway.link.events import (
 )
 from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
-from noctule_gateway.log.sweep_log import SweepLog
-from noctule_gateway.pose import PoseTrack
+from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status import reset_causes, unit_status
 from noctule_gateway.status.unit_state import UnitState
 from noctule_gateway.unit.command_runner import BEING_UPDATED, CommandRunner
@@ -46,7 +44,7 @@ _log = logging.getLogger(__name__)
 
 
 class UnitServer:
-    """Serves ``unit`` from start() to stop(); its thread is the line's.
+    """Serves a unit from start() to stop(); its thread is the line's.
 
     ``publish`` is called with each sweep's record after its commit, ``report`` with the unit's status each second and
     when it changes; neither may block. Raises CommandError if the site file's plan does not fit a unit.
@@ -54,20 +52,18 @@ class UnitServer:
 
     def __init__(
         self,
-        site: Site,
-        unit: Unit,
-        log: SweepLog,
-        track: PoseTrack,
+        served: ServedUnit,
         publish: Callable[[bytes], None],
         report: Callable[[UnitStatus], None],
     ) -> None:
-        self._site, self._unit, self._report = site, unit, report
+        self._site, self._unit, self._report = served.site, served.unit, report
+        unit = served.unit
         wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
         self._line = Line(unit.address, self, unit.name)
         self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
-        self._intake = SweepIntake(site, unit, log, track, self._link, publish, self._line.call)
+        self._intake = SweepIntake(served, self._link, publish, self._line.call)
         self._state = UnitState()
-        self._unit_report = UnitReport(site, unit, log, track, self._link, self._intake)
+        self._unit_report = UnitReport(served, self._link, self._intake)
         self._commands = CommandRunner(self._link, self._status, self._begin_update)
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = False
