@@ -94,6 +94,10 @@ class ModelUnit:
         self._resend_s = now_s + RESEND_AFTER_S[min(self._resends, len(RESEND_AFTER_S) - 1)]
         self._out += encode(self._sent)
 
+    def say_hello(self) -> None:
+        """Send HELLO, as an application does when it has booted."""
+        self._out += encode(self._hello(0))
+
     def say_loader(self, request: int = 0) -> None:
         """Send LOADER, as a loader does each second."""
         assert self.in_loader is not None

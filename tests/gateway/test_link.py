@@ -1,21 +1,18 @@
 """The link against a unit that speaks the protocol, over bad lines, in a time of the test's own."""
 
 from dataclasses import replace
-from random import Random
-from typing import TypeVar
 
 import pytest
-from gateway.bad_line import BadLine, Faults
+from gateway.bad_line import Faults
+from gateway.link_rig import AT_REST, PLAN, SERIAL, SWEEPING, Rig, of_type
 from gateway.model_unit import ModelUnit
 
 from noctule_gateway.errors import CommandError
 from noctule_gateway.link.enquiries import HELLO_EVERY_S, QUICK_CLOCKS
 from noctule_gateway.link.events import (
     ClockRead,
-    Event,
     Identified,
     InLoader,
-    OrderSettled,
     Refused,
     SettingsRead,
     Silent,
@@ -25,78 +22,9 @@ from noctule_gateway.link.events import (
 from noctule_gateway.link.link import LOADER_RETRY_S, Link
 from noctule_gateway.link.peer import GARBLED_AFTER, SILENT_AFTER
 from noctule_gateway.link.requests import ORDER_ATTEMPTS, TIMEOUT_S
-from noctule_gateway.link.standing_orders import Wanted
 from noctule_gateway.unit.plans import OWN_PLAN
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import encode
-
-E = TypeVar("E")
-
-SERIAL = 7
-STEP_S = 0.002
-AT_REST = Wanted(plan=None, start=frames.Start(0, 0), running=False)
-PLAN = replace(OWN_PLAN, count=5)
-SWEEPING = Wanted(plan=PLAN, start=frames.Start(0, 250), running=True)
-
-
-class Rig:
-    """A link and a unit on one line; sweeps are committed by ``commit``, which says whether that went well."""
-
-    def __init__(
-        self, unit: ModelUnit, wanted: Wanted = AT_REST, faults: Faults | None = None, seed: int = 1, first: int = 40
-    ) -> None:
-        faults = faults or Faults()
-        self.unit = unit
-        self.link = Link(SERIAL, wanted, first)
-        self.now_s = 100.0
-        self.events: list[Event] = []
-        self.committed: list[frames.Sweep] = []
-        self.commit_fails = 0.0
-        self._random = Random(seed)
-        self._down, self._up = BadLine(faults, seed), BadLine(faults, seed + 1000)
-        self.link.connected(self.now_s)
-
-    def run(self, duration_s: float) -> list[Event]:
-        """Let time pass; the events of that time."""
-        begun = len(self.events)
-        end_s = self.now_s + duration_s
-        while self.now_s < end_s:
-            self.now_s += STEP_S
-            self._take(self.link.advance(self.now_s))
-            self._down.write(self.link.output(self.now_s), self.now_s)
-            self.unit.receive(self._down.read(self.now_s), self.now_s)
-            self._up.write(self.unit.output(self.now_s), self.now_s)
-            self._take(self.link.receive(self._up.read(self.now_s), self.now_s))
-        return self.events[begun:]
-
-    def cut(self, duration_s: float) -> list[Event]:
-        """Let time pass without a line."""
-        begun = len(self.events)
-        end_s = self.now_s + duration_s
-        while self.now_s < end_s:
-            self.now_s += STEP_S
-            self._take(self.link.advance(self.now_s))
-            self.link.output(self.now_s)
-        return self.events[begun:]
-
-    def settled(self, ticket: int) -> OrderSettled:
-        """What became of an order."""
-        (event,) = (each for each in self.events if isinstance(each, OrderSettled) and each.ticket == ticket)
-        return event
-
-    def _take(self, events: list[Event]) -> None:
-        self.events += events
-        for event in events:
-            if isinstance(event, SweepRead):
-                if self._random.random() < self.commit_fails:
-                    self.link.failed(event.sweep)
-                else:
-                    self.committed.append(event.sweep)
-                    self.link.committed(event.sweep)
-
-
-def of_type(events: list[Event], kind: type[E]) -> list[E]:
-    return [event for event in events if isinstance(event, kind)]
 
 
 def test_hello_comes_first_then_eight_quick_clocks_the_status_and_the_settings() -> None:
@@ -230,7 +158,7 @@ def test_a_plan_that_the_unit_refuses_is_told_and_nothing_is_started() -> None:
     unit = ModelUnit(SERIAL)
     rig = Rig(unit, replace(SWEEPING, plan=replace(PLAN, count=65)))
     rig.run(3.0)
-    assert "out of range" in rig.link.standing_orders.error
+    assert "out of range" in rig.link.setup_error
     assert unit.carried_out == []
 
 
@@ -277,7 +205,7 @@ def test_over_a_bad_line_every_sweep_is_committed_exactly_once(seed: int) -> Non
     assert {sweep.boot for sweep in unit.made} == {1, 2}
     assert rig.committed == unit.made
     assert not unit.ring
-    assert rig.link.reader.frames_bad > 20
+    assert rig.link.counts.frames_bad > 20
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -307,7 +235,7 @@ def test_a_sweep_that_comes_again_is_acknowledged_again_and_not_committed_again(
     unit.ring.append(sweep)  # as if the acknowledgement had been lost
     rig.run(1.0)
     assert rig.committed == [sweep]
-    assert rig.link.receipts.duplicates == 1
+    assert rig.link.counts.sweeps_repeated == 1
     assert not unit.ring
 
 

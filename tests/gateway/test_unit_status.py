@@ -10,6 +10,7 @@ from noctule.site import FixedPose, Pose2, Sensor, Unit
 from noctule_gateway.log.sweep_log import LogState
 from noctule_gateway.status import reset_causes, unit_status
 from noctule_gateway.status.health import TOO_LATE_S, WINDOW_S, Lateness, LineQuality
+from noctule_gateway.status.unit_state import UnitState
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import Hello, Loader, State, Status, Stay
@@ -29,7 +30,7 @@ def says(frame: frames.Frame) -> Status:
 
 
 STATUS = says(frames.AskStatus(1))
-GOOD = unit_status.Condition("", "", HELLO, None, STATUS, LogState(), "", lost_pose=False, late=False, bad_line=False)
+GOOD = UnitState().identified(HELLO).said(STATUS)
 
 
 def test_a_unit_that_turns_is_shown_as_turning_with_its_chips_temperature() -> None:
@@ -61,14 +62,14 @@ def test_the_stack_that_is_left_is_among_the_counters() -> None:
 )
 def test_a_unit_in_its_loader_is_shown_with_why_and_what_to_do(reason: Stay, words: str) -> None:
     loader = Loader(0, 2, 7, 1, 1, reason, 0xFF, 0xFF, 0xFF)
-    told = unit_status.message(replace(GOOD, trouble=unit_status.in_loader(loader, UNIT, "attic"), loader=loader), UNIT)
+    told = unit_status.message(GOOD.lost(unit_status.in_loader(loader, UNIT, "attic"), loader), UNIT)
     assert (told.state, told.serial) == (UnitStatus.STATE_LOADER, 7)
     assert words in told.detail
     assert "noctule rpc attic u1 update --image" in told.detail
 
 
 def test_a_unit_that_is_being_updated_is_shown_in_its_loader_with_how_far_it_is() -> None:
-    told = unit_status.message(replace(GOOD, trouble="no answer", update="updating: sending, 17 of 42 pages"), UNIT)
+    told = unit_status.message(GOOD.lost("no answer").updating("updating: sending, 17 of 42 pages"), UNIT)
     assert (told.state, told.detail) == (UnitStatus.STATE_LOADER, "updating: sending, 17 of 42 pages")
     assert told.firmware == "0.2.0"
 
@@ -140,4 +141,13 @@ def test_damage_to_a_units_log_is_counted_and_named_unless_something_is_wrong_no
     log = LogState("L", head=9, damaged=3, damage="its log was damaged, 3 of its sweeps are lost")
     told = unit_status.message(replace(GOOD, log=log), UNIT)
     assert (told.log_damaged, told.detail) == (3, "its log was damaged, 3 of its sweeps are lost")
-    assert unit_status.detail(replace(GOOD, log=log, trouble="the line is cut"), UNIT) == "the line is cut"
+    assert unit_status.detail(replace(GOOD, log=log).lost("the line is cut"), UNIT) == "the line is cut"
+
+
+def test_a_unit_that_is_lost_keeps_what_it_last_said_and_is_well_again_once_it_is_identified() -> None:
+    assert UnitState().trouble == "not connected yet"
+    lost = GOOD.lost("no answer")
+    assert (lost.trouble, lost.status, lost.hello) == ("no answer", STATUS, HELLO)
+    assert lost.identified(HELLO) == GOOD
+    loader = Loader(0, 2, 7, 1, 1, Stay.ASKED, 0xFF, 0xFF, 0xFF)
+    assert GOOD.lost("in its loader", loader).lost("the line was cut").loader is None

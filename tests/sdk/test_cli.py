@@ -147,13 +147,27 @@ def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
     code, _, err = finish(noctule("rpc", "room", "u1", "configure", "--count", 5))
     assert code == 1 and "unit 'u1' did not configure: unit 'u1' is a replayed survey" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "dance"))
-    assert code == 2 and "'dance' is not one of hello" in err
+    assert code == 2 and "No such command 'dance'" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "set_waypoint", "--waypoint", -1))
     assert code == 2 and "'--waypoint': Input should be greater than or equal to 0" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "update"))
     assert code == 2 and "give --image build/update.hex" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "update", "--image", "no-such.hex"))
     assert code == 2 and "file 'no-such.hex' does not exist" in err
+
+
+def test_each_command_of_rpc_shows_and_takes_its_own_options_only(noctule):
+    joining = {"--connect", "--tls", "--timeout-s", "--help"}
+    for command, own in (
+        ("calibrate", {"--half-steps-per-turn", "--backlash-half-steps", "--home", "--home-bearing-deg"}),
+        ("set_waypoint", {"--waypoint"}),
+        ("stop", set()),
+    ):
+        code, out, _ = finish(noctule("rpc", "attic", "u7", command, "--help"))
+        assert code == 0
+        assert {line.split()[1] for line in out.splitlines() if line.startswith("│ --")} == own | joining
+    code, _, err = finish(noctule("rpc", "attic", "u7", "stop", "--pause-s", 3))
+    assert code == 2 and "No such option: --pause-s" in err
 
 
 def test_rpc_gives_its_options_to_the_unit_in_si_units(noctule, far, open_session, tmp_path):

@@ -40,7 +40,7 @@ def survey(duration_s: float, readings: int, pause_ms: int, seed: int) -> int:
         status = cable.drained(within_s=60.0)
 
     made = cable.tally.made
-    assert link.reader.frames_bad > link.reader.frames_read  # a bad line indeed
+    assert link.counts.frames_bad > link.counts.frames_read  # a bad line indeed
     assert status.sweeps_made == len(made)
     assert [sequence for _, sequence in made] == list(range(len(made)))
     assert cable.tally.arrived == list(made.values())

@@ -25,6 +25,7 @@ from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
+from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.unit.unit_server import UnitServer
 
 _LOG_READERS = 2
@@ -40,11 +41,11 @@ class _Served:
 
     def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock) -> None:
         self.unit = unit
-        self.track = PoseTrack()
         self.on_bus: UnitOnBus | None = None
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
-        self.server = UnitServer(site, unit, self.log, self.track, self._publish, self._report)
+        self.kept = ServedUnit(site, unit, self.log, PoseTrack())
+        self.server = UnitServer(self.kept, self._publish, self._report)
 
     def close(self) -> None:
         self.server.join()
@@ -99,16 +100,7 @@ class Gateway:
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
-            served.on_bus = UnitOnBus(
-                session,
-                self._site.name,
-                served.unit,
-                served.log,
-                served.track,
-                served.server.command,
-                self._outbox,
-                self._readers,
-            )
+            served.on_bus = UnitOnBus(session, served.kept, served.server.command, self._outbox, self._readers)
         if watch is not None:
             self._watch = watch
             watch.begin(self._states)

@@ -9,12 +9,12 @@ import zenoh
 from noctule import bounds, bus, keys
 from noctule.errors import BoundsError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
-from noctule.site import PoseKey, Unit
+from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Server
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.sweep_log import SweepLog
-from noctule_gateway.pose import PoseTrack
+from noctule_gateway.served_unit import ServedUnit
 
 _MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
 _MOST_DIGITS = 18  # a count that SQLite holds
@@ -31,15 +31,13 @@ class UnitOnBus:
     def __init__(
         self,
         session: zenoh.Session,
-        site: str,
-        unit: Unit,
-        log: SweepLog,
-        track: PoseTrack,
+        served: ServedUnit,
         server: Server,
         outbox: Outbox,
         readers: ThreadPoolExecutor,
     ) -> None:
-        self._log, self._track, self._outbox, self._readers = log, track, outbox, readers
+        self._log, self._track, self._outbox, self._readers = served.log, served.track, outbox, readers
+        site, unit = served.site.name, served.unit
         self._commands = CommandCache(server)
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)

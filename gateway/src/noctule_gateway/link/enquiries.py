@@ -17,20 +17,20 @@ SETTINGS_RETRY_S = 2.0
 
 
 class Enquiries:
-    """The enquiries that are due. It begins with HELLO, and knows of nothing else until identified()."""
+    """When each enquiry is due; which of them may be asked is the link's state."""
 
     def __init__(self) -> None:
-        self._identified = False
         self._clocks_to_begin_with = QUICK_CLOCKS
         self._hello_due_s = self._clock_due_s = self._status_due_s = self._settings_due_s = 0.0
 
     @property
+    def hello_due_s(self) -> float:
+        """When HELLO is due."""
+        return self._hello_due_s
+
+    @property
     def due_s(self) -> float:
-        """When the next enquiry is due."""
-        if not self._identified:
-            return self._hello_due_s
-        if not self.time_is_known:
-            return -inf
+        """When the next enquiry of any kind is due."""
         return min(self._hello_due_s, self._clock_due_s, self._status_due_s, self._settings_due_s)
 
     @property
@@ -40,7 +40,7 @@ class Enquiries:
 
     def urgent(self, now_s: float) -> Enquiry | None:
         """What goes before any order, if something does: who is there, and its time."""
-        if not self._identified or now_s >= self._hello_due_s:
+        if now_s >= self._hello_due_s:
             self._hello_due_s = now_s + HELLO_RETRY_S
             return AskHello(0)
         return None if self.time_is_known else AskClock(0)
@@ -57,24 +57,18 @@ class Enquiries:
         return AskClock(0)
 
     def greet(self, at_s: float) -> None:
-        """Nothing is known of who is there: HELLO from ``at_s`` on, and nothing else."""
-        self._identified = False
+        """It is not known who is there, or there is doubt: HELLO at ``at_s``."""
         self._hello_due_s = at_s
 
-    def greet_again(self, now_s: float) -> None:
-        """There is doubt who is there."""
-        self._hello_due_s = now_s
-
-    def identified(self, now_s: float, rebooted: bool) -> None:
-        """The unit has said who it is, under another boot than last time if ``rebooted``."""
-        if not self._identified:
-            self._clock_due_s = self._status_due_s = self._settings_due_s = now_s
-            # One at least: only its ticks show a unit that was given power anew and forgot how often that has been.
-            self._clocks_to_begin_with = max(self._clocks_to_begin_with, 1)
-        if rebooted:
-            self._clocks_to_begin_with = QUICK_CLOCKS
-        self._identified = True
+    def greeted(self, now_s: float) -> None:
+        """HELLO has been answered."""
         self._hello_due_s = now_s + HELLO_EVERY_S
+
+    def begin(self, now_s: float, rebooted: bool) -> None:
+        """The unit has been identified, under another boot than last time if ``rebooted``."""
+        self._clock_due_s = self._status_due_s = self._settings_due_s = now_s
+        # One at least: only its ticks show a unit that lost its power and forgot how often it has booted.
+        self._clocks_to_begin_with = QUICK_CLOCKS if rebooted else max(self._clocks_to_begin_with, 1)
 
     def clock_came(self) -> None:
         """A CLOCK exchange has succeeded."""

@@ -69,4 +69,15 @@ class OrderSettled:
     error: CommandError | None
 
 
+@dataclass(frozen=True)
+class LinkCounts:
+    """What a link has counted since it was made, under the names of the bus."""
+
+    frames_read: int
+    frames_bad: int
+    frames_unknown: int
+    sweeps_repeated: int
+    requests_unanswered: int
+
+
 Event = Identified | Refused | InLoader | Silent | ClockRead | StatusRead | SettingsRead | SweepRead | OrderSettled

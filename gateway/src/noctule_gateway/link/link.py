@@ -1,9 +1,11 @@
 """The link to one unit, without I/O and without a clock: bytes and times go in, bytes and events come out.
 
-HELLO comes first, and nothing is believed of a unit that is not the one expected. Then what enquiries.py has to ask,
-what standing_orders.py has to order, and what the caller orders. A unit in its loader is asked nothing but HELLO. A
-sweep is acknowledged when the caller says that it is committed, and again each time it comes again, or may have.
+The states of a link and what is asked in each are in states.py. Once the unit is identified, the link asks what
+enquiries.py has to ask, and orders what standing_orders.py and the caller want. A sweep is acknowledged when the caller
+says that it is committed, and again each time it comes again, or may have.
 """
+
+from math import inf
 
 from noctule_gateway.errors import CommandError
 from noctule_gateway.link.enquiries import Enquiries
@@ -12,6 +14,7 @@ from noctule_gateway.link.events import (
     Event,
     Identified,
     InLoader,
+    LinkCounts,
     Refused,
     SettingsRead,
     Silent,
@@ -23,9 +26,10 @@ from noctule_gateway.link.peer import BootWatch, Silence, mismatch
 from noctule_gateway.link.receipts import Receipts, Standing
 from noctule_gateway.link.requests import Requests, RoundTrip
 from noctule_gateway.link.standing_orders import StandingOrders, Wanted
+from noctule_gateway.link.states import IDENTIFIED, TIME_IS_KNOWN, Cause, LinkState, after
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import Clock, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
+from noctule_gateway.wire.frames import Clock, Configure, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
 
 REFUSED_RETRY_S = 5.0
 LOADER_RETRY_S = 5.0
@@ -38,41 +42,49 @@ class Link:
     """
 
     def __init__(self, serial: int, wanted: Wanted, first_request: int) -> None:
-        self.reader = FrameReader()
-        self.standing_orders = StandingOrders(wanted)
-        self.receipts = Receipts()
-        self.timeouts = 0
-        self.identified = False
+        self._reader = FrameReader()
+        self._standing_orders = StandingOrders(wanted)
+        self._receipts = Receipts()
+        self._timeouts = 0
+        self._state = LinkState.GREETING
         self._serial = serial
         self._enquiries = Enquiries()
         self._requests = Requests(first_request)
         self._out = bytearray()
         self._boot = BootWatch()
-        self._setup_waits = False
         self._settings: Settings | None = None
         self._settings_told = False
-        self._orders = OrderQueue(self.standing_orders)
+        self._orders = OrderQueue(self._standing_orders)
         self._round_trip = RoundTrip()
         self._silence = Silence()
         self._hushed_until_s = 0.0
-        self._greet(0.0, "")
+
+    @property
+    def state(self) -> LinkState:
+        """How far the link has got with the unit."""
+        return self._state
+
+    @property
+    def identified(self) -> bool:
+        """The unit answers, and is the one expected."""
+        return self._state in IDENTIFIED
 
     def connected(self, now_s: float, why: str = "the line to the unit was cut") -> list[Event]:
         """The line has been opened, or changes hands; what was ordered before and is not settled fails, for ``why``."""
-        self.reader.reset()
+        self._reader.reset()
         self._out.clear()
         return self._greet(now_s, why)
 
     def set_up_again(self) -> None:
         """Somebody else has spoken to the unit: it may not be doing what it is to do."""
-        self.standing_orders.drop()
-        self._setup_waits = True
+        self._standing_orders.drop()
+        self._go(Cause.DISTURBED)
 
     def receive(self, data: bytes, now_s: float) -> list[Event]:
         """Take in what came over the line."""
-        bad_before = self.reader.frames_bad
-        read = self.reader.feed(data)
-        if self.reader.frames_bad > bad_before:
+        bad_before = self._reader.frames_bad
+        read = self._reader.feed(data)
+        if self._reader.frames_bad > bad_before:
             self._garbled(now_s)
         events = [event for frame in read for event in self._take(frame, now_s)]
         return events + self._tell_settings()
@@ -84,7 +96,7 @@ class Link:
     def _advance(self, now_s: float) -> list[Event]:
         if not self._requests.overdue(now_s):
             return []
-        self.timeouts += 1
+        self._timeouts += 1
         self._silence.timed_out()
         if self.identified and self._silence.lasts:
             return [*self._greet(now_s, "the unit has stopped answering"), Silent()]
@@ -113,7 +125,9 @@ class Link:
         if self._requests.due_s is not None:
             return self._requests.due_s
         if not self.identified:
-            return self._enquiries.due_s
+            return self._enquiries.hello_due_s
+        if self._state is LinkState.SYNCING:
+            return -inf
         return min(self._enquiries.due_s, self._orders.due_s)
 
     def order(self, order: Order) -> int:
@@ -128,18 +142,35 @@ class Link:
     def settings(self) -> Settings | None:
         """As the unit has them; None until they have been read, and as long as an order that changes them is under way.
 
-        The plan that ``standing_orders`` are still to give is not in them.
+        ``plan_to_give`` is not in them.
         """
-        return None if self._setup_waits or self._orders.changes_settings else self._settings
+        return None if self._standing_orders.awaits_status or self._orders.changes_settings else self._settings
+
+    @property
+    def plan_to_give(self) -> Configure | None:
+        """The plan of the standing orders, as long as the unit has not got it."""
+        return self._standing_orders.plan_to_give
+
+    @property
+    def setup_error(self) -> str:
+        """Which standing order the unit refused; empty if it refused none."""
+        return self._standing_orders.error
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What was counted so far."""
+        read = self._reader
+        repeated = self._receipts.duplicates
+        return LinkCounts(read.frames_read, read.frames_bad, read.frames_unknown, repeated, self._timeouts)
 
     def committed(self, sweep: Sweep) -> None:
         """``sweep`` is safe: the unit may forget it."""
-        self.receipts.committed(sweep)
+        self._receipts.committed(sweep)
         self._acknowledge(sweep)
 
     def failed(self, sweep: Sweep) -> None:
         """``sweep`` could not be committed; it is taken again when the unit sends it again."""
-        self.receipts.failed(sweep)
+        self._receipts.failed(sweep)
 
     def _next_request(self, now_s: float) -> Enquiry | Order:
         urgent = self._enquiries.urgent(now_s)
@@ -147,19 +178,33 @@ class Link:
             return urgent
         return self._orders.give() if now_s >= self._orders.due_s else self._enquiries.routine(now_s)
 
+    def _go(self, cause: Cause) -> None:
+        self._state = after(self._state, cause)
+
+    def _go_on(self) -> None:
+        """See whether what the state waits for has come about."""
+        if self._state is LinkState.SYNCING and self._enquiries.time_is_known:
+            self._go(Cause.TIME_KNOWN)
+        if self._state is LinkState.SETTING_UP and self._standing_orders.done:
+            self._go(Cause.SET_UP)
+
     def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
         """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
+        self._go(Cause.LOST)
+        self._enquiries.greet(now_s + again_s)
+        return self._forget(why)
+
+    def _forget(self, why: str) -> list[Event]:
+        """Await nothing of what was asked so far."""
         self._requests.abandon()
-        self.identified = False
         self._settings = None
         self._silence.broken()
-        self._enquiries.greet(now_s + again_s)
         return self._orders.fail(why)
 
     def _garbled(self, now_s: float) -> None:
         """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
         self._silence.garbled()
-        if self.identified and (sweep := self.receipts.to_acknowledge_again(now_s)) is not None:
+        if self.identified and (sweep := self._receipts.to_acknowledge_again(now_s)) is not None:
             self._acknowledge(sweep)
 
     def _take(self, frame: frames.Frame, now_s: float) -> list[Event]:
@@ -187,64 +232,69 @@ class Link:
         error = mismatch(frame, self._serial)
         if error is not None:
             return [*self._greet(now_s, str(error), REFUSED_RETRY_S), Refused(error)]
-        if isinstance(frame, Loader):
-            return [*self._greet(now_s, "the unit is in its loader", LOADER_RETRY_S), InLoader(frame)]
-        return self._hello(frame, now_s)
+        return self._loader(frame, now_s) if isinstance(frame, Loader) else self._hello(frame, now_s)
+
+    def _loader(self, loader: Loader, now_s: float) -> list[Event]:
+        self._go(Cause.LOADER)
+        self._enquiries.greet(now_s + LOADER_RETRY_S)
+        return [*self._forget("the unit is in its loader"), InLoader(loader)]
 
     def _hello(self, hello: Hello, now_s: float) -> list[Event]:
+        self._enquiries.greeted(now_s)
         rebooted = self._boot.is_another(hello.boot)
         if self.identified and not rebooted:
-            self._enquiries.identified(now_s, rebooted=False)
             return []
         done = self._orders.unit_was_reset() if rebooted else []
-        lost = self._greet(now_s, "the unit was reset")
-        self._enquiries.identified(now_s, rebooted)
-        self.identified = True
+        lost = self._forget("the unit was reset")
+        self._go(Cause.HELLO)
+        self._enquiries.begin(now_s, rebooted)
         if rebooted:
             self._boot.begin(hello.boot)
-            self.standing_orders.drop()
-            self._setup_waits = True
+            self._standing_orders.drop()
         return [*done, *lost, Identified(hello, rebooted)]
 
     def _status(self, status: Status, now_s: float) -> list[Event]:
         if self._boot.refuted_by_tick(status.tick):
             return self._doubt(now_s)
-        if self._setup_waits:
-            self._setup_waits = False
-            self.standing_orders.begin(status)
+        if self._standing_orders.awaits_status:
+            self._standing_orders.begin(status)
+            self._go_on()
         return [StatusRead(status)]
 
     def _clock(self, clock: Clock, now_s: float) -> list[Event]:
         if self._boot.refuted_by_tick(clock.sent):
             return self._doubt(now_s)
         self._enquiries.clock_came()
+        self._go_on()
         return [ClockRead(self._round_trip.exchange(clock, now_s))]
 
     def _doubt(self, now_s: float) -> list[Event]:
         """What has just come may be of another boot: leave it, and ask."""
-        self._enquiries.greet_again(now_s)
+        self._enquiries.greet(now_s)
         return []
 
     def _settle(self, result: Result | None, now_s: float) -> list[Event]:
         if result is not None and isinstance(self._orders.given, CHANGES_SETTINGS):
             self._settings = None
             self._enquiries.settings_changed(now_s)
-        return self._orders.settle(result, now_s)
+        events = self._orders.settle(result, now_s)
+        self._go_on()
+        return events
 
     def _tell_settings(self) -> list[Event]:
         told, self._settings_told = self._settings_told, self.settings is not None
         return [SettingsRead()] if self._settings_told and not told else []
 
     def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
-        if not self._enquiries.time_is_known:
+        if self._state not in TIME_IS_KNOWN:
             return []  # it comes again
         if self._boot.doubted_by_sweep(sweep.boot):
             return self._doubt(now_s)
-        standing = self.receipts.arrive(sweep)
+        standing = self._receipts.arrive(sweep)
         if standing is Standing.COMMITTED:
             self._acknowledge(sweep)
         return [SweepRead(sweep)] if standing is Standing.NEW else []
 
     def _acknowledge(self, sweep: Sweep) -> None:
-        self.receipts.acknowledged(sweep)
+        self._receipts.acknowledged(sweep)
         self._out += encode(frames.Ack(sweep.boot, sweep.sequence))

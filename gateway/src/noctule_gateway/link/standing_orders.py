@@ -27,12 +27,14 @@ class StandingOrders:
     def __init__(self, wanted: Wanted) -> None:
         self._wanted = wanted
         self._orders: deque[Order] = deque()
+        self._awaits_status = True
         self._not_before_s = 0.0
         self.error = ""
 
     def begin(self, status: Status) -> None:
         """Plan the orders for a unit that is in ``status``. A plan is only taken at rest; one found running goes on."""
         self.error = ""
+        self._awaits_status = False
         self._orders.clear()
         if self._wanted.plan is not None:
             self._orders.extend([Stop(0)] if status.started else [])
@@ -43,6 +45,17 @@ class StandingOrders:
     def drop(self) -> None:
         """Forget what was still to be ordered, until begin()."""
         self._orders.clear()
+        self._awaits_status = True
+
+    @property
+    def awaits_status(self) -> bool:
+        """It takes the unit's status, by begin(), to say what is to be ordered."""
+        return self._awaits_status
+
+    @property
+    def done(self) -> bool:
+        """Nothing is left to order."""
+        return not self._awaits_status and not self._orders
 
     @property
     def plan_to_give(self) -> Configure | None:

@@ -1,12 +1,10 @@
 """What the bus is told of a unit: its state, a sentence for the operator when something is wrong, the counters."""
 
-from dataclasses import dataclass
-
 from noctule.messages_pb2 import UnitStatus
 from noctule.site import PoseKey, Unit, WaypointPath
-from noctule_gateway.log.sweep_log import LogState
 from noctule_gateway.status import reset_causes
-from noctule_gateway.wire.frames import NO_WAYPOINT, Hello, Loader, State, Status, Stay
+from noctule_gateway.status.unit_state import UnitState
+from noctule_gateway.wire.frames import NO_WAYPOINT, Loader, State, Status, Stay
 from noctule_gateway.wire.sweep_message import celsius
 
 _STATES: dict[int, UnitStatus.State] = {
@@ -32,63 +30,47 @@ _LATE = "the gateway serves it late: the machine has too many units, or too slow
 _BAD_LINE = "much of what it sends can't be read: check cable, ground and adapter (counters frames_bad)"
 
 
-@dataclass(frozen=True)
-class Condition:
-    """What is known of a unit at one moment; ``trouble`` is why it does not answer, empty while it does."""
-
-    trouble: str
-    update: str  # how far one is, while there is one
-    hello: Hello | None
-    loader: Loader | None  # while it sits there
-    status: Status | None
-    log: LogState
-    setup_error: str
-    lost_pose: bool  # the last sweep had none
-    late: bool  # it is served later than it should be
-    bad_line: bool  # much of what it sends can't be read
-
-
-def detail(condition: Condition, unit: Unit) -> str:
+def detail(known: UnitState, unit: Unit) -> str:
     """The sentence for the operator; empty when all is well. It does not change while nothing changes."""
-    if condition.update:
-        return condition.update
-    if condition.trouble:
-        return condition.trouble
-    if condition.log.error:
-        return condition.log.error
-    if condition.setup_error:
-        return condition.setup_error
-    status = condition.status
+    if known.update:
+        return known.update
+    if known.trouble:
+        return known.trouble
+    if known.log.error:
+        return known.log.error
+    if known.setup_error:
+        return known.setup_error
+    status = known.status
     if status is not None and status.state == State.FAULT:
         return _FAULTS.get(status.fault, f"the unit reports fault {status.fault}")
     if status is not None and status.state == State.WAITING:
-        return _waiting(condition)
-    if condition.late:
+        return _waiting(known)
+    if known.late:
         return _LATE
-    if condition.bad_line:
+    if known.bad_line:
         return _BAD_LINE
-    if condition.lost_pose:
+    if known.lost_pose:
         return _lost_pose(unit)
-    return condition.log.damage
+    return known.log.damage
 
 
-def message(condition: Condition, unit: Unit) -> UnitStatus:
+def message(known: UnitState, unit: Unit) -> UnitStatus:
     """The status, but for what the gateway itself adds (site, time, clock, its own counters)."""
-    hello, status, log = condition.hello, condition.status, condition.log
+    hello, status, log = known.hello, known.status, known.log
     result = UnitStatus(
         unit=unit.name,
         state=UnitStatus.STATE_DISCONNECTED,
-        detail=detail(condition, unit),
+        detail=detail(known, unit),
         log_id=log.log_id,
         log_head=log.head,
         log_tail=log.tail,
         log_removed=log.removed,
         log_damaged=log.damaged,
     )
-    if condition.loader is not None or condition.update:
+    if known.loader is not None or known.update:
         result.state = UnitStatus.STATE_LOADER
-    if condition.loader is not None:
-        result.serial = condition.loader.serial
+    if known.loader is not None:
+        result.serial = known.loader.serial
     elif hello is not None:
         result.reset_cause = reset_causes.cause(hello)
         result.serial, result.firmware, result.boot = hello.serial, hello.version, hello.boot
@@ -99,7 +81,7 @@ def message(condition: Condition, unit: Unit) -> UnitStatus:
             result.chip_temperature_c = temperature_c
         if status.waypoint != NO_WAYPOINT:
             result.waypoint = status.waypoint
-        if not condition.trouble:
+        if not known.trouble:
             result.state = _STATES.get(status.state, UnitStatus.STATE_UNSPECIFIED)
     return result
 
@@ -125,10 +107,10 @@ def in_loader(loader: Loader, unit: Unit, site: str) -> str:
     return f"in its loader, for {why}: update it by noctule rpc {site} {unit.name} update --image FILE"
 
 
-def _waiting(condition: Condition) -> str:
-    if condition.late:
+def _waiting(known: UnitState) -> str:
+    if known.late:
         return f"the unit's ring is full, and {_LATE}"
-    if condition.bad_line:
+    if known.bad_line:
         return f"the unit's ring is full, and {_BAD_LINE}"
     return "the unit's ring is full: its sweeps come faster than the line carries them or the disk takes them"
 

@@ -110,7 +110,7 @@ class CommandRunner:
         elif command.name == SETTINGS:
             self._end(command, known=present)
         else:
-            if (plan := self._link.standing_orders.plan_to_give) is not None:
+            if (plan := self._link.plan_to_give) is not None:
                 present = settings_message.with_plan(present, plan)
             order = orders.order_over(command.name, command.request, present)
             self._ordered[self._link.order(order)] = command

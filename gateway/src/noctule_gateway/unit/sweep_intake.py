@@ -4,13 +4,13 @@ import hashlib
 import time
 from collections.abc import Callable
 
-from noctule.site import Site, Unit
 from noctule_gateway.clock.boot_clocks import Anchor, BootClocks
+from noctule_gateway.clock.regression import Exchange
 from noctule_gateway.errors import LogError
 from noctule_gateway.link.link import Link
 from noctule_gateway.log.log_file import Arrival, Committed
-from noctule_gateway.log.sweep_log import SweepLog
-from noctule_gateway.pose import PoseTrack, pose_of_sweep
+from noctule_gateway.pose import pose_of_sweep
+from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status.health import Lateness
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import Sweep
@@ -24,28 +24,53 @@ class SweepIntake:
 
     def __init__(
         self,
-        site: Site,
-        unit: Unit,
-        log: SweepLog,
-        track: PoseTrack,
+        served: ServedUnit,
         link: Link,
         publish: Callable[[bytes], None],
         call: Call,
     ) -> None:
-        self.clocks = BootClocks(site.clock == "unit", self._anchor)
-        self.lateness = Lateness()
-        self.committed = self.without_pose = 0
+        self.committed = self.without_pose = self.clocks_refused = 0
         self.lost_pose = False  # of the latest sweep
-        self._site, self._unit, self._log, self._track = site, unit, log, track
+        self._served = served
         self._link, self._publish, self._call = link, publish, call
+        self._clocks = BootClocks(served.site.clock == "unit", self._anchor)
+        self._lateness = Lateness()
+
+    def begin_boot(self, boot: int) -> None:
+        """The unit has said that it runs under ``boot``."""
+        self._clocks.begin(boot, time.monotonic(), _utc_offset_s())
+
+    def clock_read(self, exchange: Exchange) -> None:
+        """A CLOCK exchange with the unit; one that does not fit those before is counted in ``clocks_refused``."""
+        self.clocks_refused += not self._clocks.add(exchange)
+
+    @property
+    def clock_error_s(self) -> float:
+        """One standard deviation of the UTC that a sweep made now would get."""
+        return self._clocks.error_s
+
+    @property
+    def clock_drift(self) -> float:
+        """By how much the unit's oscillator is fast, seconds per second."""
+        return self._clocks.drift
+
+    @property
+    def worst_lateness_s(self) -> float:
+        """The longest that a sweep had to wait for its commit lately."""
+        return self._lateness.worst_s(time.monotonic())
+
+    @property
+    def late(self) -> bool:
+        """Sweeps are acknowledged later than they should be: the machine can't keep up."""
+        return self._lateness.too_late(time.monotonic())
 
     def take(self, sweep: Sweep) -> None:
         """A sweep has come from the unit."""
-        start = self.clocks.at(sweep.boot, sweep.start, utc_offset_s())
-        pose = pose_of_sweep(self._unit.pose, waypoint_of(sweep), start.time_s, self._track)
+        start = self._clocks.at(sweep.boot, sweep.start, _utc_offset_s())
+        pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), start.time_s, self._served.track)
         self.lost_pose = pose is None
-        drift = self.clocks.good_drift(sweep.boot)
-        message = to_message(sweep, self._site, self._unit, start, pose, drift)
+        drift = self._clocks.good_drift(sweep.boot)
+        message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
         arrived_s = time.monotonic()
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
 
@@ -54,11 +79,11 @@ class SweepIntake:
                 self._publish(result.record)
             self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None))
 
-        self._log.append(Arrival(digest, sweep.start, message), done)
+        self._served.log.append(Arrival(digest, sweep.start, message), done)
 
     def _done(self, sweep: Sweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
         now_s = time.monotonic()
-        self.lateness.note(now_s - arrived_s, now_s)
+        self._lateness.note(now_s - arrived_s, now_s)
         if isinstance(result, LogError):
             self._link.failed(sweep)
             return
@@ -68,11 +93,11 @@ class SweepIntake:
 
     def _anchor(self, boot: int) -> Anchor | None:
         try:
-            return self._log.last_of_boot(boot)
+            return self._served.log.last_of_boot(boot)
         except LogError:
             return None  # its trouble is shown in the status; the exchanges tell the time without it
 
 
-def utc_offset_s() -> float:
+def _utc_offset_s() -> float:
     """UTC less the monotonic clock, now."""
     return time.time() - time.monotonic()

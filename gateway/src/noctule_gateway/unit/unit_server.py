@@ -7,7 +7,6 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
-from noctule.site import Site, Unit
 from noctule_gateway.errors import CommandError, GatewayError, LineError
 from noctule_gateway.line.line import Line
 from noctule_gateway.link.events import (
@@ -24,13 +23,13 @@ from noctule_gateway.link.events import (
 )
 from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
-from noctule_gateway.log.sweep_log import SweepLog
-from noctule_gateway.pose import PoseTrack
+from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status import reset_causes, unit_status
+from noctule_gateway.status.unit_state import UnitState
 from noctule_gateway.unit.command_runner import BEING_UPDATED, CommandRunner
 from noctule_gateway.unit.plans import wanted_plan
-from noctule_gateway.unit.sweep_intake import SweepIntake, utc_offset_s
-from noctule_gateway.unit.unit_state import UnitState
+from noctule_gateway.unit.sweep_intake import SweepIntake
+from noctule_gateway.unit.unit_report import UnitReport
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Ending, describe
 from noctule_gateway.update.updater import Updater
@@ -45,7 +44,7 @@ _log = logging.getLogger(__name__)
 
 
 class UnitServer:
-    """Serves ``unit`` from start() to stop(); its thread is the line's.
+    """Serves a unit from start() to stop(); its thread is the line's.
 
     ``publish`` is called with each sweep's record after its commit, ``report`` with the unit's status each second and
     when it changes; neither may block. Raises CommandError if the site file's plan does not fit a unit.
@@ -53,20 +52,19 @@ class UnitServer:
 
     def __init__(
         self,
-        site: Site,
-        unit: Unit,
-        log: SweepLog,
-        track: PoseTrack,
+        served: ServedUnit,
         publish: Callable[[bytes], None],
         report: Callable[[UnitStatus], None],
     ) -> None:
-        self._site, self._unit, self._report = site, unit, report
+        self._site, self._unit, self._report = served.site, served.unit, report
+        unit = served.unit
         wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
         self._line = Line(unit.address, self, unit.name)
         self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
-        self._intake = SweepIntake(site, unit, log, track, self._link, publish, self._line.call)
-        self._state = UnitState(site, unit, log, track, self._link, self._intake)
-        self._commands = CommandRunner(self._link, self._state.message, self._begin_update)
+        self._intake = SweepIntake(served, self._link, publish, self._line.call)
+        self._state = UnitState()
+        self._unit_report = UnitReport(served, self._link, self._intake)
+        self._commands = CommandRunner(self._link, self._status, self._begin_update)
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = False
         self._report_due_s = 0.0
@@ -85,8 +83,8 @@ class UnitServer:
         self._handle(self._link.connected(time.monotonic(), _STOPPED))
         self._lose(_STOPPED)
         self._commands.stopped(_STOPPED)
-        self._state.update = ""
-        self._report(self._state.message())
+        self._state = self._state.updating("")
+        self._report(self._status())
 
     def command(self, name: str, request: CommandRequest) -> Future[CommandReply]:
         """Carry out a command of the bus; the reply says what went wrong. From any thread."""
@@ -97,7 +95,7 @@ class UnitServer:
     @property
     def late(self) -> bool:
         """Its sweeps are acknowledged later than they should be: the machine can't keep up."""
-        return self._intake.lateness.too_late(time.monotonic())
+        return self._intake.late
 
     @property
     def connected(self) -> bool:
@@ -119,7 +117,7 @@ class UnitServer:
     def opened(self, now_s: float) -> None:
         """Greet whoever is there."""
         self._line_is_open = True
-        self._state.lines_opened += 1
+        self._state = self._state.line_opened()
         self._greet(now_s)
         if self._updater is not None:
             self._updater.opened(now_s)
@@ -147,11 +145,14 @@ class UnitServer:
             self._advance_update(self._updater, now_s)
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
-            self._report(self._state.report())
+            self._report(self._unit_report.each_second(self._state))
 
     def output(self, now_s: float) -> bytes:
         """What the link, or the update, has to say."""
         return self._link.output(now_s) if self._updater is None else self._updater.output(now_s)
+
+    def _status(self) -> UnitStatus:
+        return self._unit_report.message(self._state)
 
     def _greet(self, now_s: float) -> None:
         self._handle(self._link.connected(now_s))
@@ -172,10 +173,10 @@ class UnitServer:
                 case Silent():
                     self._lose(f"no answer on {self._unit.address}")
                 case ClockRead(exchange):
-                    self._state.clocks_refused += not self._intake.clocks.add(exchange)
+                    self._intake.clock_read(exchange)
                 case StatusRead(read):
                     changed = self._state.status is None or read.state != self._state.status.state
-                    self._state.status = read
+                    self._state = self._state.said(read)
                     self._report_due_s = 0.0 if changed else self._report_due_s
                 case SettingsRead():
                     self._commands.settings_read()
@@ -189,13 +190,13 @@ class UnitServer:
         _log.info("%s: unit %d, firmware %s, boot %d", name, hello.serial, hello.version, hello.boot)
         if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._state.hello is not None)):
             _log.warning("%s has started anew: %s", name, warning)
-        self._state.hello, self._state.loader, self._state.trouble = hello, None, ""
-        self._intake.clocks.begin(hello.boot, time.monotonic(), utc_offset_s())
+        self._state = self._state.identified(hello)
+        self._intake.begin_boot(hello.boot)
         self._report_due_s = 0.0
 
     def _lose(self, why: str, loader: Loader | None = None) -> None:
         """The unit can't be asked for anything, until it is identified again."""
-        self._state.trouble, self._state.loader = why, loader
+        self._state = self._state.lost(why, loader)
         self._commands.lost(why)
         self._report_due_s = 0.0
 
@@ -213,9 +214,9 @@ class UnitServer:
 
     def _advance_update(self, updater: Updater, now_s: float) -> None:
         updater.advance(now_s)
-        self._state.update = f"updating: {updater.progress}"
+        self._state = self._state.updating(f"updating: {updater.progress}")
         if updater.outcome is not None:
-            self._updater, self._state.update = None, ""
+            self._updater, self._state = None, self._state.updating("")
             self._end_update(updater.image, updater.outcome, now_s)
 
     def _end_update(self, image: Image, outcome: Ending, now_s: float) -> None:

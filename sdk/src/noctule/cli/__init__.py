@@ -20,9 +20,10 @@ commands = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, command.rpc):
+for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema):
     commands.command()(each)
 commands.command("import")(import_scan.import_)
+commands.add_typer(command.rpc, name="rpc")
 
 
 def app() -> None:

@@ -1,6 +1,10 @@
-"""The command that has a unit carry out a command."""
+"""The command that has a unit carry out a command: `noctule rpc SITE UNIT`, with a subcommand for each.
+
+What each means is in gateway/README.md, "Commands".
+"""
 
 import math
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -14,13 +18,11 @@ from noctule.client import Client
 from noctule.errors import BusError
 from noctule.messages_pb2 import Calibration, CommandReply, CommandRequest, SweepPlan, UnitStatus
 
-COMMANDS = (
-    *("hello", "status", "settings", "start", "stop", "single", "home", "go_to", "set_waypoint"),
-    *("configure", "calibrate", "trim_temperature", "store", "reset", "update"),
-)
 MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0
 UPDATE_TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
+
+Timeout = Annotated[float, typer.Option(help="How long to wait for the reply.")]
 
 
 class Home(StrEnum):
@@ -32,95 +34,186 @@ class Home(StrEnum):
 
 _HOMES = {Home.SWITCH: Calibration.HOME_SWITCH, Home.STOP: Calibration.HOME_STOP}
 
+rpc = typer.Typer(no_args_is_help=True)
 
-def rpc(
-    site: SiteName,
-    unit: UnitName,
-    command: Annotated[str, typer.Argument(metavar="COMMAND", help=f"One of {', '.join(COMMANDS)}.")],
+
+@dataclass(frozen=True)
+class _Addressed:
+    """The unit that the command line names."""
+
+    site: str
+    unit: str
+
+
+@rpc.callback()
+def _address(context: typer.Context, site: SiteName, unit: UnitName) -> None:
+    """Have a unit carry out a command. Each command has its own options: noctule rpc SITE UNIT COMMAND --help."""
+    context.obj = _Addressed(site, unit)
+
+
+def _add_plain(name: str, summary: str) -> None:
+    """Add a command that takes nothing."""
+
+    @rpc.command(name, help=summary)
+    def _plain(
+        context: typer.Context, connect: Connect = DEFAULT_CONNECT, tls: Tls = None, timeout_s: Timeout = TIMEOUT_S
+    ) -> None:
+        with joined(context.obj.site, connect, tls) as client:
+            _ask(context, client, CommandRequest(), timeout_s)
+
+
+for _name, _summary in (
+    ("hello", "Print the unit's status, as the gateway knows it."),
+    ("status", "Print the unit's status, as the gateway knows it."),
+    ("settings", "Print the unit's plan and calibration."),
+    ("stop", "Stop sweeping."),
+    ("single", "Make one sweep."),
+    ("home", "Find home; done when the unit begins."),
+    ("store", "Keep plan, calibration and trim in the unit's flash."),
+    ("reset", "Reset the unit."),
+):
+    _add_plain(_name, _summary)
+
+
+@rpc.command()
+def start(
+    context: typer.Context,
+    pause_s: Annotated[float, typer.Option(help="Between two sweeps.")] = 0.0,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
-    timeout_s: Annotated[
-        float | None,
-        typer.Option(
-            help=f"How long to wait for the reply; {TIMEOUT_S:g}, or {UPDATE_TIMEOUT_S:g} for an update, if left out."
-        ),
-    ] = None,
-    pause_s: Annotated[float, typer.Option(help="start: between two sweeps.")] = 0.0,
-    waypoint: Annotated[int | None, typer.Option(help="set_waypoint: none if left out.", min=0, max=MAX_COUNT)] = None,
-    bearing_deg: Annotated[float | None, typer.Option(help="go_to.")] = None,
-    first_bearing_deg: Annotated[float | None, typer.Option(help="configure.")] = None,
-    bearing_step_deg: Annotated[float | None, typer.Option(help="configure.")] = None,
-    count: Annotated[int | None, typer.Option(help="configure: readings per sweep.", min=0, max=MAX_COUNT)] = None,
-    ping_interval_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    top_speed_half_steps_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    ramp_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    settle_s: Annotated[float | None, typer.Option(help="configure.")] = None,
-    pings: Annotated[
-        int | None,
-        typer.Option(help="configure: 1, 3 or 5 a reading, which is their median.", min=0, max=MAX_COUNT),
-    ] = None,
-    half_steps_per_turn: Annotated[float | None, typer.Option(help="calibrate.")] = None,
-    backlash_half_steps: Annotated[int | None, typer.Option(help="calibrate.", min=0, max=MAX_COUNT)] = None,
-    home: Annotated[Home | None, typer.Option(help="calibrate: what home is.")] = None,
-    home_bearing_deg: Annotated[float | None, typer.Option(help="calibrate: where home is.")] = None,
-    temperature_c: Annotated[float | None, typer.Option(help="trim_temperature: of the air, now.")] = None,
-    image: Annotated[
-        Path | None, typer.Option(help="update: build/update.hex of the firmware.", exists=True, dir_okay=False)
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="update: even if the unit has this version.")] = False,
+    timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
-    """Have a unit carry out a command."""
-    if command not in COMMANDS:
-        raise typer.BadParameter(f"{command!r} is not one of {', '.join(COMMANDS)}", param_hint="COMMAND")
-    request = CommandRequest(
-        pause_s=pause_s, waypoint=waypoint, bearing_rad=_radians(bearing_deg), temperature_c=temperature_c
+    """Sweep until stopped."""
+    with joined(context.obj.site, connect, tls) as client:
+        _ask(context, client, CommandRequest(pause_s=pause_s), timeout_s)
+
+
+@rpc.command("go_to")
+def go_to(
+    context: typer.Context,
+    bearing_deg: Annotated[float | None, typer.Option(help="Where to turn.")] = None,
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+    timeout_s: Timeout = TIMEOUT_S,
+) -> None:
+    """Turn to a bearing and stay there; the unit must be homed and idle. Done when the unit begins."""
+    with joined(context.obj.site, connect, tls) as client:
+        _ask(context, client, CommandRequest(bearing_rad=_radians(bearing_deg)), timeout_s)
+
+
+@rpc.command("set_waypoint")
+def set_waypoint(
+    context: typer.Context,
+    waypoint: Annotated[int | None, typer.Option(help="None if left out.", min=0, max=MAX_COUNT)] = None,
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+    timeout_s: Timeout = TIMEOUT_S,
+) -> None:
+    """Say at which waypoint of its path the unit is."""
+    with joined(context.obj.site, connect, tls) as client:
+        _ask(context, client, CommandRequest(waypoint=waypoint), timeout_s)
+
+
+@rpc.command()
+def configure(
+    context: typer.Context,
+    first_bearing_deg: float | None = None,
+    bearing_step_deg: float | None = None,
+    count: Annotated[int | None, typer.Option(help="Readings per sweep.", min=0, max=MAX_COUNT)] = None,
+    ping_interval_s: float | None = None,
+    top_speed_half_steps_s: float | None = None,
+    ramp_s: float | None = None,
+    settle_s: float | None = None,
+    pings: Annotated[
+        int | None, typer.Option(help="1, 3 or 5 a reading, which is their median.", min=0, max=MAX_COUNT)
+    ] = None,
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+    timeout_s: Timeout = TIMEOUT_S,
+) -> None:
+    """Change the unit's plan; what is left out keeps its present value."""
+    plan = SweepPlan(
+        first_bearing_rad=_radians(first_bearing_deg),
+        bearing_step_rad=_radians(bearing_step_deg),
+        count=count,
+        ping_interval_s=ping_interval_s,
+        top_speed_half_steps_s=top_speed_half_steps_s,
+        ramp_s=ramp_s,
+        settle_s=settle_s,
+        pings=pings,
     )
-    if command == "configure":
-        request.plan.CopyFrom(
-            SweepPlan(
-                first_bearing_rad=_radians(first_bearing_deg),
-                bearing_step_rad=_radians(bearing_step_deg),
-                count=count,
-                ping_interval_s=ping_interval_s,
-                top_speed_half_steps_s=top_speed_half_steps_s,
-                ramp_s=ramp_s,
-                settle_s=settle_s,
-                pings=pings,
-            )
-        )
-    elif command == "calibrate":
-        request.calibration.CopyFrom(
-            Calibration(
-                half_steps_per_turn=half_steps_per_turn,
-                backlash_half_steps=backlash_half_steps,
-                home=None if home is None else _HOMES[home],
-                home_bearing_rad=_radians(home_bearing_deg),
-            )
-        )
-    elif command == "update":
-        if image is None:
-            raise typer.BadParameter("update needs the image: give --image build/update.hex", param_hint="--image")
-        request.image, request.force = image.read_bytes(), force
-    with joined(site, connect, tls) as client:
-        if command == "update":
-            reply = _update(client, unit, request, timeout_s or UPDATE_TIMEOUT_S)
-        else:
-            reply = client.command(unit, command, request, timeout_s or TIMEOUT_S)
-    if not reply.done:
-        raise BusError(f"unit {unit!r} did not {command}: {reply.error}")
-    typer.echo(survey.to_json(reply))
+    with joined(context.obj.site, connect, tls) as client:
+        _ask(context, client, CommandRequest(plan=plan), timeout_s)
 
 
-def _update(client: Client, unit: str, request: CommandRequest, timeout_s: float) -> CommandReply:
-    """Have a unit updated, and show on a terminal how far it is."""
-    with Console(stderr=True).status(f"{unit}: updating") as shown:
+@rpc.command()
+def calibrate(
+    context: typer.Context,
+    half_steps_per_turn: float | None = None,
+    backlash_half_steps: Annotated[int | None, typer.Option(min=0, max=MAX_COUNT)] = None,
+    home: Annotated[Home | None, typer.Option(help="What home is.")] = None,
+    home_bearing_deg: Annotated[float | None, typer.Option(help="Where home is.")] = None,
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+    timeout_s: Timeout = TIMEOUT_S,
+) -> None:
+    """Tell the unit what was measured of it; what is left out keeps its present value."""
+    calibration = Calibration(
+        half_steps_per_turn=half_steps_per_turn,
+        backlash_half_steps=backlash_half_steps,
+        home=None if home is None else _HOMES[home],
+        home_bearing_rad=_radians(home_bearing_deg),
+    )
+    with joined(context.obj.site, connect, tls) as client:
+        _ask(context, client, CommandRequest(calibration=calibration), timeout_s)
+
+
+@rpc.command("trim_temperature")
+def trim_temperature(
+    context: typer.Context,
+    temperature_c: Annotated[float | None, typer.Option(help="Of the air, now.")] = None,
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+    timeout_s: Timeout = TIMEOUT_S,
+) -> None:
+    """Trim the unit's thermometer by the air's temperature; its sweeps then carry one."""
+    with joined(context.obj.site, connect, tls) as client:
+        _ask(context, client, CommandRequest(temperature_c=temperature_c), timeout_s)
+
+
+@rpc.command()
+def update(
+    context: typer.Context,
+    image: Annotated[
+        Path | None, typer.Option(help="build/update.hex of the firmware.", exists=True, dir_okay=False)
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Even if the unit has this version.")] = False,
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+    timeout_s: Timeout = UPDATE_TIMEOUT_S,
+) -> None:
+    """Give the unit new firmware; a terminal shows how far it is."""
+    if image is None:
+        raise typer.BadParameter("update needs the image: give --image build/update.hex", param_hint="--image")
+    unit = context.obj.unit
+    with joined(context.obj.site, connect, tls) as client, Console(stderr=True).status(f"{unit}: updating") as shown:
 
         def show(status: UnitStatus) -> None:
             if status.unit == unit:
                 shown.update(f"{unit}: {status.detail}")
 
         client.on_unit_status(show)
-        return client.command(unit, "update", request, timeout_s)
+        _ask(context, client, CommandRequest(image=image.read_bytes(), force=force), timeout_s)
+
+
+def _ask(context: typer.Context, client: Client, request: CommandRequest, timeout_s: float) -> None:
+    """Have the unit carry out the command of ``context``, and print its reply. Raises BusError if it did not."""
+    unit, command = context.obj.unit, context.info_name
+    assert command is not None
+    reply: CommandReply = client.command(unit, command, request, timeout_s)
+    if not reply.done:
+        raise BusError(f"unit {unit!r} did not {command}: {reply.error}")
+    typer.echo(survey.to_json(reply))
 
 
 def _radians(angle_deg: float | None) -> float | None:

@@ -1,0 +1,17 @@
+"""One unit of the site file, with what the gateway keeps of it."""
+
+from dataclasses import dataclass
+
+from noctule.site import Site, Unit
+from noctule_gateway.log.sweep_log import SweepLog
+from noctule_gateway.pose import PoseTrack
+
+
+@dataclass(frozen=True)
+class ServedUnit:
+    """A unit of ``site``: its ``log``, and the poses that others have published for it."""
+
+    site: Site
+    unit: Unit
+    log: SweepLog
+    track: PoseTrack
