@@ -29,6 +29,7 @@ from noctule_gateway.unit.unit_server import UnitServer
 
 _LOG_READERS = 2
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
+_LINES_WITHIN_S = 2.0  # for all lines to close
 _LISTED = 10  # units that a status names; a site may have hundreds
 
 Clock = Callable[[], Instant]
@@ -49,8 +50,8 @@ class _Served:
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.server = UnitServer(site, unit, self.log, self.track, self._publish, self._report)
 
-    def close(self) -> None:
-        self.server.join()
+    def close(self, by_s: float) -> None:
+        self.server.join(by_s)
         self.log.close()
 
     def _publish(self, record: bytes) -> None:
@@ -154,8 +155,9 @@ class Gateway:
             self._watch.close()
         for served in self._served:
             served.server.stop()
+        by_s = time.monotonic() + _LINES_WITHIN_S
         for served in self._served:
-            served.close()
+            served.close(by_s)
         self._readers.shutdown()
         self._outbox.close()
         self._folder.close()
