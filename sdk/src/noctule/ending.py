@@ -8,6 +8,7 @@ import threading
 
 CLOSE_WITHIN_S = 4.0  # for the service to close what it has open
 _LOG_WITHIN_S = 0.5  # and then to say that it did not manage to
+_KILLED_AFTER_S = 4.8
 NOT_CLOSED = 1  # the exit status then
 
 _log = logging.getLogger(__name__)
@@ -40,6 +41,7 @@ class Ending:
                 return
             # This clock is a thread in C: it needs no lock of the interpreter, and still runs while that shuts down.
             faulthandler.dump_traceback_later(CLOSE_WITHIN_S + _LOG_WITHIN_S, exit=True, file=self._nowhere)
+            signal.setitimer(signal.ITIMER_REAL, _KILLED_AFTER_S)  # the kernel's SIGALRM, if even that fails
             self.begun.set()
         last_resort = threading.Timer(CLOSE_WITHIN_S, _give_up)
         last_resort.daemon = True
