@@ -129,8 +129,11 @@ def test_a_service_whose_router_hangs_ends_in_time(tmp_path: Path, role: str) ->
     router = gateway(tmp_path, tmp_path / "router", "cellar")
     with programs(tmp_path) as running, systemd(tmp_path) as (receiver, env):
         running.start("router", *router)
-        whole = gateway(tmp_path, tmp_path / "data")[:-2] if role == "gateway" else mapper(tmp_path / "data")
-        running.start("service", *whole, "--connect", router[-1], env=env)
+        if role == "gateway":
+            whole = *gateway(tmp_path, tmp_path / "data")[:-2], "--connect", router[-1]
+        else:
+            whole = *mapper(tmp_path / "data")[:-3], router[-1], "--rerun", "none"
+        running.start("service", *whole, env=env)
         wait_for_line(receiver, "READY=1")
         psutil.Process(running.pid("router")).send_signal(signal.SIGSTOP)
         assert end_in_time(running, "service") in (0, 1)
