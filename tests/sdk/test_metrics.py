@@ -42,7 +42,11 @@ def value(found: Samples, name: str, labels: dict[str, str]) -> float:
 
 def unit_status() -> UnitStatus:
     status = UnitStatus(
-        **{"site": "attic", "unit": "u7", "gateway": "gw", "firmware": "1.4.0", "detail": "much can't be read"},
+        site="attic",
+        unit="u7",
+        gateway="gw",
+        firmware="1.4.0",
+        detail="much can't be read",
         state=UnitStatus.STATE_SWEEPING,
         clock_error_s=2e-5,
         clock_drift=-0.011,
@@ -59,7 +63,10 @@ def unit_status() -> UnitStatus:
 
 def service_status() -> ServiceStatus:
     status = ServiceStatus(
-        **{"site": "attic", "name": "gw", "role": "gateway", "version": "0.1.0"},
+        site="attic",
+        name="gw",
+        role="gateway",
+        version="0.1.0",
         counters={"units": 5, "sweeps_committed": 70},
     )
     status.time.FromSeconds(int(NOW_S) - 1)
