@@ -1,11 +1,6 @@
 """The command ``noctule-gateway``."""
 
 import logging
-import os
-import signal
-import sys
-import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,10 +9,13 @@ import typer
 import zenoh
 from rich.console import Console
 
-from noctule import bus, site, tls
+from noctule import bus, logs, metrics, metrics_server, site, tls
 from noctule.backup import copy_databases
 from noctule.bus_watch import BusWatch
+from noctule.ending import Ending
 from noctule.errors import NoctuleError
+from noctule.logs import LogFormat
+from noctule.systemd import ServiceManager
 from noctule.threads import end_process_when_one_fails
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Retention
@@ -30,7 +28,6 @@ from noctule_gateway.update.site import update_units
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 _REPORT_EVERY_S = 1.0
-_CLOSE_WITHIN_S = 15.0
 
 _log = logging.getLogger(__name__)
 app = typer.Typer(add_completion=False, help="Serial scanner units to Zenoh.")
@@ -65,17 +62,23 @@ def run(
     ] = None,
     keep_mb: Annotated[float, typer.Option(min=1, help="Size of each unit's log, in MB of sweeps.")] = 256,
     keep_days: Annotated[float, typer.Option(min=0, help="Age at which sweeps leave the log.")] = 30,
+    metrics_at: Annotated[
+        str | None, typer.Option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics here.")
+    ] = None,
+    log_format: Annotated[
+        LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
+    ] = LogFormat.TEXT,
 ) -> None:
     """Serve the units of a site until SIGTERM or Ctrl-C."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr)
+    logs.set_up(log_format)
     zenoh.init_log_from_env_or("error")
     end_process_when_one_fails()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    ending = Ending()
     retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
     try:
         default = [] if connect or tls_folder else [DEFAULT_LISTEN]
-        access = _Access(connect or [], listen or default, tls_folder)
-        _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access)
+        access = _Access(connect or [], listen or default, tls_folder, metrics_at)
+        _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -161,39 +164,45 @@ def _tell(looks: list[Look]) -> None:
 
 @dataclass(frozen=True)
 class _Access:
-    """How the gateway joins the bus."""
+    """How the gateway joins the bus, and where it shows its metrics."""
 
     connect: list[str]
     listen: list[str]
     tls_folder: Path | None
+    metrics_at: str | None
 
 
-def _serve(site_file: Path, data: Path, name: str, retention: Retention, access: _Access) -> None:
+def _serve(site_file: Path, data: Path, name: str, retention: Retention, access: _Access, ending: Ending) -> None:
     served = site.load(site_file)
     if warning := allow_files(len(served.units)):
         _log.warning("%s", warning)
     gateway = Gateway(served, data, name, retention)
+    manager = ServiceManager()
     session: zenoh.Session | None = None
+
+    def look_after() -> None:
+        if ending.begun.is_set():
+            raise KeyboardInterrupt
+        gateway.report()
+        manager.serving(gateway.summary, gateway.makes_progress)
+
     try:
-        gateway.start()
-        session = bus.open_session(access.connect, access.listen, tls_folder=access.tls_folder)
-        gateway.join(session, BusWatch(session, access.connect, access.listen, access.tls_folder))
-        where = access.listen or access.connect or [f"as {access.tls_folder} says"]
-        _log.info("on the bus: %s", f"the router at {', '.join(where)}" if access.listen else ", ".join(where))
-        while True:
-            gateway.report()
-            time.sleep(_REPORT_EVERY_S)
+        with metrics_server.serving(access.metrics_at, metrics.registry(gateway.statuses)):
+            gateway.start()
+            session = bus.open_session(
+                access.connect, access.listen, tls_folder=access.tls_folder, while_waiting=look_after
+            )
+            gateway.join(session, BusWatch(session, access.connect, access.listen, access.tls_folder))
+            where = access.listen or access.connect or [f"as {access.tls_folder} says"]
+            _log.info("on the bus: %s", f"the router at {', '.join(where)}" if access.listen else ", ".join(where))
+            while True:
+                look_after()
+                ending.begun.wait(_REPORT_EVERY_S)
     except KeyboardInterrupt:
         _log.info("stopping")
     finally:
-        _end_by(_CLOSE_WITHIN_S)
+        ending.begin()
+        manager.stopping()
         gateway.close()
         if session is not None:
             session.close()
-
-
-def _end_by(within_s: float) -> None:
-    """End the process even if the bus can't be closed; the logs are safe at any moment."""
-    last_resort = threading.Timer(within_s, os._exit, (1,))
-    last_resort.daemon = True
-    last_resort.start()

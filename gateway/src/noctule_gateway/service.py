@@ -4,11 +4,11 @@ Units are served with or without a bus: what is committed while no router answer
 """
 
 import logging
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
-from time import time_ns
 
 import zenoh
 
@@ -29,6 +29,8 @@ from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.unit.unit_server import UnitServer
 
 _LOG_READERS = 2
+_HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
+_LINES_WITHIN_S = 2.0  # for all lines to close
 _LISTED = 10  # units that a status names; a site may have hundreds
 
 Clock = Callable[[], Instant]
@@ -42,13 +44,15 @@ class _Served:
     def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock) -> None:
         self.unit = unit
         self.on_bus: UnitOnBus | None = None
+        self.latest: UnitStatus | None = None
+        self.reported_s = time.monotonic()  # its line's thread makes a status each second
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.kept = ServedUnit(site, unit, self.log, PoseTrack())
         self.server = UnitServer(self.kept, self._publish, self._report)
 
-    def close(self) -> None:
-        self.server.join()
+    def close(self, by_s: float) -> None:
+        self.server.join(by_s)
         self.log.close()
 
     def _publish(self, record: bytes) -> None:
@@ -57,6 +61,7 @@ class _Served:
 
     def _report(self, status: UnitStatus) -> None:
         status.gateway = self._gateway
+        self.latest, self.reported_s = status, time.monotonic()
         if self.on_bus is not None:
             self.on_bus.report(status)
 
@@ -86,6 +91,7 @@ class Gateway:
         self._status: bus.StatePublisher | None = None
         self._clock_watch = ClockWatch()
         self._watch: BusWatch | None = None
+        self._latest: ServiceStatus | None = None
 
     def start(self) -> None:
         """Begin to serve the units."""
@@ -113,9 +119,27 @@ class Gateway:
         self._folder.keep()
         if self._clock_watch.note(self._now()):
             _log.warning("%s", self._clock_watch.detail)
-        if self._status is not None:
-            status, message = self._status, self._status_message()
+        self._latest = message = self._status_message()
+        if (status := self._status) is not None:
             self._outbox.post(lambda: status.put(message))
+
+    def statuses(self) -> Sequence[UnitStatus | ServiceStatus]:
+        """The gateway's status and its units', each as it was last made. From any thread, never waiting."""
+        latest = [self._latest, *(served.latest for served in self._served)]
+        return [status for status in latest if status is not None]
+
+    @property
+    def makes_progress(self) -> bool:
+        """At least one unit's line still makes statuses. A line that hangs is no reason to stop the others."""
+        now_s = time.monotonic()
+        return any(now_s - served.reported_s < _HANGS_AFTER_S for served in self._served) or not self._served
+
+    @property
+    def summary(self) -> str:
+        """How the gateway fares, in a line."""
+        connected = sum(served.server.connected for served in self._served)
+        detail = self._latest.detail if self._latest is not None else ""
+        return f"{connected} of {len(self._served)} units connected{'; ' if detail else ''}{detail}"
 
     def close(self) -> None:
         """Let the units go, commit what is on its way, and put on the bus what waits."""
@@ -123,8 +147,9 @@ class Gateway:
             self._watch.close()
         for served in self._served:
             served.server.stop()
+        by_s = time.monotonic() + _LINES_WITHIN_S
         for served in self._served:
-            served.close()
+            served.close(by_s)
         self._readers.shutdown()
         self._outbox.close()
         self._folder.close()
@@ -165,7 +190,7 @@ class Gateway:
                 "clock_sets": self._clock_watch.sets,
             },
         )
-        message.time.FromNanoseconds(time_ns())
+        message.time.FromNanoseconds(time.time_ns())
         return message
 
 

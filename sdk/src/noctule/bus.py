@@ -1,7 +1,7 @@
 """The bus as Noctule uses it: sessions, states that a late joiner can ask for, and the messages' schemas."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -24,6 +24,7 @@ def open_session(
     listen: Sequence[str] = (),
     patience_s: float | None = None,
     tls_folder: Path | None = None,
+    while_waiting: Callable[[], None] = lambda: None,
 ) -> zenoh.Session:
     """Open a session as a client of the routers ``connect``, or, with ``listen``, as a router itself.
 
@@ -31,6 +32,7 @@ def open_session(
     where neither ``connect`` nor ``listen`` does. Without any the router is DEFAULT_ROUTER. Without a folder, other
     settings are read from the Zenoh configuration file that ZENOH_CONFIG names.
     A client waits for its first router, for ever or for ``patience_s``; after that the session reconnects by itself.
+    ``while_waiting`` is called after each attempt, so about once a second; what it raises ends the wait.
     The caller must close the session, or the process does not end.
     Raises BusError: no router in time, or an endpoint that can't be listened on; BusConfigError: one that is none;
     TlsError: a folder that can't be used.
@@ -39,7 +41,7 @@ def open_session(
     config = bus_config.config(connect, listen, identity)
     if bus_config.is_router(config):
         return _open_router(config, identity)
-    return _open_client(config, identity, patience_s)
+    return _open_client(config, identity, patience_s, while_waiting)
 
 
 def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.Session:
@@ -57,7 +59,9 @@ def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.S
         raise BusError(f"can't be a router on {endpoints.shown(listen)}{name}: {reason}") from error
 
 
-def _open_client(config: zenoh.Config, identity: tls.Identity | None, patience_s: float | None) -> zenoh.Session:
+def _open_client(
+    config: zenoh.Config, identity: tls.Identity | None, patience_s: float | None, while_waiting: Callable[[], None]
+) -> zenoh.Session:
     connect = bus_config.endpoints_of(config, "connect")
     began_s = monotonic()
     waiting = False
@@ -71,6 +75,7 @@ def _open_client(config: zenoh.Config, identity: tls.Identity | None, patience_s
                 waiting = True
             elif patience_s is not None and monotonic() - began_s >= patience_s:
                 raise BusError(reachability.why_no_router(connect, identity)) from error
+            while_waiting()
 
 
 def encoding(message_type: type[Message]) -> zenoh.Encoding:

@@ -1,5 +1,6 @@
 """The command noctule-viewer: ``run`` is the relay between mappers and those who watch, ``open`` shows the map."""
 
+import logging
 import os
 import sys
 from pathlib import Path
@@ -7,8 +8,13 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from noctule_viewer.relay import RERUN, Relay, RelayError, environment
+from noctule import logs
+from noctule.ending import Ending
+from noctule.errors import NoctuleError
+from noctule.logs import LogFormat
+from noctule_viewer.relay import RERUN, Relay, environment
 
+_log = logging.getLogger(__name__)
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -29,15 +35,30 @@ def run(
     memory_limit: Annotated[str, typer.Option(help="How much history to keep for viewers that come later.")] = (
         _DEFAULT.memory_limit
     ),
+    metrics: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")] = None,
+    log_format: Annotated[
+        LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
+    ] = LogFormat.TEXT,
 ) -> None:
     """Run the relay and print the address to open."""
+    logs.set_up(log_format)
+    ending = Ending()
     relay = Relay(bind, port, web_port, memory_limit)
+
+    def announce() -> None:
+        if log_format is LogFormat.JSON:
+            _log.info("Watch the map at %s", relay.page)
+        else:
+            print(f"Watch the map at {relay.page}", flush=True)
+
     try:
         relay.check_ports()
-        status = relay.run(lambda: print(f"Watch the map at {relay.page}", flush=True))
-    except RelayError as error:
-        _fail(str(error))
-    _fail(f"the relay ended by itself, with status {status}", status if status > 0 else 128 - status)
+        status = relay.run(announce, metrics, ending)
+    except NoctuleError as error:
+        _log.error("%s", error)
+        raise typer.Exit(1) from error
+    _log.error("the relay ended by itself, with status %d", status)
+    raise typer.Exit(status if status > 0 else 128 - status)
 
 
 @app.command(name="open")

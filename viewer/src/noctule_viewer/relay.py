@@ -1,5 +1,6 @@
 """The Rerun relay: a process of its own that takes what mappers draw and passes it on to all who watch."""
 
+import logging
 import os
 import shutil
 import signal
@@ -10,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -17,8 +19,13 @@ from urllib.parse import quote
 
 import rerun_cli
 
+from noctule import metrics, metrics_server
+from noctule.ending import Ending
 from noctule.errors import NoctuleError
+from noctule.messages_pb2 import ServiceStatus
+from noctule.systemd import ServiceManager
 from noctule_viewer import page
+from noctule_viewer.pulse import Pulse
 
 RERUN = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
 """The viewer's own binary: the ``rerun`` on the path is a wrapper that would stand between it and signals."""
@@ -29,8 +36,11 @@ _SETTINGS = Path(__file__).with_name("rerun_settings")
 _NOWHERE = "http://127.0.0.1:9"  # the discard port
 _START_WITHIN_S = 30.0
 _LAYOUT_WITHIN_S = 60.0
-_END_WITHIN_S = 5.0
+_END_WITHIN_S = 2.0
+_LOOK_AFTER_EVERY_S = 1.0
 _LOOK_EVERY_S = 0.05
+
+_log = logging.getLogger(__name__)
 
 
 class RelayError(NoctuleError):
@@ -68,10 +78,11 @@ class Relay:
                         f"can't listen on {self.bind}:{port} ({error.strerror}): name another port"
                     ) from error
 
-    def run(self, announce: Callable[[], object]) -> int:
+    def run(self, announce: Callable[[], object], metrics_at: str | None, ending: Ending) -> int:
         """Run the relay and its page, and call ``announce`` once both answer. Returns the relay's exit status.
 
-        SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start.
+        SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start,
+        MetricsError if ``metrics_at`` can't be had.
         """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, _exit)
@@ -81,7 +92,21 @@ class Relay:
             self._send_layout()
             with page.serving((self.bind, self.web_port), (self.bind, files_port), f"http://{self.bind}:{self.port}"):
                 announce()
-                return relay.wait()
+                return self._look_after(relay, Pulse(self.bind, files_port), metrics_at, ending)
+
+    def _look_after(self, relay: subprocess.Popen[bytes], pulse: Pulse, metrics_at: str | None, ending: Ending) -> int:
+        """Wait for the relay to end by itself; its exit status. Tell systemd and Prometheus how it fares meanwhile."""
+        shown = metrics.registry(lambda: [_status(pulse)], child=lambda: relay.pid)
+        manager = ServiceManager()
+        with metrics_server.serving(metrics_at, shown):
+            try:
+                while relay.poll() is None:
+                    pulse.feel()
+                    manager.serving(f"watch the map at {self.page}", pulse.beats)
+                    ending.begun.wait(_LOOK_AFTER_EVERY_S)
+            finally:
+                manager.stopping()
+            return relay.returncode
 
     def _command(self, files_port: int) -> list[str]:
         # Without a source such as a layout file: with one, Rerun 0.41 keeps a core busy after the source has ended.
@@ -96,9 +121,9 @@ class Relay:
                 command, env=environment(), check=True, capture_output=True, text=True, timeout=_LAYOUT_WITHIN_S
             )
         except subprocess.TimeoutExpired:
-            _warn("the relay did not take the layout: viewers show Rerun's own")
+            _log.warning("the relay did not take the layout: viewers show Rerun's own")
         except subprocess.CalledProcessError as error:
-            _warn(f"the layout was not sent, so viewers show Rerun's own: {error.stderr.strip()}")
+            _log.warning("the layout was not sent, so viewers show Rerun's own: %s", error.stderr.strip())
 
 
 def environment() -> dict[str, str]:
@@ -145,8 +170,15 @@ def _free_port(host: str) -> int:
         return probe.getsockname()[1]
 
 
-def _warn(message: str) -> None:
-    print(f"noctule-viewer: {message}", file=sys.stderr, flush=True)
+def _status(pulse: Pulse) -> ServiceStatus:
+    status = ServiceStatus(
+        name="viewer",
+        role="viewer",
+        version=version("noctule-viewer"),
+        counters={"relay_looks": pulse.looks, "relay_looks_failed": pulse.failed},
+    )
+    status.time.GetCurrentTime()
+    return status
 
 
 def _exit(_number: int, _frame: FrameType | None) -> NoReturn:

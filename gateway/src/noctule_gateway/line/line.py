@@ -66,9 +66,10 @@ class Line:
         self._closing.set()
         self.call(lambda: None)
 
-    def join(self) -> None:
-        """Wait for the line to be closed after stop()."""
-        self._thread.join()
+    def join(self, within_s: float | None = None) -> bool:
+        """Wait for the line to be closed after stop(); whether it was, ``within_s``."""
+        self._thread.join(within_s)
+        return not self._thread.is_alive()
 
     def call(self, function: Callable[[], None]) -> None:
         """Have ``function`` called on the line's thread, soon; from any thread."""

@@ -77,9 +77,11 @@ class UnitServer:
         """Serve it no more, soon. What is on its way to the log is still committed."""
         self._line.stop()
 
-    def join(self) -> None:
-        """Wait for the end after stop()."""
-        self._line.join()
+    def join(self, by_s: float) -> None:
+        """Wait for the end after stop(), until ``by_s`` (monotonic): a line that hangs then is left behind."""
+        if not self._line.join(max(0.0, by_s - time.monotonic())):
+            _log.warning("%s: the line hangs and was left as it is: %s", self._unit.name, self._unit.address)
+            return
         self._handle(self._link.connected(time.monotonic(), _STOPPED))
         self._lose(_STOPPED)
         self._commands.stopped(_STOPPED)

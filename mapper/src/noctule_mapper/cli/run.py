@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from noctule import rerun_paths
+from noctule.logs import FORMAT_VARIABLE, LogFormat
 
 
 def run(
@@ -23,8 +24,13 @@ def run(
             envvar="NOCTULE_TLS", metavar="FOLDER", help="Certificate and key: a folder that noctule-deploy made."
         ),
     ] = None,
+    metrics: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")] = None,
+    log_format: Annotated[
+        LogFormat, typer.Option(envvar=FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
+    ] = LogFormat.TEXT,
 ) -> None:
     """Map a site as its sweeps come."""
     from noctule_mapper.live.process import run_process
 
-    run_process(site, name, data, connect or [], None if rerun == "none" else rerun, config, tls)
+    relay = None if rerun == "none" else rerun
+    run_process(site, name, data, connect or [], relay, config, tls, metrics, log_format)

@@ -16,6 +16,8 @@ from noctule_mapper.window import Identity
 
 _log = logging.getLogger(__name__)
 _FIT = "fit"
+_STUCK_AFTER_S = 600.0  # at one sweep or fit; the longest fits take seconds
+_CLOSE_WITHIN_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ class MapWorker:
         self._failure: BaseException | None = None
         self._oldest_unfitted_s: float | None = None
         self._next_fit_s = monotonic()
+        self._stepped_s: float | None = None  # when the step that it is at began; None while it waits
         self._figures = {"contours": 0, "contour_failures": 0, "contour_fit_ms": 0, "contour_delay_ms": 0}
         self._thread = threading.Thread(target=self._run, name="map-worker", daemon=True)
 
@@ -93,16 +96,22 @@ class MapWorker:
         if self._failure is not None:
             raise self._failure
 
+    @property
+    def makes_progress(self) -> bool:
+        """It waits, or has not been at one sweep or fit for ten minutes."""
+        began_s = self._stepped_s
+        return began_s is None or monotonic() - began_s < _STUCK_AFTER_S
+
     def counters(self) -> dict[str, int]:
         """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait."""
         waiting = self._waiting
         return self._figures | {"sweeps_waiting": len(waiting.left) + len(waiting.entered)}
 
     def close(self) -> None:
-        """End the worker, after the fit that it is at."""
+        """End the worker, after the sweep or fit that it is at. One that takes over a second is left behind."""
         self._refuse_more()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(_CLOSE_WITHIN_S)
 
     def _refuse_more(self) -> None:
         with self._changed:
@@ -121,10 +130,12 @@ class MapWorker:
 
     def _next(self) -> _Waiting:
         """All that waits; nothing when it is time for a fit."""
+        self._stepped_s = None
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
         with self._changed:
             self._changed.wait_for(lambda: self._waiting.since_s is not None or self._closing, until_fit_s)
             waiting, self._waiting = self._waiting, _Waiting()
+        self._stepped_s = monotonic()
         return waiting
 
     def _apply(self, waiting: _Waiting) -> None:
@@ -139,6 +150,7 @@ class MapWorker:
             self._oldest_unfitted_s = waiting.since_s
 
     def _take_off(self, identity: Identity) -> None:
+        self._stepped_s = monotonic()
         try:
             self._mapper.remove_sweep(identity)
         except Exception:
@@ -146,6 +158,7 @@ class MapWorker:
             self._make_again([sweep for sweep in self._mapper.sweeps() if sweep.identity != identity])
 
     def _put_on(self, readings: SweepReadings) -> None:
+        self._stepped_s = monotonic()
         try:
             self._mapper.register_sweep(readings)
         except Exception as error:
@@ -178,7 +191,7 @@ class MapWorker:
         return mapper
 
     def _fit_and_show(self, oldest_s: float) -> None:
-        began_s = monotonic()
+        self._stepped_s = began_s = monotonic()
         self._oldest_unfitted_s = None
         try:
             state = self._fit()

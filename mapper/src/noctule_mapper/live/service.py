@@ -12,13 +12,14 @@ from pathlib import Path
 
 import zenoh
 
-from noctule import bounds, bus, keys
+from noctule import bounds, bus, keys, metrics, metrics_server
 from noctule.bus_watch import BusWatch
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.log_follower import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
+from noctule.systemd import ServiceManager
 from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
@@ -37,7 +38,7 @@ _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """Where a live mapper works; ``rerun_url`` None means that nobody watches."""
+    """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics."""
 
     site: str
     service: str
@@ -46,14 +47,16 @@ class LiveSettings:
     rerun_url: str | None
     config: LiveConfig
     tls_folder: Path | None = None
+    metrics_at: str | None = None
 
 
 def run(settings: LiveSettings, stop: threading.Event) -> None:
     """Map until ``stop`` is set.
 
-    Raises FolderError, StoreError, RelayAddressError, KeyFormatError, or what has broken the map.
+    Raises FolderError, StoreError, MetricsError, RelayAddressError, KeyFormatError, or what has broken the map.
     """
     owner = Owner("mapper", keys.name(settings.site, "site"), keys.name(settings.service, "service name"))
+    manager, shown = ServiceManager(), _Shown(settings)
     with ExitStack() as closing:
         closing.enter_context(FolderLock(settings.data, owner))
         (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
@@ -61,7 +64,8 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site)
         closing.callback(log.close)
-        session = _join(settings, stop)
+        closing.enter_context(metrics_server.serving(settings.metrics_at, metrics.registry(shown.statuses)))
+        session = _join(settings, stop, manager)
         if session is None:
             return
         closing.callback(session.close)
@@ -69,8 +73,22 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         mapper = LiveMapper(settings, store, log, client)
         mapper.start()
         closing.callback(mapper.close)
+        closing.callback(manager.stopping)
+        shown.mapper = mapper
         while not stop.wait(_STATUS_INTERVAL_S):
             mapper.report()
+            manager.serving(mapper.summary, mapper.makes_progress)
+
+
+class _Shown:
+    """What a scrape shows: before the mapper is on the bus no more than its version."""
+
+    def __init__(self, settings: LiveSettings) -> None:
+        self._settings = settings
+        self.mapper: LiveMapper | None = None
+
+    def statuses(self) -> Sequence[ServiceStatus | Contour]:
+        return [_empty_status(self._settings)] if self.mapper is None else self.mapper.statuses()
 
 
 class LiveMapper:
@@ -95,6 +113,7 @@ class LiveMapper:
         self._refused = RefusedSweeps(log.show_event)
         self._watch = BusWatch(client.session, settings.connect, tls_folder=settings.tls_folder)
         self._contour = Contour()
+        self._latest = _empty_status(settings)
 
     def start(self) -> None:
         """Rebuild the map from the store, and go on from where it ends."""
@@ -130,16 +149,11 @@ class LiveMapper:
         """Publish how the mapper fares. Raises what has broken the map, if anything has."""
         self._worker.check()
         self._store.check()
-        status = ServiceStatus(
-            site=self._settings.site,
-            name=self._settings.service,
-            role="mapper",
-            version=version("noctule-mapper"),
-            counters=self.counters(),
-            cursors=self._store.cursors().values(),
-            detail=self._detail(),
-        )
-        status.time.GetCurrentTime()
+        status = _empty_status(self._settings)
+        status.counters.update(self.counters())
+        status.cursors.extend(self._store.cursors().values())
+        status.detail = self._detail()
+        self._latest = status
         self._publisher.publish_status(status)
         self._log.show_service_status(status, summary(self._contour))
 
@@ -149,6 +163,20 @@ class LiveMapper:
         bus_ = {f"bus_{name}": count for name, count in self._client.counters().items()}
         counts = dict(self._counts) | {"sweeps_unusable": self._refused.count()}
         return counts | self._worker.counters() | follower | bus_ | self._log.counters()
+
+    def statuses(self) -> Sequence[ServiceStatus | Contour]:
+        """The last status, and the contour if there is one. From any thread, never waiting."""
+        return [self._latest, self._contour] if self._contour.version else [self._latest]
+
+    @property
+    def makes_progress(self) -> bool:
+        """The map's worker is not stuck at one sweep or fit."""
+        return self._worker.makes_progress
+
+    @property
+    def summary(self) -> str:
+        """How the mapper fares, in a line."""
+        return "; ".join(filter(None, (summary(self._contour), self._latest.detail)))
 
     def close(self) -> None:
         """Take in no more; what was taken in is in the store."""
@@ -210,7 +238,14 @@ class LiveMapper:
             self._log.show_unit_status(gone)
 
 
-def _join(settings: LiveSettings, stop: threading.Event) -> zenoh.Session | None:
+def _empty_status(settings: LiveSettings) -> ServiceStatus:
+    """A status of now that says no more than who and of which version the mapper is."""
+    status = ServiceStatus(site=settings.site, name=settings.service, role="mapper", version=version("noctule-mapper"))
+    status.time.GetCurrentTime()
+    return status
+
+
+def _join(settings: LiveSettings, stop: threading.Event, manager: ServiceManager) -> zenoh.Session | None:
     """A session on the bus, as soon as a router answers; None if ``stop`` is set before."""
     told = False
     while not stop.is_set():
@@ -222,6 +257,7 @@ def _join(settings: LiveSettings, stop: threading.Event) -> zenoh.Session | None
             if not told:
                 _log.warning("%s; waiting for it", error)
                 told = True
+            manager.waiting(str(error))
     return None
 
 

@@ -24,7 +24,7 @@ _CHECK_INTERVAL_S = 1.0
 _LONGEST_PAUSE_S = 30.0
 _PROBE_TIMEOUT_S = 1.0
 _FLUSH_TIMEOUT_S = 5.0
-_CLOSE_TIMEOUT_S = 3.0
+_CLOSE_TIMEOUT_S = 2.0
 # The SDK holds hundreds of megabytes before it lets log() wait, so the link limits what it gives between two flushes.
 _MOST_UNFLUSHED_BYTES = 4_000_000
 _ENTRY_OVERHEAD_BYTES = 2_000  # what the SDK adds to each entry, roughly
@@ -124,7 +124,7 @@ class RerunLink:
             return dict(self._counters)
 
     def close(self) -> None:
-        """Let go of the relay. A worker that the relay holds up is left behind, after 3 s."""
+        """Let go of the relay. A worker that the relay holds up is left behind, after 2 s."""
         self._closing.set()
         with self._changed:
             self._changed.notify()

@@ -1,0 +1,58 @@
+"""Ends a service within 5 s of SIGTERM or SIGINT, whatever of it hangs: a router, a disk, a line, its own log."""
+
+import faulthandler
+import logging
+import os
+import signal
+import threading
+
+CLOSE_WITHIN_S = 4.0  # for the service to close what it has open
+_LOG_WITHIN_S = 0.5  # and then to say that it did not manage to
+_KILLED_AFTER_S = 4.8
+NOT_CLOSED = 1  # the exit status then
+
+_log = logging.getLogger(__name__)
+
+
+class Ending:
+    """The end of this process: ``begun`` is set by SIGTERM, SIGINT or begin(), and 4.5 s later the process has ended.
+
+    If it has not ended by itself it is ended with status 1 and nothing is cleaned up, so what a service has said is
+    stored must be on the disk at any moment. Make one, in the main thread, when the program starts.
+    """
+
+    def __init__(self) -> None:
+        self.begun = threading.Event()
+        self._lock = threading.Lock()
+        self._nowhere = os.open(os.devnull, os.O_WRONLY)
+        woken, wake = os.pipe()
+        os.set_blocking(wake, False)
+        # A handler in Python runs on the main thread, which may be what hangs. Before that Python's own handler, in C,
+        # writes a byte to this pipe, and a thread that does nothing else reads it.
+        signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: None)
+        threading.Thread(target=self._wait_for_signal, args=(woken,), name="ending", daemon=True).start()
+
+    def begin(self) -> None:
+        """Begin to end, without a signal too; the second call does nothing."""
+        with self._lock:
+            if self.begun.is_set():
+                return
+            # This clock is a thread in C: it needs no lock of the interpreter, and still runs while that shuts down.
+            faulthandler.dump_traceback_later(CLOSE_WITHIN_S + _LOG_WITHIN_S, exit=True, file=self._nowhere)
+            signal.setitimer(signal.ITIMER_REAL, _KILLED_AFTER_S)  # the kernel's SIGALRM, if even that fails
+            self.begun.set()
+        last_resort = threading.Timer(CLOSE_WITHIN_S, _give_up)
+        last_resort.daemon = True
+        last_resort.start()
+
+    def _wait_for_signal(self, woken: int) -> None:
+        while os.read(woken, 1)[0] not in (signal.SIGTERM, signal.SIGINT):
+            pass
+        self.begin()
+
+
+def _give_up() -> None:
+    _log.error("not closed within %g s: ended as it is; nothing stored is lost", CLOSE_WITHIN_S)
+    os._exit(NOT_CLOSED)

@@ -1,0 +1,44 @@
+"""How a service writes its log to standard error: as text for people, or as a JSON object a line for a collector."""
+
+import json
+import logging
+from datetime import UTC, datetime
+from enum import StrEnum
+
+FORMAT_VARIABLE = "NOCTULE_LOG_FORMAT"
+_TEXT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+
+
+class LogFormat(StrEnum):
+    """The two ways to write a log."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+class JsonFormatter(logging.Formatter):
+    """One line a record: time (UTC, RFC 3339), level, logger, message, and exception where there is one.
+
+    Nothing else is written, so what a library hangs on its records stays out of the log.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record as a line of ASCII."""
+        utc = datetime.fromtimestamp(record.created, UTC).replace(tzinfo=None)
+        line = {
+            "time": f"{utc.isoformat(timespec='microseconds')}Z",
+            "level": record.levelname,
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if record.exc_info and record.exc_info[1] is not None:
+            line["exception"] = self.formatException(record.exc_info)
+        return json.dumps(line)
+
+
+def set_up(log_format: LogFormat) -> None:
+    """Write the log of this process from INFO on, with Python's warnings. Call it once, when the program starts."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(JsonFormatter() if log_format is LogFormat.JSON else logging.Formatter(_TEXT))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
+    logging.captureWarnings(True)
