@@ -323,9 +323,9 @@ def test_a_trackers_own_time_of_a_pose_counts_and_not_when_it_came(tmp_path: Pat
             def placed() -> bool:
                 with line.lock:
                     unit.make_sweep(time.monotonic())
-                return any(sweep.HasField("pose") for sweep in got)
+                return any(sweep.pose.x_m > 0 for sweep in got)
 
-            wait_until(placed, "no sweep got a pose", 20)
+            wait_until(placed, "no sweep got a pose between the two", 20)  # one before the second pose came lies at 0
         assert got[-1].pose.x_m == pytest.approx(100.0, abs=60.0)  # half-way, and 2 m further each second
 
 
