@@ -200,7 +200,7 @@ def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSi
 
 
 def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: LiveSite, tmp_path: Path) -> None:
-    (tmp_path / f"{SITE}.sqlite3").write_text("no store " * 200)
+    (tmp_path / f"{SITE}.sqlite3").mkdir()
     site.start_mapper()
     wait_until(lambda: "can't be used as the mapper's store" in site.running.log("mapper"), "nothing is said", 20)
     assert "Traceback" not in site.running.log("mapper")
