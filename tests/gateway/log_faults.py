@@ -132,7 +132,7 @@ def _read_all(log: SweepLog, left: KilledLog) -> str:
             lost |= set(range(gap.first, gap.last + 1))
         for record in found.records:
             sweep = Sweep.FromString(record)
-            if sweep.log_sequence in left.records and not _same(record, left.records[sweep.log_sequence], log_id):
+            if not _is_as_sent(sweep, left):
                 return f"altered: sweep {sweep.log_sequence}"
             held.add(sweep.log_sequence)
         after = max([at - 1, *(Sweep.FromString(record).log_sequence for record in found.records)])
@@ -150,10 +150,14 @@ def _read_all(log: SweepLog, left: KilledLog) -> str:
     return ""
 
 
-def _same(record: bytes, original: bytes, log_id: str) -> bool:
-    sweep = Sweep.FromString(original)
-    sweep.log_id = log_id
-    return Sweep.FromString(record) == sweep
+def _is_as_sent(sweep: Sweep, left: KilledLog) -> bool:
+    """Whether the record is what its unit sent; under the old log_id also that it stands where it was logged."""
+    if sweep.log_id == left.log_id and sweep.log_sequence in left.records:
+        return sweep == Sweep.FromString(left.records[sweep.log_sequence])
+    sent = Sweep()
+    sent.CopyFrom(arrival(sweep.sequence).sweep)
+    sent.log_id, sent.log_sequence = sweep.log_id, sweep.log_sequence
+    return sweep == sent
 
 
 def _resend(log: SweepLog, left: KilledLog) -> str:

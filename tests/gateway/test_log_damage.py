@@ -199,7 +199,7 @@ def test_a_log_that_its_head_file_does_not_know_keeps_its_sweeps_under_a_new_id(
         assert "its head file does not know it" in log.state.damage
 
 
-@pytest.mark.parametrize("size_bytes", [0, 1])
+@pytest.mark.parametrize("size_bytes", [0, 1, 99])  # SQLite's header has 100 bytes
 def test_an_empty_file_is_not_taken_for_a_new_log(tmp_path: Path, size_bytes: int) -> None:
     path = tmp_path / "u1.sqlite"
     log_id = written(path)
@@ -207,8 +207,9 @@ def test_an_empty_file_is_not_taken_for_a_new_log(tmp_path: Path, size_bytes: in
     with opened(path) as log:
         (result,) = append(log, arrival(50))
         assert isinstance(result, Committed)
-        assert (log.state.log_id, result.log_sequence) != (log_id, 1)
-        assert log.state.damage
+        assert log.state.log_id == log_id
+        assert result.log_sequence > 10
+        assert (log.state.damaged, "10 of its sweeps are lost" in log.state.damage) == (10, True)
     assert (tmp_path / "set-aside" / "u1.1" / "u1.sqlite").stat().st_size == size_bytes
 
 

@@ -73,9 +73,10 @@ class _Copy:
         self._new_gaps: list[Gap] = []
         known = source.log if source else None
         elapsed = known.elapsed if known else Elapsed(0.0, "", 0.0)
-        self._old_id = source.log_id if source else ""
-        self._earlier = source is not None and source.version < log_schema.VERSION
         heads = head_file.read(head_path(path))
+        of_heads = heads.newest.log_id if heads.newest else ""  # all that is known where nothing can be read
+        self._old_id = source.log_id if source else of_heads
+        self._earlier = source is not None and source.version < log_schema.VERSION
         self._newest_head = heads.newest.head if heads.newest and heads.newest.log_id == self._old_id else 0
         self._most_used = heads.most_used(self._old_id, now.kernel_boot) if self._old_id else None
         if self._earlier and known is not None:  # these had no head file, and their log is taken at its word
