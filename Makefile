@@ -14,11 +14,12 @@ test: packages-test setup firmware
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
 	pytest --numprocesses 2 --dist loadfile
 
-# These keep up with the clock, so each has the machine to itself; the others run in simulated time.
+# These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
+# in one process, which maps its rooms once for all of them.
 BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py
 
 soak: packages-test setup firmware
-	pytest -m soak --timeout 900 --numprocesses 2 --dist loadgroup $(addprefix --ignore ,$(BY_THE_CLOCK))
+	pytest -m soak --timeout 900 --numprocesses 2 --dist loadfile $(addprefix --ignore ,$(BY_THE_CLOCK))
 	pytest -m soak --timeout 900 $(BY_THE_CLOCK)
 
 bench: packages-test setup firmware

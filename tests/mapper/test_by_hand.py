@@ -23,8 +23,6 @@ from noctule_mapper.readings.evidence import evidence, newest_of_each_beam
 from noctule_mapper.readings.looks import looks_of_all
 from noctule_mapper.readings.parts import stops_are_rare
 
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("by_hand")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED = 95_000
 ROOMS = {"fine": 40, "coarse": 50}

@@ -16,8 +16,6 @@ from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("fixed_units")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 100
 # Of walls and false objects what is wanted, of the rest what is reached: wanted are 5 % of corners and of cylinders.

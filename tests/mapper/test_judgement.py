@@ -15,8 +15,7 @@ from mapper.judge import Errors
 from mapper.judged_room import Run, run
 from scipy.stats import chi2
 
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = [pytest.mark.soak, pytest.mark.xdist_group("judgement")]
+pytestmark = pytest.mark.soak
 ROOMS = 200
 FIRST_SEED = 83_000
 KINDS = ("paper", "random", "hard")

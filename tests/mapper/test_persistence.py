@@ -26,8 +26,6 @@ from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 
 SIGMA_M = 0.0032  # Liu et al. 2019, Section V.A
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("persistence")
 FIRST_SEED, ROOMS = 94_000, 100  # never looked at while the mapper was made
 
 

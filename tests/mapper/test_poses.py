@@ -28,8 +28,6 @@ from noctule_mapper.contour.contour import Contour, PoseState, UnitPose
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import from_message
 
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("poses")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS, WRONG_ROOMS = 94_000, 40, 30
 ROOM = Room(np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]))

@@ -23,8 +23,6 @@ from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.touches import kind_chances
 
 CONFIG = RefinementConfig()
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("touches")
 FIRST_SEED, RECTANGLES, ANY_ROOMS = 93_000, 100, 200  # no room from these seeds on was looked at while this was made
 RECTANGLE = Room(np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]))
 IN_THE_MIDDLE = np.array([(1.6, 1.1, np.pi / 2)])

@@ -26,8 +26,6 @@ from noctule_mapper.contour.contour import PoseState
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("unknown_poses")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 18
 LEAST_FOUND = 0.2

@@ -15,8 +15,6 @@ from noctule_mapper.config import SensorConfig
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.mapper import Mapper
 
-# Its rooms are mapped once, for all tests: one process runs them.
-pytestmark = pytest.mark.xdist_group("unmeasured sensors")
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS = 96_000, 40
 ROOM = Room(np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)]))
