@@ -149,7 +149,7 @@ def verdicts(plan: str) -> list[Verdict]:
 @pytest.mark.soak
 @pytest.mark.parametrize(
     ("plan", "kind", "most"),
-    [("fine", "wall", 0.05), ("fine", "corner", 0.06), ("coarse", "wall", 0.25), ("coarse", "corner", 0.25)],
+    [("fine", "wall", 0.05), ("fine", "corner", 0.06), ("coarse", "wall", 0.2), ("coarse", "corner", 0.2)],
 )
 def test_nearly_all_that_the_echoes_show_is_found(plan: str, kind: str, most: float) -> None:
     due, missed = (sum(what.startswith(kind) for one in of for what in one) for of in _due_and_missed(plan))
@@ -158,7 +158,7 @@ def test_nearly_all_that_the_echoes_show_is_found(plan: str, kind: str, most: fl
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("plan", "most"), [("fine", 5), ("coarse", 4)])
+@pytest.mark.parametrize(("plan", "most"), [("fine", 5), ("coarse", 20)])
 def test_hardly_anything_is_invented(plan: str, most: int) -> None:
     false = {FIRST_SEED + number: one.false for number, one in enumerate(verdicts(plan)) if one.false}
     assert sum(map(len, false.values())) <= most, false
