@@ -34,7 +34,7 @@ DEFAULT_FLEET, DEFAULT_OUT = Path("fleet.toml"), Path("rendered")
 
 
 def main() -> None:
-    """Run the command line; what went wrong is told in one line."""
+    """Run the command line; what went wrong stands in one line."""
     try:
         app()
     except NoctuleError as error:
@@ -88,7 +88,7 @@ def check(fleet_file: FleetFile = DEFAULT_FLEET, out: Out = DEFAULT_OUT, ca: Ca 
 
 @contextmanager
 def _told(out: Path) -> Iterator[None]:
-    """A file that the operating system refuses is told by its name."""
+    """A file that the operating system refuses is named."""
     try:
         yield
     except OSError as error:

@@ -140,7 +140,7 @@ def _exchanged(state: State, library: Sequence[Candidates], config: MapperConfig
     return state
 
 
-_HOPE_NATS = 40.0  # that fitting an exchange anew may bring at most
+_HOPE_NATS = 40.0  # that fitting an exchange once more may bring at most
 
 
 def _improved(state: State, library: Sequence[Candidates], config: MapperConfig) -> State:

@@ -27,7 +27,7 @@ commands.add_typer(command.rpc, name="rpc")
 
 
 def app() -> None:
-    """Run the command line; what went wrong is told in one line."""
+    """Run the command line; what went wrong stands in one line."""
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
     threads.end_process_when_one_fails()
     signal.signal(signal.SIGTERM, _interrupt)
