@@ -6,8 +6,10 @@ silence or used their sequences again, 13 stopped, and 3 ended the reader with a
 
 import shutil
 import sqlite3
+import threading
 from collections import Counter
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -228,6 +230,38 @@ def test_a_rebuilt_log_takes_its_place_wherever_the_gateway_was_killed(tmp_path:
     with opened(path) as log:
         assert [sweep.sequence for sweep in read(log)] == [0, 1, 2, 3]
     assert sorted(each.name for each in (tmp_path / "set-aside" / "u1.1").iterdir()) == ["u1.sqlite", "u1.sqlite-head"]
+
+
+def test_readers_that_never_pause_see_the_rebuilt_file_at_once_and_not_the_damaged_one(tmp_path: Path) -> None:
+    path = tmp_path / "u1.sqlite"
+    for trial in range(40):
+        written(path)
+        spoiled(path, "UPDATE sweeps SET record = x'ff' WHERE log_sequence = 4")
+        with opened(path) as log, reading_all_the_time(log):
+            results = [result for sequence in range(20, 30) for result in append(log, arrival(sequence))]
+            assert all(isinstance(result, Committed) for result in results), (trial, results)
+        shutil.rmtree(tmp_path)
+        tmp_path.mkdir()
+
+
+@contextmanager
+def reading_all_the_time(log: SweepLog) -> Iterator[None]:
+    ended = threading.Event()
+
+    def read_on() -> None:
+        while not ended.is_set():
+            with suppress(LogError):
+                log.read(1, 10_000, 2**30)
+
+    readers = [threading.Thread(target=read_on) for _ in range(3)]
+    for reader in readers:
+        reader.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        for reader in readers:
+            reader.join()
 
 
 def test_a_reply_of_the_log_states_the_damage_within_the_bounds_of_the_bus(tmp_path: Path) -> None:

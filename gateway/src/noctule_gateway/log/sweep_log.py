@@ -97,8 +97,7 @@ class SweepLog:
         """Commit what waits and close the file."""
         self._waiting.put(None)
         self._thread.join()
-        with self._reader:
-            self._stop_reading()
+        self._stop_reading()
         if self._writing is not None:
             self._writing.close()
             self._writing = None
@@ -162,7 +161,8 @@ class SweepLog:
     def _commit_to_file(self, arrivals: list[Arrival]) -> list[Committed]:
         now = self._now()
         if self._writing is None:
-            finish_replacing(self._path)
+            with self._no_reader():
+                finish_replacing(self._path)
             self._writing = LogFile(self._path, now)
         return self._writing.commit(arrivals, now, self._retention)
 
@@ -171,7 +171,7 @@ class SweepLog:
         self._abandon()
         if time.monotonic() < self._rebuilt_at_s + _REBUILD_EVERY_S:
             raise damage
-        with self._reader:  # nobody opens the file meanwhile
+        with self._no_reader():
             done = rebuild(self._path, damage.reason, self._now())
             self._rebuilds += 1
         self._rebuilt_at_s = time.monotonic()
@@ -182,10 +182,17 @@ class SweepLog:
         if self._writing is not None:
             self._writing.abandon()
             self._writing = None
-        with self._reader:
-            self._stop_reading()
+        self._stop_reading()
 
     def _stop_reading(self) -> None:
-        if self._reading is not None:
-            self._reading.close()
-            self._reading = None
+        with self._no_reader():
+            pass  # it is opened again by the next read
+
+    @contextlib.contextmanager
+    def _no_reader(self) -> Iterator[None]:
+        """No reader has the file open, nor opens it: one that still had the file replaced would report its damage."""
+        with self._reader:
+            if self._reading is not None:
+                self._reading.close()
+                self._reading = None
+            yield
