@@ -100,6 +100,10 @@ SUBJECTS = {
         *("{site}/service/{service}/status", "noctule.v1.ServiceStatus", "each service", "a service's state"),
         *(Carrier.STATE, _PROGRAMS, _ALL),
     ),
+    "offer": Subject(
+        *("{site}/service/{service}/@offer", "", "mapper", "a liveliness token while it would map the site"),
+        *(Carrier.TOKEN, _MAPPER, _ALL),
+    ),
     "contour": Subject(
         *("{site}/map/contour", "noctule.v1.Contour", "mapper", "the site's contour"),
         *(Carrier.STATE, _MAPPER, _WATCHERS),
@@ -167,6 +171,11 @@ def service_status(site: str, service: str) -> str:
     return _key("service_status", site=site, service=service)
 
 
+def offer(site: str, service: str) -> str:
+    """Liveliness token held by a mapper that shares the site with others and is ready to map it."""
+    return _key("offer", site=site, service=service)
+
+
 def of_all(key: str) -> str:
     """The expression by which others read a unit's or service's ``key``: the same with ANY for its name."""
     match key.split("/"):
@@ -215,6 +224,14 @@ def parse_unit(key: str) -> UnitKey:
         case ["noctule", "@v1", site, "unit", unit, *subject] if subject:
             return UnitKey(name(site, "site"), name(unit, "unit"), "/".join(subject))
     raise KeyFormatError(f"{key!r} is not a unit's key: it should read {ROOT}/SITE/unit/UNIT/SUBJECT")
+
+
+def parse_offer(key: str) -> tuple[str, str]:
+    """Site and mapper of an offer's key; raises KeyFormatError if it is not one."""
+    match key.split("/"):
+        case ["noctule", "@v1", site, "service", service, "@offer"]:
+            return name(site, "site"), name(service, "service name")
+    raise KeyFormatError(f"{key!r} is not an offer's key: it should read {ROOT}/SITE/service/MAPPER/@offer")
 
 
 def parse_rpc(key: str) -> str:

@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 from enum import StrEnum
 
 FORMAT_VARIABLE = "NOCTULE_LOG_FORMAT"
-_TEXT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 
 
 class LogFormat(StrEnum):
@@ -22,6 +21,10 @@ class JsonFormatter(logging.Formatter):
     Nothing else is written, so what a library hangs on its records stays out of the log.
     """
 
+    def __init__(self, prefix: str = "") -> None:
+        super().__init__()
+        self._prefix = prefix
+
     def format(self, record: logging.LogRecord) -> str:
         """The record as a line of ASCII."""
         utc = datetime.fromtimestamp(record.created, UTC).replace(tzinfo=None)
@@ -29,16 +32,20 @@ class JsonFormatter(logging.Formatter):
             "time": f"{utc.isoformat(timespec='microseconds')}Z",
             "level": record.levelname,
             "logger": record.name,
-            "message": record.getMessage(),
+            "message": self._prefix + record.getMessage(),
         }
         if record.exc_info and record.exc_info[1] is not None:
             line["exception"] = self.formatException(record.exc_info)
         return json.dumps(line)
 
 
-def set_up(log_format: LogFormat) -> None:
-    """Write the log of this process from INFO on, with Python's warnings. Call it once, when the program starts."""
+def set_up(log_format: LogFormat, prefix: str = "") -> None:
+    """Write the log of this process from INFO on, with Python's warnings. Call it once, when the program starts.
+
+    Every message begins with ``prefix``, a name that tells apart processes that write to one place.
+    """
     handler = logging.StreamHandler()
-    handler.setFormatter(JsonFormatter() if log_format is LogFormat.JSON else logging.Formatter(_TEXT))
+    text = f"%(asctime)s %(levelname)s %(name)s: {prefix}%(message)s"
+    handler.setFormatter(JsonFormatter(prefix) if log_format is LogFormat.JSON else logging.Formatter(text))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.captureWarnings(True)

@@ -14,13 +14,14 @@ from noctule_mapper.cli.export import export
 from noctule_mapper.cli.fit import fit
 from noctule_mapper.cli.reproduce import reproduce
 from noctule_mapper.cli.run import run
+from noctule_mapper.cli.share import share
 from noctule_mapper.cli.store import backup, check
 from noctule_mapper.cli.survey import survey
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help="Sweeps to contours."
 )
-for _command in (run, fit, calibrate, survey, export, reproduce, check, backup):
+for _command in (run, share, fit, calibrate, survey, export, reproduce, check, backup):
     app.command()(_command)
 
 

@@ -1,5 +1,6 @@
 """The command ``run``: map a site live."""
 
+import threading
 from pathlib import Path
 from typing import Annotated
 
@@ -30,7 +31,16 @@ def run(
     ] = LogFormat.TEXT,
 ) -> None:
     """Map a site as its sweeps come."""
+    from noctule import tls as tls_folders
+    from noctule_mapper.live import service
+    from noctule_mapper.live.config import LiveConfig, load_live
     from noctule_mapper.live.process import run_process
 
-    relay = None if rerun == "none" else rerun
-    run_process(site, name, data, connect or [], relay, config, tls, metrics, log_format)
+    def serve(stop: threading.Event) -> None:
+        parameters = load_live(config) if config else LiveConfig()
+        service_name = name or tls_folders.service_name(tls, "mapper")
+        relay = None if rerun == "none" else rerun
+        settings = service.LiveSettings(site, service_name, data, connect or [], relay, parameters, tls, metrics)
+        service.run(settings, stop)
+
+    run_process(serve, log_format)

@@ -2,44 +2,34 @@
 
 import logging
 import os
-from collections.abc import Sequence
-from pathlib import Path
+import threading
+from collections.abc import Callable
 from typing import NoReturn
 
-from noctule import logs, tls
+from noctule import logs
 from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.threads import FAILED, end_process_when_one_fails
-from noctule_mapper.live import service
-from noctule_mapper.live.config import LiveConfig, load_live
 
 _log = logging.getLogger(__name__)
 
 
 def run_process(
-    site: str,
-    name: str | None,
-    data: Path,
-    connect: Sequence[str],
-    rerun_url: str | None,
-    config: Path | None,
-    tls_folder: Path | None,
-    metrics_at: str | None,
+    serve: Callable[[threading.Event], None],
     log_format: logs.LogFormat,
+    ending: Ending | None = None,
+    prefix: str = "",
 ) -> NoReturn:
-    """Map ``site`` until SIGTERM or SIGINT, then end the process: status 0; 1 for what an operator can put in order;
+    """``serve`` until SIGTERM or SIGINT, then end the process: status 0; 1 for what an operator can put in order;
     70 where a part of the mapper has failed, so that its supervisor starts it again.
 
-    ``name`` None is the name in the certificate of ``tls_folder``, or "mapper". ``metrics_at`` None serves no metrics.
+    ``ending`` is the process's, where it has one already; each line of the log begins with ``prefix``.
     """
-    logs.set_up(log_format)
+    logs.set_up(log_format, prefix)
     end_process_when_one_fails()
-    ending = Ending()
+    ending = ending or Ending()
     try:
-        parameters = load_live(config) if config else LiveConfig()
-        name = name or tls.service_name(tls_folder, "mapper")
-        settings = service.LiveSettings(site, name, data, connect, rerun_url, parameters, tls_folder, metrics_at)
-        service.run(settings, ending.begun)
+        serve(ending.begun)
         status = 0
     except NoctuleError as error:
         _log.error("%s", error)

@@ -65,7 +65,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         log = RerunLog(settings.rerun_url, settings.site)
         closing.callback(log.close)
         closing.enter_context(metrics_server.serving(settings.metrics_at, metrics.registry(shown.statuses)))
-        session = _join(settings, stop, manager)
+        session = join(settings, stop, manager)
         if session is None:
             return
         closing.callback(session.close)
@@ -245,7 +245,7 @@ def _empty_status(settings: LiveSettings) -> ServiceStatus:
     return status
 
 
-def _join(settings: LiveSettings, stop: threading.Event, manager: ServiceManager) -> zenoh.Session | None:
+def join(settings: LiveSettings, stop: threading.Event, manager: ServiceManager) -> zenoh.Session | None:
     """A session on the bus, as soon as a router answers; None if ``stop`` is set before."""
     told = False
     while not stop.is_set():
