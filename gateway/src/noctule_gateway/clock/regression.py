@@ -11,6 +11,7 @@ from math import hypot, inf, sqrt
 from typing import Protocol
 
 TICK_S = 0.25e-6
+TICKS_TO_WRAP = 2**48  # 2.2 years
 OSCILLATOR_TOLERANCE = 0.015  # C8051F340 datasheet: the internal oscillator is within 1.5 %
 
 GOOD_DRIFT_ERROR = 2e-4  # 0.8 mm at the sensor's 4 m, a quarter of what a single range is off by
