@@ -1,10 +1,13 @@
 """Times of sweeps from this boot and earlier ones. UTC is 1e9 s ahead of the host's monotonic clock here."""
 
+from dataclasses import replace
+
 import pytest
 from gateway.oscillator import QUICK, TOLERANCE, Oscillator, exchanges
 
 from noctule_gateway.clock.boot_clocks import UNKNOWN_BOOT_ERROR_S, BootClocks
-from noctule_gateway.clock.regression import HostTime
+from noctule_gateway.clock.regression import TICKS_TO_WRAP, HostTime
+from noctule_gateway.link.peer import BootWatch
 
 OFFSET_S = 1e9
 
@@ -79,3 +82,23 @@ def test_right_after_a_reset_the_drift_of_the_boot_before_still_counts_for_its_o
     clocks.begin(6, 1101.0, OFFSET_S)
     assert clocks.good_drift(5) == pytest.approx(0.01, abs=1e-4)
     assert clocks.good_drift(6) is None
+
+
+def test_times_go_on_where_a_units_counter_of_48_bits_begins_again() -> None:
+    """firmware/README.md: a tick is modulo 2^48. Here it begins again 30 s after the first exchange."""
+    unit = Oscillator(0.01)
+    ahead = TICKS_TO_WRAP - unit.tick(1030.0)
+
+    def shown(host_s: float) -> int:
+        return (unit.tick(host_s) + ahead) % TICKS_TO_WRAP
+
+    clocks, watch = begun(), BootWatch()
+    watch.begin(5)
+    for each in exchanges(unit, 70, seed=14):
+        ticks = ((tick + ahead) % TICKS_TO_WRAP for tick in (each.received_tick, each.sent_tick))
+        received_tick, sent_tick = ticks
+        assert not watch.refuted_by_tick(sent_tick)
+        assert clocks.add(replace(each, received_tick=received_tick, sent_tick=sent_tick))
+    for host_s in (1025.0, 1029.9, 1030.1, 1050.0):
+        told = clocks.at(5, shown(host_s), OFFSET_S)
+        assert told.time_s - OFFSET_S == pytest.approx(host_s, abs=0.002)

@@ -54,7 +54,7 @@ def test_after_a_minute_the_time_is_good_to_a_millisecond_and_the_drift_to_ten_p
         clock.add(exchange)
     error = error_of(clock, unit, all_exchanges[-1].answered_s)
     assert abs(error.time_s) < 0.001
-    assert error.error_s < 0.001
+    assert error.error_s < 0.0015  # it allows for a chip that warms up
     assert clock.drift == pytest.approx(drift, abs=1e-5)
 
 
@@ -156,3 +156,42 @@ def test_the_clock_of_a_simulated_site_corrects_nothing() -> None:
     for exchange in exchanges(Oscillator(0.01), 60, seed=13):
         clock.add(exchange)
     assert clock.good_drift is None
+
+
+@pytest.mark.parametrize("there_s, back_s", [(0.0, 0.005), (0.005, 0.0), (0.005, 0.005)], ids=["back", "there", "both"])
+def test_after_a_minute_a_queue_on_the_line_leaves_the_time_good_to_a_millisecond_and_within_the_stated_error(
+    there_s: float, back_s: float
+) -> None:
+    """200 boots, oscillators within the datasheet's 1.5 %, up to 5 ms of delay on the ways named."""
+    errors = []
+    for seed in range(200):
+        random = Random(seed)
+        unit, clock = Oscillator(random.uniform(-TOLERANCE, TOLERANCE)), RegressedClock()
+        for number, exchange in enumerate(exchanges(unit, 130, seed)):
+            received_s = exchange.sent_s + 0.0002 + random.uniform(0.0, there_s)
+            answered_s = received_s + 0.0003 + 0.0002 + random.uniform(0.0, back_s)
+            ticks = unit.tick(received_s), unit.tick(received_s + 0.0003)
+            clock.add(Exchange(exchange.sent_s, *ticks, answered_s))
+            if number >= 70:  # a minute
+                errors.append(
+                    error_of(clock, unit, exchange.sent_s - random.uniform(0.0, 10.5))
+                )  # a fine sweep's start
+    assert max(abs(error.time_s) for error in errors) < 0.001
+    assert all(abs(error.time_s) <= error.error_s for error in errors)
+    assert sorted(error.error_s for error in errors)[len(errors) // 2] < 0.002
+
+
+@pytest.mark.parametrize("slope", [-5e-6, 5e-6])
+def test_a_chip_that_warms_up_stays_within_the_stated_error(slope: float) -> None:
+    """5 ppm/s: 300 ppm within the first minute after power-up, the chip's own 7 K at 40 ppm/K."""
+
+    def tick(host_s: float) -> int:
+        return int((host_s - 990.0) * (1 + slope * (host_s - 990.0) / 2) / 0.25e-6)
+
+    clock, unit = RegressedClock(), Oscillator(0.0)
+    for number, exchange in enumerate(exchanges(unit, 70, seed=20)):
+        received_s = exchange.sent_s + 0.0005
+        clock.add(Exchange(exchange.sent_s, tick(received_s), tick(received_s + 0.0003), received_s + 0.001))
+        if number >= QUICK:
+            time_s, error_s = told(clock, tick(exchange.sent_s - 2.0))
+            assert abs(time_s - (exchange.sent_s - 2.0)) <= error_s

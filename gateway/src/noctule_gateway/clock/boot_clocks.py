@@ -2,8 +2,16 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 
-from noctule_gateway.clock.regression import Exchange, HostTime, NominalClock, RegressedClock, UnitClock
+from noctule_gateway.clock.regression import (
+    TICKS_TO_WRAP,
+    Exchange,
+    HostTime,
+    NominalClock,
+    RegressedClock,
+    UnitClock,
+)
 
 UNKNOWN_BOOT_ERROR_S = 3600.0  # nothing tells how long a sweep has waited; a ring of them is rarely older than this
 _KEPT_BOOTS = 8
@@ -29,18 +37,21 @@ class BootClocks:
 
     def begin(self, boot: int, now_s: float, utc_offset_s: float) -> None:
         """The unit has shown at ``now_s``, in the host's monotonic time, that it runs under ``boot``."""
+        if boot != self._boot:
+            self._last_tick = 0
         self._boot = boot
         self._begun_s = now_s
         self._clock_of(boot, utc_offset_s)
 
     def add(self, exchange: Exchange) -> bool:
         """Take in an exchange of the present boot; False if it was refused."""
-        self._last_tick = exchange.sent_tick
-        return self._clocks[self._boot].add(exchange)
+        received_tick, sent_tick = (self._unwrapped(tick) for tick in (exchange.received_tick, exchange.sent_tick))
+        self._last_tick = sent_tick
+        return self._clocks[self._boot].add(replace(exchange, received_tick=received_tick, sent_tick=sent_tick))
 
     def at(self, boot: int, tick: int, utc_offset_s: float) -> HostTime:
         """When ``tick`` of ``boot`` was, in UTC. Of a boot that nothing is known of: before the present one began."""
-        known = self._clock_of(boot, utc_offset_s).at(tick)
+        known = self._clock_of(boot, utc_offset_s).at(self._unwrapped(tick) if boot == self._boot else tick)
         if known is not None:
             return HostTime(known.time_s + utc_offset_s, known.error_s)
         began = self._clocks[self._boot].at(0)
@@ -62,6 +73,11 @@ class BootClocks:
         """The drift that ``boot`` ran with, where that is known; else the present boot's: it is the same oscillator."""
         known = (self._clocks[each].good_drift for each in (boot, self._boot) if each in self._clocks)
         return next((drift for drift in known if drift is not None), None)
+
+    def _unwrapped(self, tick: int) -> int:
+        """A tick of the present boot, counted on where the unit's counter of 48 bits has begun again."""
+        turns = (self._last_tick - tick + TICKS_TO_WRAP // 2) // TICKS_TO_WRAP
+        return tick + max(turns, 0) * TICKS_TO_WRAP
 
     def _clock_of(self, boot: int, utc_offset_s: float) -> UnitClock:
         if boot not in self._clocks:

@@ -11,12 +11,13 @@ from math import hypot, inf, sqrt
 from typing import Protocol
 
 TICK_S = 0.25e-6
+TICKS_TO_WRAP = 2**48  # 2.2 years
 OSCILLATOR_TOLERANCE = 0.015  # C8051F340 datasheet: the internal oscillator is within 1.5 %
 
 GOOD_DRIFT_ERROR = 2e-4  # 0.8 mm at the sensor's 4 m, a quarter of what a single range is off by
 
-_DECAY = 29.0 / 30.0  # of all earlier weight, per exchange: about half a minute of memory at one a second
-_WANDER = 1e-5  # assumed change of drift within that memory: temperature in a room
+_DECAY = 0.95  # of all earlier weight, per exchange: some twenty seconds of memory at one a second
+_WANDER = 5e-5  # assumed change of drift within that memory: the chip warms up, 7 K at 40 ppm/K within minutes
 _REFUSALS_TO_BELIEVE = 3  # so many contradictions in a row: it is the line that is wrong
 _JUMP_S = 0.1  # by less than this a unit's time may jitter, by more it is another time
 _FLOOR_GROWTH = 1.01  # per exchange, so that a round trip that was short once does not count for ever
@@ -115,7 +116,7 @@ class RegressedClock:
         if anchor is not None:
             self._mean_unit_s, self._mean_host_s = anchor_tick * TICK_S, anchor.time_s
             self._weight = 1 / anchor.error_s**2
-            self._floor_s = anchor.error_s
+            self._floor_s = self._bias_s = anchor.error_s
 
     @property
     def drift(self) -> float:
@@ -137,10 +138,13 @@ class RegressedClock:
             return False
         self._refused = 0
         self._floor_s = min(half_trip_s, self._floor_s * _FLOOR_GROWTH)
-        variance = (
-            half_trip_s**2 / 3 + self._jitter_s**2
-        )  # uniform within the bound, and what bounds have not explained
+        # A queue delays one way only, so it moves the mid to one side, time after time. Trips longer than the shortest
+        # weigh little, and the mean half trip bounds the bias that is left.
+        excess = half_trip_s / self._floor_s
+        variance = half_trip_s**2 / 3 * excess**2 + self._jitter_s**2
         self._regress(exchange.unit_s, exchange.host_s, weight=1 / variance)
+        share = (1 / variance) / self._weight
+        self._bias_s += share * (half_trip_s - self._bias_s)
         return True
 
     def at(self, tick: int) -> HostTime | None:
@@ -164,7 +168,7 @@ class RegressedClock:
 
     def _line_error_s(self, unit_s: float) -> float:
         ahead_s = unit_s - self._mean_unit_s
-        return hypot(1 / sqrt(self._weight), self._drift_error * ahead_s, self._floor_s / sqrt(3))
+        return hypot(1 / sqrt(self._weight), self._drift_error * ahead_s, self._bias_s)
 
     def _agrees(self, exchange: Exchange, half_trip_s: float) -> bool:
         """The exchange fits the line, or the line has given way because exchanges have contradicted it in a row."""
@@ -188,6 +192,7 @@ class RegressedClock:
         self._mean_unit_s = self._mean_host_s = 0.0
         self._variance = self._covariance = 0.0  # weighted sums about the means: of unit_s, and with host_s - unit_s
         self._floor_s = inf
+        self._bias_s = 0.0
         self._jitter_s = 0.0
         self._refused = 0
 

@@ -1,5 +1,6 @@
 """Who is at the other end of the line: the unit expected or another, there or gone, the same boot or a later one."""
 
+from noctule_gateway.clock.regression import TICKS_TO_WRAP
 from noctule_gateway.errors import WrongUnitError
 from noctule_gateway.wire.frames import NO_SERIAL, PROTOCOL, Hello, Loader
 
@@ -64,7 +65,8 @@ class BootWatch:
 
     def refuted_by_tick(self, tick: int) -> bool:
         """``tick``, or one before it, is of another boot."""
-        if tick + _SLACK_TICKS < self._last_tick:
+        back_ticks = self._last_tick - tick
+        if _SLACK_TICKS < back_ticks < TICKS_TO_WRAP // 2:  # by more than half a turn: the counter has begun again
             self._ticks_went_back = True
         self._last_tick = tick
         return self._ticks_went_back
