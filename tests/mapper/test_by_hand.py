@@ -64,6 +64,15 @@ def test_coarse_sweeps_from_a_stop_every_metre_map_a_plain_room(seed: int) -> No
     assert not verdict.false
 
 
+@pytest.mark.parametrize("seed", [5018, 5022, 5041])
+def test_a_cylinder_that_coarse_sweeps_hear_from_all_around_is_found(seed: int) -> None:
+    # Rooms with a cylinder of five to eight echoes, hardly two of which come from one side.
+    verdict = _verdict(seed, "coarse")
+    assert any(what.startswith("cylinder") for what in verdict.due)
+    assert not any(what.startswith("cylinder") for what in verdict.missed)
+    assert not verdict.false
+
+
 def test_fine_sweeps_from_four_stops_map_a_plain_room() -> None:
     surveyed = survey_by_hand(RECTANGLE, ROUND[::2], np.random.default_rng(1), FINE_RAD, 1)
     verdict = judge_fixed(mapped(surveyed), RECTANGLE, surveyed)
