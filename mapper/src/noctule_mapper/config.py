@@ -186,7 +186,7 @@ class RareStopsConfig(_Model):
     point_nats: float = Field(default=8.0, gt=0)
     cylinder_nats: float = Field(default=12.0, gt=0)
     longest_baseline_m: float = Field(default=8.0, gt=0)
-    # A wall stands if the best map without it is worth so much less.
+    # A wall, or a cylinder, stands if the best map without it is worth so much less.
     sure_nats: float = Field(default=4.0, ge=0)
     # Walls of more echoes than this need no such proof.
     weak_echoes: float = Field(default=5.5, ge=0)
