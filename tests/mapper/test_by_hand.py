@@ -64,6 +64,22 @@ def test_coarse_sweeps_from_a_stop_every_metre_map_a_plain_room(seed: int) -> No
     assert not verdict.false
 
 
+@pytest.mark.parametrize("seed", [5018, 5022, 5041])
+def test_a_cylinder_that_coarse_sweeps_hear_from_all_around_is_found(seed: int) -> None:
+    # Rooms with a cylinder of five to eight echoes, hardly two of which come from one side.
+    verdict = _verdict(seed, "coarse")
+    assert any(what.startswith("cylinder") for what in verdict.due)
+    assert not any(what.startswith("cylinder") for what in verdict.missed)
+    assert not verdict.false
+
+
+def test_walls_are_not_taken_for_a_wide_cylinder_that_coarse_sweeps_may_as_well_hear() -> None:
+    # A room in which a cylinder of 0.72 m explains the echoes of walls nearly as well.
+    verdict = _verdict(96_029, "coarse")
+    assert not verdict.missed
+    assert not verdict.false
+
+
 def test_fine_sweeps_from_four_stops_map_a_plain_room() -> None:
     surveyed = survey_by_hand(RECTANGLE, ROUND[::2], np.random.default_rng(1), FINE_RAD, 1)
     verdict = judge_fixed(mapped(surveyed), RECTANGLE, surveyed)
@@ -149,16 +165,22 @@ def verdicts(plan: str) -> list[Verdict]:
 @pytest.mark.soak
 @pytest.mark.parametrize(
     ("plan", "kind", "most"),
-    [("fine", "wall", 0.05), ("fine", "corner", 0.06), ("coarse", "wall", 0.2), ("coarse", "corner", 0.2)],
+    [
+        ("fine", "wall", 0.05),
+        ("fine", "corner", 0.06),
+        ("coarse", "wall", 0.17),
+        ("coarse", "corner", 0.16),
+        ("coarse", "cylinder", 0.19),
+    ],
 )
 def test_nearly_all_that_the_echoes_show_is_found(plan: str, kind: str, most: float) -> None:
     due, missed = (sum(what.startswith(kind) for one in of for what in one) for of in _due_and_missed(plan))
-    assert due > 2 * ROOMS[plan]
+    assert due > (0.2 if kind == "cylinder" else 2) * ROOMS[plan]
     assert missed <= most * due, f"{missed} of {due}"
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize(("plan", "most"), [("fine", 5), ("coarse", 20)])
+@pytest.mark.parametrize(("plan", "most"), [("fine", 5), ("coarse", 17)])
 def test_hardly_anything_is_invented(plan: str, most: int) -> None:
     false = {FIRST_SEED + number: one.false for number, one in enumerate(verdicts(plan)) if one.false}
     assert sum(map(len, false.values())) <= most, false

@@ -186,10 +186,13 @@ class RareStopsConfig(_Model):
     point_nats: float = Field(default=8.0, gt=0)
     cylinder_nats: float = Field(default=12.0, gt=0)
     longest_baseline_m: float = Field(default=8.0, gt=0)
-    # A wall stands if the best map without it is worth so much less.
+    # A wall, or a cylinder, stands if the best map without it is worth so much less.
     sure_nats: float = Field(default=4.0, ge=0)
     # Walls of more echoes than this need no such proof.
     weak_echoes: float = Field(default=5.5, ge=0)
+    # A cylinder's three echoes may come from any side, so there are more pairs and triples to choose from.
+    most_pairs: int = Field(default=6000, ge=1)
+    most_triples: int = Field(default=40_000, ge=1)
     # The search by the worth of the whole map is for a room or two.
     most_places: int = Field(default=60, ge=0)
 
@@ -352,6 +355,9 @@ def for_rare_stops(config: MapperConfig) -> MapperConfig:
     refinement = {  # coarse sweeps have no plateaus, whose feet could lie close or leave a wall between two others
         "prices": config.refinement.prices.model_copy(update={**prices, "close_feet_nats": 0.0}),
         "linking": config.refinement.linking.model_copy(update={"between_nats_per_m": 0.0}),
+        "search": config.refinement.search.model_copy(
+            update={"most_pairs": rare.most_pairs, "most_triples": rare.most_triples}
+        ),
     }
     contacts = config.contacts.model_copy(update={"longest_baseline_m": rare.longest_baseline_m})
     return config.model_copy(

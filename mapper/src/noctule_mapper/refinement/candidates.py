@@ -53,6 +53,7 @@ def candidates(
     """Candidates of every kind, weighed."""
     rng = np.random.default_rng(cylinder.seed)
     i, j = _pairs(data, contact, config, rng)
+    round_i, round_j = _pairs(data, contact, config, rng, np.inf) if _stops_are_rare(data) else (i, j)
     lines = np.concatenate(
         [_contact_lines(data.echoes, found), _tangent_lines(data.echoes, i, j), _plateau_lines(data)]
     )
@@ -60,7 +61,7 @@ def candidates(
     circles = np.concatenate(
         [
             _contact_circles(data.echoes, found, cylinder),
-            _tangent_circles(data.echoes, *_triples(i, j, config, rng), cylinder),
+            _tangent_circles(data.echoes, *_triples(round_i, round_j, config, rng), cylinder),
             _plateau_circles(data, cylinder, config),
         ]
     )
@@ -82,10 +83,14 @@ _SAME_SIGMAS = 2.0  # also for theta, as metres at a metre's arm
 
 
 def _pairs(
-    data: Evidence, contact: ContactConfig, config: RefinementConfig, rng: np.random.Generator
+    data: Evidence,
+    contact: ContactConfig,
+    config: RefinementConfig,
+    rng: np.random.Generator,
+    most_turn_beams: float = 4.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of echoes that may share a reflector, drawn evenly where there are more than enough; (m,) each, i of any
-    order to j.
+    order to j. The axes of coarse sweeps are turned by ``most_turn_beams`` half beams at most.
     """
     echoes, has_direction = data.echoes, np.isfinite(data.direction_sigma_rad)
     first = np.arange(len(echoes))
@@ -97,12 +102,19 @@ def _pairs(
     directed = has_direction[first, None] & has_direction[None, :]
     longest_m = np.where(directed, np.inf, contact.longest_baseline_m)
     near = may_share(between.baseline_m, between.longer_m, contact.shortest_baseline_m, longest_m)
-    near &= directed | (turned <= 4 * echoes.half_beam_rad[first, None])
+    near &= directed | (turned <= most_turn_beams * echoes.half_beam_rad[first, None])
     i, j = np.nonzero(near)
     if len(i) > config.search.most_pairs:
         drawn = rng.choice(len(i), config.search.most_pairs, replace=False)
         i, j = i[drawn], j[drawn]
     return first[i], j
+
+
+def _stops_are_rare(data: Evidence) -> bool:
+    """Whether coarse sweeps from few places are all there is: these hear a cylinder from all around, hardly two of them
+    from one side.
+    """
+    return data.looks is not None and not data.has_fine
 
 
 def _triples(

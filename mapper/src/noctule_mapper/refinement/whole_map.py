@@ -3,7 +3,8 @@
 From rare stops a coarse sweep hears each wall once, and the two or three echoes of a wall are worth hardly more than
 its price. Its corners pay for it: their echoes have no other maker. So each candidate line is put into the map, linked
 with the walls that are there, freed of the points that its corners replace, and kept if the whole map is worth more
-with it. In the end a wall of few echoes stands only if the best map without it is worth clearly less.
+with it. In the end a wall of few echoes, or a cylinder, stands only if the best map without it is worth
+clearly less.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,7 +14,7 @@ import numpy as np
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.corners import Link
 from noctule_mapper.contour.likelihood import gains
-from noctule_mapper.contour.reflectors import Line, Reflector, Spot
+from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.contour.silence import silence_of
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.refinement.association import Scene
@@ -26,7 +27,7 @@ _FITTED = 3  # of these the maps that are fitted, the best
 _LEAST_PLACES = 2
 _LEAST_RISE_NATS = 1.0
 _HOPE_NATS = 8.0  # that fitting a map may bring at most
-_MOST_EXCHANGES = 12  # walls without which a map is tried
+_MOST_EXCHANGES = 12  # walls and cylinders without which a map is tried
 _ALIKE_RAD, _ALIKE_M = np.radians(2.5), 0.05  # lines that are one wall
 
 Fitted = Callable[[Sequence[Reflector]], State]
@@ -36,7 +37,7 @@ Linked = Callable[[Sequence[Reflector]], list[Link]]
 def sure_map(
     state: State, library: Sequence[Candidates], scene: Scene, fitted: Fitted, linked: Linked, config: MapperConfig
 ) -> State:
-    """The map that is worth most of those about ``state``, without the walls that it may as well be without."""
+    """The map that is worth most of those about ``state``, without what it may as well be without."""
     rare = config.refinement.rare_stops
     if len(np.unique(scene.data.place)) > rare.most_places:
         return state
@@ -47,16 +48,17 @@ def sure_map(
     state = completed(state)
     judged: list[tuple[Reflector, float]] = []
     for _ in range(_MOST_EXCHANGES):
-        wall = _weakest(state, [one for one, _ in judged], scene, rare.weak_echoes)
-        if wall is None:
+        weakest = _weakest(state, [one for one, _ in judged], scene, rare.weak_echoes)
+        if weakest is None:
             break
-        other = completed(fitted([one for one in state.objects if one is not wall]), barred=wall)
+        rest = fitted([one for one in state.objects if one is not weakest])
+        other = completed(rest, barred=weakest if isinstance(weakest, Line) else None)
         if other.worth > state.worth + _LEAST_RISE_NATS:
             state, judged = other, []
         else:
-            judged.append((wall, state.worth - other.worth))
+            judged.append((weakest, state.worth - other.worth))
     unsure = [one for one, margin in judged if margin < rare.sure_nats]
-    return fitted([one for one in state.objects if not any(one is wall for wall in unsure)]) if unsure else state
+    return fitted([one for one in state.objects if not any(one is old for old in unsure)]) if unsure else state
 
 
 def _completed(
@@ -131,14 +133,17 @@ def _worth(objects: Sequence[Reflector], scene: Scene, linked: Linked) -> float:
     return scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
 
 
-def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoes: float) -> Line | None:
-    """Of the walls not yet ``judged`` the one of fewest echoes, None where all have more than ``most_echoes``."""
+def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoes: float) -> Reflector | None:
+    """Of the walls and cylinders not yet ``judged`` the one of fewest echoes, None where none is left; of walls only
+    those of fewer than ``most_echoes``. What is a wide cylinder may be two walls.
+    """
     claims = scene.claims(state.objects, state.links)
     share = np.bincount(claims.maker, scene.explain(claims).share, minlength=len(state.objects))
     left = [
         (float(share[number]), number, one)
         for number, one in enumerate(state.objects)
-        if isinstance(one, Line) and share[number] < most_echoes and not any(one is old for old in judged)
+        if (isinstance(one, Circle) or (isinstance(one, Line) and share[number] < most_echoes))
+        and not any(one is old for old in judged)
     ]
     return min(left)[2] if left else None
 
