@@ -1,5 +1,6 @@
 """Sessions, states and schemas on a real router."""
 
+import socket
 import threading
 import traceback
 
@@ -32,6 +33,21 @@ def test_a_client_waits_for_its_router(endpoint, caplog):
         assert [str(zid) for zid in opened[0].info.routers_zid()] == [str(router.info.zid())]
         opened[0].close()
     assert all(endpoint in record.getMessage() for record in caplog.records)
+
+
+def test_a_client_whose_first_router_is_dead_joins_the_second(router):
+    with socket.socket() as nobody:  # bound and not listening: a connection is refused
+        nobody.bind(("127.0.0.1", 0))
+        dead = f"tcp/127.0.0.1:{nobody.getsockname()[1]}"
+        with bus.open_session([dead, router.endpoint], patience_s=3.0) as session:
+            assert [str(zid) for zid in session.info.routers_zid()] == [str(router.session.info.zid())]
+
+
+def test_a_client_whose_first_router_takes_connections_and_says_nothing_joins_the_second(router):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        endpoint = f"tcp/127.0.0.1:{silent.getsockname()[1]}"
+        with bus.open_session([endpoint, router.endpoint], patience_s=3.0) as session:
+            assert [str(zid) for zid in session.info.routers_zid()] == [str(router.session.info.zid())]
 
 
 @pytest.mark.parametrize("asked", [{"connect": ["router-1:7447"]}, {"listen": ["127.0.0.1:0"]}])

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import zenoh
@@ -15,6 +15,8 @@ from noctule.bus_config import CONFIG_VARIABLE, DEFAULT_ROUTER
 from noctule.errors import BusError
 
 __all__ = ["CONFIG_VARIABLE", "DEFAULT_ROUTER"]
+
+_ATTEMPT_EVERY_S = 1.0
 
 _log = logging.getLogger(__name__)
 
@@ -67,6 +69,7 @@ def _open_client(
     waiting = False
     # Zenoh could wait by itself, but then no signal would reach the process.
     while True:
+        attempt_s = monotonic()
         try:
             return zenoh.open(config)
         except zenoh.ZError as error:
@@ -76,6 +79,7 @@ def _open_client(
             elif patience_s is not None and monotonic() - began_s >= patience_s:
                 raise BusError(reachability.why_no_router(connect, identity)) from error
             while_waiting()
+            sleep(max(0.0, attempt_s + _ATTEMPT_EVERY_S - monotonic()))
 
 
 def encoding(message_type: type[Message]) -> zenoh.Encoding:

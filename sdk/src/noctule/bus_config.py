@@ -15,13 +15,16 @@ DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 CONFIG_VARIABLE = "ZENOH_CONFIG"
 
 _ATTEMPT_MS = 1000
+_ENDPOINT_MS = 2000  # for an endpoint that takes the connection and says nothing
 _SETTINGS = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
     "scouting/delay": 0,  # nothing is scouted, so nothing is to be waited for
     "transport/shared_memory/enabled": False,
     # An open session looks for its routers for ever, and often enough that an outage is soon over.
-    "connect/timeout_ms": _ATTEMPT_MS,
+    # With any other timeout a client that opens tries its first endpoint alone until the time is up.
+    "connect/timeout_ms": {"router": _ATTEMPT_MS, "peer": _ATTEMPT_MS, "client": 0},
+    "transport/unicast/open_timeout": _ENDPOINT_MS,
     "connect/exit_on_failure": False,
     "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
 }
