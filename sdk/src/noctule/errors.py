@@ -39,6 +39,10 @@ class BusError(NoctuleError):
     """The bus gave no answer, or one that can't be used."""
 
 
+class NotServedError(BusError):
+    """No gateway serves the unit that was asked or commanded."""
+
+
 class BusConfigError(BusError):
     """An endpoint or a configuration that makes no sense, however long one waits."""
 
