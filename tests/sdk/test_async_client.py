@@ -29,7 +29,7 @@ def test_watches_bring_messages_as_they_come_and_the_loop_goes_on_meanwhile(rout
             sent = [Sweep(site="room", unit="u1", log_sequence=n) for n in range(5)]
             await asyncio.to_thread(far.publish, keys.sweep("room", "u1"), *sent)
             assert [await first] + [await anext(sweeps) for _ in range(4)] == sent
-            assert client.counters()["delivered"] == 5
+            assert client.counters()["dropped"] == 0
 
     run(main())
 
@@ -67,12 +67,19 @@ def test_questions_and_commands_are_awaited(router, far):
     run(main())
 
 
-def test_a_watch_that_waits_ends_with_its_client(router):
+def test_watches_end_with_their_client_whether_they_have_begun_or_not(router, far):
     async def main():
         async with AsyncClient("room", connect=[router.endpoint]) as client:
-            waiting = asyncio.ensure_future(anext(client.watch_sweeps(), "ended"))
-            await client.units()  # so that it has begun
-        assert await waiting == "ended"
+            begun, not_begun = client.watch_sweeps("u1"), client.watch_sweeps("u1")
+            first = asyncio.ensure_future(anext(begun))
+            await client.in_thread(far.publish, keys.sweep("room", "u1"), Sweep(unit="u1"))
+            await first
+            waiting = asyncio.ensure_future(anext(begun, "ended"))
+            beginning = asyncio.ensure_future(anext(not_begun, "ended"))
+            await asyncio.sleep(0)  # both tasks run up to their first wait
+        assert [await waiting, await beginning] == ["ended", "ended"]
+        with pytest.raises(BusError, match="the client is closed"):
+            await client.units()
 
     run(main())
 

@@ -59,6 +59,7 @@ class AsyncClient:
         self._session: zenoh.Session | None = None
         self._client: Client | None = None
         self._mailboxes: set[Mailbox] = set()
+        self._closed = False
         self._dropped = 0  # by watches that have ended
 
     async def __aenter__(self) -> Self:
@@ -85,6 +86,7 @@ class AsyncClient:
 
     async def close(self) -> None:
         """End all watches and the session, unless that is the caller's."""
+        self._closed = True
         for mailbox in list(self._mailboxes):
             mailbox.end()
         try:
@@ -172,8 +174,15 @@ class AsyncClient:
         await self.in_thread(self.client.publish_pose, unit, pose)
 
     async def in_thread(self, call: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
-        """Await what ``call`` returns, made on a thread of this client, so that the event loop goes on."""
-        return await asyncio.wrap_future(self._executor.submit(partial(call, *arguments, **named)))
+        """Await what ``call`` returns, made on a thread of this client, so that the event loop goes on.
+
+        Raises BusError when the client is closed.
+        """
+        try:
+            made = self._executor.submit(partial(call, *arguments, **named))
+        except RuntimeError as error:
+            raise BusError("the client is closed") from error
+        return await asyncio.wrap_future(made)
 
     # ---- How ------------------------------------------------------------------------------------------------------
 
@@ -185,6 +194,9 @@ class AsyncClient:
             subscription = await self.in_thread(subscribe, mailbox.put)
             async for item in mailbox:
                 yield item
+        except zenoh.ZError:
+            if not self._closed:  # else it was closed before the iteration had begun
+                raise
         finally:
             if subscription is not None:
                 subscription.undeclare()
