@@ -6,6 +6,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,7 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
             client.on_sweep(got.append)
             wait_until(lambda: connected(client), "the unit was not connected", 20)
             assert client.units() == {"u1"}
+            assert unit_status(client, "u1").gateway_version == version("noctule-gateway")
             with line.lock:
                 made = line.unit.make_sweep(time.monotonic())
                 made_at_s = time.time()

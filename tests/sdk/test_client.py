@@ -2,12 +2,13 @@
 
 import queue
 import threading
+from contextlib import ExitStack
 
 import pytest
 import zenoh
 
 from noctule import Client, bus, keys
-from noctule.errors import BusError, KeyFormatError
+from noctule.errors import BusError, KeyFormatError, NotServedError
 from noctule.messages_pb2 import (
     CommandReply,
     CommandRequest,
@@ -244,6 +245,61 @@ def test_a_log_is_asked_by_sequence_and_number(client, far, collected):
     assert client.log("u1", 5, max=7) == LogRecords(log_id="a", head=9)
     assert collected == [("5", "7")]
     assert client.log("u2", 1) is None
+
+
+def test_a_contour_that_was_published_during_an_outage_comes_when_the_bus_is_back(endpoint, collected, known):
+    with ExitStack() as closing:
+
+        def joined(**ends):
+            return closing.enter_context(bus.open_session(**ends))
+
+        router = joined(listen=[endpoint])
+        far, near = joined(connect=[endpoint]), joined(connect=[endpoint])
+        state = bus.StatePublisher(far, keys.contour("room"), Contour)
+        state.put(Contour(version=1))
+        known(near, keys.contour("room"))
+        client = closing.enter_context(Client("room", session=near))
+        client.on_contour(collected.add)
+        collected.wait_for(len)
+        router.close()
+        state.put(Contour(version=2))  # nobody hears it
+        joined(listen=[endpoint])
+        collected.wait_for(lambda came: came[-1].version == 2)
+    assert [contour.version for contour in collected] == [1, 2]
+
+
+def page_of(sweeps, query, head):
+    """What a gateway's log answers, two records at the most."""
+    first = int(query.parameters.get("from"))
+    most = min(int(query.parameters.get("max")), 2)
+    found = [sweep for sweep in sweeps if first <= sweep.log_sequence][:most]
+    return LogRecords(log_id="a", head=head, tail=3, sweeps=found).SerializeToString()
+
+
+def test_a_units_history_is_read_page_by_page_past_a_page_that_is_refused_as_a_whole(client, far):
+    key = keys.log("room", "u1")
+    sweeps = [Sweep(unit="u1", log_id="a", log_sequence=n) for n in range(3, 10)]
+    for spoiled in sweeps[2:4]:  # 5 and 6, a page
+        spoiled.sensor.beam_width_rad = 1e-300
+    far.answer(key, lambda query: query.reply(key, page_of(sweeps, query, 9)), client.session)
+    assert [sweep.log_sequence for sweep in client.history("u1")] == [3, 4, 7, 8, 9]
+    assert [sweep.log_sequence for sweep in client.history("u1", 8)] == [8, 9]
+    assert list(client.history("u1", 10)) == []
+
+
+def test_a_history_that_nobody_has_or_whose_gateway_goes_away_is_an_error_and_not_an_end(client, far):
+    with pytest.raises(NotServedError, match="no gateway serves unit 'u1'"):
+        list(client.history("u1"))
+    key = keys.log("room", "u1")
+    sweeps = [Sweep(unit="u1", log_id="a", log_sequence=n) for n in (3, 4, 5)]
+
+    def answer(query):
+        if query.parameters.get("from") != "5":
+            query.reply(key, page_of(sweeps, query, 5))
+
+    far.answer(key, answer, client.session)
+    with pytest.raises(NotServedError):
+        list(client.history("u1"))
 
 
 def test_an_error_of_a_log_is_raised_with_its_reason(client, far):

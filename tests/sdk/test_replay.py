@@ -1,10 +1,11 @@
 """A replayed survey looks like units that sweep now, to any reader."""
 
+import random
 import threading
 
 import pytest
 
-from noctule import Client, LogFollower, bus, keys
+from noctule import Client, LogFollower, bus, keys, survey, survey_mcap
 from noctule.errors import SurveyError
 from noctule.messages_pb2 import CommandRequest, Reading, ServiceStatus, Sweep, UnitStatus
 from noctule.replay import Readers, Replay
@@ -51,6 +52,25 @@ def test_a_follower_has_the_whole_survey_under_the_new_site_and_log(client, repl
         assert {(sweep.site, sweep.log_id, sweep.boot) for sweep in got} == {("room", head.log_id, 4)}
         assert [sweep.start.ToMilliseconds() for sweep in got] == [1_000_000 + n * 50 for n in range(700)]
         assert [sweep.readings[0].bearing_rad for sweep in got] == [n / 1000 for n in range(700)]
+
+
+def test_an_mcap_recording_is_replayed_bit_for_bit_but_for_site_and_log(client, replay, collected, tmp_path):
+    dice = random.Random(7)
+    recorded = list(survey_of("u1", "u2"))
+    for sweep in recorded:
+        sweep.clock_error_s, sweep.readings[0].time_of_flight_s = dice.random(), dice.random() / 50
+    path = tmp_path / "survey.mcap"
+    with path.open("wb") as stream:
+        survey_mcap.write(recorded, stream)
+    with LogFollower(client, collected.add_all, {}):
+        replay.run(survey.read(path), None)
+        collected.wait_for(lambda came: len(came) == 40)
+    for unit in ("u1", "u2"):
+        came = [sweep for sweep in collected if sweep.unit == unit]
+        for sequence, sweep in enumerate(came):
+            sweep.site, sweep.log_id, sweep.log_sequence = "old", "old", 90 + sequence
+        expected = [sweep.SerializeToString() for sweep in recorded if sweep.unit == unit]
+        assert [sweep.SerializeToString() for sweep in came] == expected
 
 
 def test_a_survey_is_replayed_at_its_pace_times_the_speed(replay):

@@ -109,17 +109,6 @@ def test_a_file_of_another_kind_is_told(tmp_path, name, told):
         list(survey.read(tmp_path / name))
 
 
-def test_an_mcap_file_that_was_cut_off_is_told(tmp_path):
-    from noctule import survey_mcap
-
-    path = tmp_path / "survey.mcap"
-    with path.open("wb") as stream:
-        survey_mcap.write([Sweep(site="room", unit="a", log_sequence=n) for n in range(100)], stream)
-    path.write_bytes(path.read_bytes()[:-200])
-    with pytest.raises(SurveyError, match="not a whole MCAP file"):
-        list(survey.read(path))
-
-
 def test_a_sweep_that_can_not_be_read_does_not_end_the_records(tmp_path):
     path = tmp_path / "survey.jsonl"
     path.write_text('{"unit": "u1"}\n\n{\n{"unit": "u2"}\n{"boot": -1}\n')

@@ -37,6 +37,8 @@ Clock = Callable[[], Instant]
 
 _log = logging.getLogger(__name__)
 
+VERSION = version("noctule-gateway")
+
 
 class _Served:
     """One unit: its log, its server, and what it has on the bus, once there is one."""
@@ -60,7 +62,7 @@ class _Served:
             self.on_bus.publish(record)
 
     def _report(self, status: UnitStatus) -> None:
-        status.gateway = self._gateway
+        status.gateway, status.gateway_version = self._gateway, VERSION
         self.latest, self.reported_s = status, time.monotonic()
         if self.on_bus is not None:
             self.on_bus.report(status)
@@ -168,7 +170,7 @@ class Gateway:
             site=self._site.name,
             name=self._name,
             role="gateway",
-            version=version("noctule-gateway"),
+            version=VERSION,
             detail="; ".join(
                 filter(
                     None,

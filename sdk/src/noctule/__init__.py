@@ -7,15 +7,33 @@ with noctule.Client("paper-room") as client:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from noctule.errors import BusError, KeyFormatError, NoctuleError, SiteFileError, SurveyError
+from noctule.errors import BusError, KeyFormatError, NoctuleError, NotServedError, SiteFileError, SurveyError
 
 if TYPE_CHECKING:
+    from noctule.async_client import AsyncClient
+    from noctule.async_log_follower import AsyncLogFollower
     from noctule.client import Client
     from noctule.log_follower import LogFollower
 
-__all__ = ["BusError", "Client", "KeyFormatError", "LogFollower", "NoctuleError", "SiteFileError", "SurveyError"]
+__all__ = [
+    "AsyncClient",
+    "AsyncLogFollower",
+    "BusError",
+    "Client",
+    "KeyFormatError",
+    "LogFollower",
+    "NoctuleError",
+    "NotServedError",
+    "SiteFileError",
+    "SurveyError",
+]
 
-_ON_THE_BUS = {"Client": "noctule.client", "LogFollower": "noctule.log_follower"}
+_ON_THE_BUS = {
+    "AsyncClient": "noctule.async_client",
+    "AsyncLogFollower": "noctule.async_log_follower",
+    "Client": "noctule.client",
+    "LogFollower": "noctule.log_follower",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -195,6 +195,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "log_damaged": _NUMBER_53,
         "counters": Counts(200, _ID, _NUMBER_53),
         "gateway": _NAME,
+        "gateway_version": _ID,
         "reset_cause": Text(200),
         "chip_temperature_c": _CHIP_C,
     },

@@ -2,8 +2,8 @@
 
 import logging
 import uuid
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -14,11 +14,12 @@ from google.protobuf.message import Message
 
 from noctule import bounds, bus, keys
 from noctule.delivery import Delivery
-from noctule.errors import BoundsError, BusError, KeyFormatError
+from noctule.errors import BoundsError, BusError, KeyFormatError, NotServedError
 from noctule.messages_pb2 import (
     CommandReply,
     CommandRequest,
     Contour,
+    Cursor,
     Features,
     GridTile,
     LogRecords,
@@ -28,6 +29,9 @@ from noctule.messages_pb2 import (
     UnitStatus,
 )
 from noctule.refusals import Refusals
+from noctule.states import StateReader
+from noctule.subscription import Declared, Subscription
+from noctule.unit_reader import UnitReader
 from noctule.unit_records import sift
 
 QUERY_TIMEOUT_S = 5.0
@@ -42,7 +46,8 @@ class Client:
     """One site on the bus. Use it in a ``with`` statement, or close() it: an open session keeps the process alive.
 
     Callbacks get decoded messages, one at a time, on one thread of the client. A subscription lasts until the client is
-    closed or the returned subscriber undeclared. The on_... of a state also deliver the present one, if there is one.
+    closed or the returned subscription undeclared. The on_... of a state also deliver the present one, if there is one,
+    and again the one that is present after an outage of the bus, if it is another.
     A message that does not fit its key or the bounds of its fields is refused: it is counted, and its key logged once.
     """
 
@@ -63,7 +68,7 @@ class Client:
         self._owns_session = session is None
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()
-        self._subscribers: list[zenoh.Subscriber] = []
+        self._subscriptions: dict[Subscription, None] = {}  # in the order of their making
         self._pose_publishers: dict[str, zenoh.Publisher] = {}
 
     def __enter__(self) -> Self:
@@ -76,12 +81,10 @@ class Client:
 
     def close(self) -> None:
         """End all subscriptions and the session, unless that is the caller's."""
-        for subscriber in self._subscribers:
-            with suppress(zenoh.ZError):  # the caller may have undeclared it
-                subscriber.undeclare()
+        for subscription in list(self._subscriptions):
+            subscription.undeclare()
         for publisher in self._pose_publishers.values():
             publisher.undeclare()
-        self._subscribers.clear()
         self._pose_publishers.clear()
         self._delivery.close()
         if self._owns_session:
@@ -93,11 +96,11 @@ class Client:
 
     # ---- Messages as they come ------------------------------------------------------------------------------------
 
-    def on_sweep(self, callback: Callable[[Sweep], None], unit: str = keys.ANY) -> zenoh.Subscriber:
-        """Sweeps as they are published; some may be missed. Whoever must have them all uses a LogFollower."""
+    def on_sweep(self, callback: Callable[[Sweep], None], unit: str = keys.ANY) -> Subscription:
+        """Sweeps as they are published; some may be missed. A service that must have them all uses a LogFollower."""
         return self._on(keys.sweep(self.site, unit), Sweep, callback)
 
-    def on_pose(self, callback: Callable[[str, Pose], None], unit: str = keys.ANY) -> zenoh.Subscriber:
+    def on_pose(self, callback: Callable[[str, Pose], None], unit: str = keys.ANY) -> Subscription:
         """Poses of units that are tracked, each with the name of its unit."""
 
         def deliver(sample: zenoh.Sample) -> bool:
@@ -106,27 +109,27 @@ class Client:
 
         return self._subscribe(keys.pose(self.site, unit), deliver)
 
-    def on_contour(self, callback: Callable[[Contour], None]) -> zenoh.Subscriber:
+    def on_contour(self, callback: Callable[[Contour], None]) -> Subscription:
         """The site's contour, and each new one."""
         return self._on_state(keys.contour(self.site), Contour, callback)
 
-    def on_features(self, callback: Callable[[Features], None]) -> zenoh.Subscriber:
+    def on_features(self, callback: Callable[[Features], None]) -> Subscription:
         """The feature points of the mapper's last update, and of each new one."""
         return self._on_state(keys.features(self.site), Features, callback)
 
-    def on_grid(self, callback: Callable[[GridTile], None]) -> zenoh.Subscriber:
+    def on_grid(self, callback: Callable[[GridTile], None]) -> Subscription:
         """The tiles of the reliability grid, and each again when it has changed."""
         return self._on_state(keys.grid(self.site), GridTile, callback)
 
-    def on_unit_status(self, callback: Callable[[UnitStatus], None]) -> zenoh.Subscriber:
+    def on_unit_status(self, callback: Callable[[UnitStatus], None]) -> Subscription:
         """The status of each unit, and each new one."""
         return self._on_state(keys.unit_status(self.site, keys.ANY), UnitStatus, callback)
 
-    def on_service_status(self, callback: Callable[[ServiceStatus], None]) -> zenoh.Subscriber:
+    def on_service_status(self, callback: Callable[[ServiceStatus], None]) -> Subscription:
         """The status of each service, and each new one."""
         return self._on_state(keys.service_status(self.site, keys.ANY), ServiceStatus, callback)
 
-    def on_alive(self, callback: Callable[[str, bool], None]) -> zenoh.Subscriber:
+    def on_alive(self, callback: Callable[[str, bool], None]) -> Subscription:
         """Each unit's name with True when a gateway serves it (at once where one does), False when none does."""
 
         def deliver(sample: zenoh.Sample) -> bool:
@@ -138,8 +141,7 @@ class Client:
         subscriber = self.session.liveliness().declare_subscriber(
             keys.alive(self.site, keys.ANY), lambda sample: self._delivery.put(partial(deliver, sample)), history=True
         )
-        self._subscribers.append(subscriber)
-        return subscriber
+        return self._keep(subscriber)
 
     # ---- The present ----------------------------------------------------------------------------------------------
 
@@ -180,12 +182,37 @@ class Client:
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
         return next((_decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
 
+    def history(self, unit: str, from_sequence: int = 1) -> Iterator[Sweep]:
+        """A unit's log in order, from the log sequence ``from_sequence`` or the oldest record held, to its head.
+
+        Read in pages of 500 sweeps. Records that fit neither their log nor the bounds are left out, and the log names
+        them. Raises NotServedError: no gateway serves the unit, or it went away in between; BusError: the gateway gave
+        an error, was silent for QUERY_TIMEOUT_S, or began a new log in between.
+        """
+        first = self.unsifted_log(unit, from_sequence, max=1)
+        if first is None:
+            raise self._not_served(unit)
+        begin = max(from_sequence, first.tail, 1)
+        if begin > first.head:
+            return
+        page: list[Sweep] = []
+        cursor = Cursor(unit=unit, log_id=first.log_id, log_sequence=begin - 1)
+        reader = UnitReader(unit, cursor, self.unsifted_log, page.extend, Counter())
+        while reader.ask_log():
+            if reader.cursor.log_id != first.log_id:
+                raise BusError(f"unit {unit!r} began a new log while the old one was read: read it again from 1")
+            yield from page
+            page.clear()
+        yield from page
+        if reader.cursor.log_sequence < first.head:
+            raise self._not_served(unit)
+
     def command(self, unit: str, name: str, request: CommandRequest, timeout_s: float) -> CommandReply:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
-        Raises BusError: no gateway serves the unit, or there was no reply within ``timeout_s``; KeyFormatError: a name
-        that is none, or a wildcard.
+        Raises NotServedError: no gateway serves the unit; BusError: there was no reply within ``timeout_s``, or we may
+        not command it; KeyFormatError: a name that is none, or a wildcard.
         """
         if not request.request_id:
             request.request_id = uuid.uuid4().hex
@@ -194,7 +221,7 @@ class Client:
         if reply is None:
             if unit in self.units():
                 raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
-            raise BusError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
+            raise self._not_served(unit)
         return _decode(CommandReply, reply)
 
     def publish_pose(self, unit: str, pose: Pose) -> None:
@@ -203,31 +230,40 @@ class Client:
             self._pose_publishers[unit] = bus.declare_publisher(self.session, keys.pose(self.site, unit), Pose)
         self._pose_publishers[unit].put(pose.SerializeToString())
 
+    def _not_served(self, unit: str) -> NotServedError:
+        return NotServedError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
+
     # ---- How ------------------------------------------------------------------------------------------------------
 
-    def _on(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
+    def _on(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> Subscription:
         return self._subscribe(key, partial(self._deliver, message_type, callback))
 
-    def _on_state(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> zenoh.Subscriber:
-        fresh: set[str] = set()  # keys that something newer than the present was published on; of the delivery's thread
-
-        def deliver(sample: zenoh.Sample) -> bool:
-            message = self._accepted(message_type, sample)
-            if message is not None:
-                fresh.add(str(sample.key_expr))
-                callback(message)
-            return message is not None
-
-        def deliver_present(sample: zenoh.Sample) -> bool:
-            return str(sample.key_expr) not in fresh and self._deliver(message_type, callback, sample)
-
-        subscriber = self._subscribe(key, deliver)
+    def _on_state(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> Subscription:
+        state = StateReader(partial(self._accepted, message_type), callback)  # of the delivery's thread
+        subscriber = self._declare_subscriber(key, state.on_published)
         try:
             for sample in self._ask(key):
-                self._delivery.put(partial(deliver_present, sample))
+                self._delivery.put(partial(state.on_present, sample))
         except BusError as error:
             _log.warning("the present of %s is not known until it is next published: %s", key, error)
-        return subscriber
+        # A state that was published during an outage comes by no subscription. Its publisher, which answers for it,
+        # appears again when the bus is back: that is when to ask.
+        querier = self.session.declare_querier(key)
+        again = partial(self._ask_again, key, state)
+        listener = querier.declare_matching_listener(
+            lambda status: self._delivery.put(again) if status.matching else None
+        )
+        return self._keep(subscriber, listener, querier)
+
+    def _ask_again(self, key: str, state: StateReader[M]) -> bool:
+        state.asking()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                self._delivery.put(partial(state.on_present, reply.ok))
+
+        self.session.get(key, on_reply, timeout=QUERY_TIMEOUT_S, consolidation=zenoh.ConsolidationMode.NONE)
+        return False  # nothing was delivered yet
 
     def _deliver(self, message_type: type[M], callback: Callable[[M], None], sample: zenoh.Sample) -> bool:
         """Hand the message to ``callback``; False where it is refused."""
@@ -250,10 +286,16 @@ class Client:
             self._refusals.note(str(sample.key_expr), error)
             return None
 
-    def _subscribe(self, key: str, deliver: Callable[[zenoh.Sample], bool]) -> zenoh.Subscriber:
-        subscriber = self.session.declare_subscriber(key, lambda sample: self._delivery.put(partial(deliver, sample)))
-        self._subscribers.append(subscriber)
-        return subscriber
+    def _subscribe(self, key: str, deliver: Callable[[zenoh.Sample], bool]) -> Subscription:
+        return self._keep(self._declare_subscriber(key, deliver))
+
+    def _declare_subscriber(self, key: str, deliver: Callable[[zenoh.Sample], bool]) -> zenoh.Subscriber:
+        return self.session.declare_subscriber(key, lambda sample: self._delivery.put(partial(deliver, sample)))
+
+    def _keep(self, *parts: Declared) -> Subscription:
+        subscription = Subscription(*parts, forget=lambda ended: self._subscriptions.pop(ended, None))
+        self._subscriptions[subscription] = None
+        return subscription
 
     def _ask_all(self, key: str, message_type: type[M]) -> list[M]:
         accepted = [self._accepted(message_type, reply) for reply in self._ask(key)]

@@ -19,6 +19,10 @@ class SurveyError(NoctuleError):
     """A file of sweeps that can't be read; the message names the line."""
 
 
+class SurveyCutError(SurveyError):
+    """A file of sweeps that ends too early: what comes before the cut can be read."""
+
+
 class ScanError(NoctuleError):
     """A file of a scanner's own that can't be imported; the message names file, place, column and value."""
 
@@ -37,6 +41,10 @@ class BoundsError(NoctuleError):
 
 class BusError(NoctuleError):
     """The bus gave no answer, or one that can't be used."""
+
+
+class NotServedError(BusError):
+    """No gateway serves the unit that was asked or commanded."""
 
 
 class BusConfigError(BusError):

@@ -5,12 +5,13 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
-
-import zenoh
+from types import TracebackType
+from typing import Self
 
 from noctule.client import Client
 from noctule.errors import BusError
 from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
+from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
 LIVE_LENGTH = 500  # live sweeps held per unit; those that don't fit are read from the log
@@ -33,6 +34,8 @@ class _Unit:
 
 class LogFollower:
     """Reads the logs of all units of a site and hands the sweeps to ``deliver``, on one thread of its own.
+
+    Use it in a ``with`` statement, or start() and close() it.
 
     Per (unit, log_id) each sweep is delivered once, in the order of log_sequence, several of one unit at a time.
     ``deliver`` must store the sweeps and with them the cursor, which is the last one's identity, in one transaction.
@@ -59,15 +62,24 @@ class LogFollower:
         self._due: dict[str, None] = {}  # units to see to, in the order in which they came up
         self._poll_at_s = monotonic() + poll_s
         self._thread = threading.Thread(target=self._run, name=f"noctule-follow-{client.site}", daemon=True)
-        self._subscribers: list[zenoh.Subscriber] = []
+        self._subscriptions: list[Subscription] = []
         with self._changed:
             for name, cursor in cursors.items():
                 self._unit(name, cursor)
 
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
     def start(self) -> None:
         """Begin to read."""
         self._thread.start()
-        self._subscribers += [
+        self._subscriptions += [
             self._client.on_sweep(self._on_sweep),
             self._client.on_unit_status(self._on_unit_status),
             self._client.on_alive(self._on_alive),
@@ -75,9 +87,9 @@ class LogFollower:
 
     def close(self) -> None:
         """Read no more; a delivery that has begun is finished first."""
-        for subscriber in self._subscribers:
-            subscriber.undeclare()
-        self._subscribers.clear()
+        for subscription in self._subscriptions:
+            subscription.undeclare()
+        self._subscriptions.clear()
         with self._changed:
             self._closed = True
             self._changed.notify()

@@ -69,7 +69,7 @@ class Recording:
             return
         new = {_identity(sweep) for sweep in survey.read(self._journal)}
         try:
-            for sweep in survey.read(self._path):
+            for sweep in survey.read_whole(self._path):
                 new.discard(_identity(sweep))
                 yield sweep
         except SurveyError as error:

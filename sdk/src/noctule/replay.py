@@ -3,6 +3,7 @@
 import threading
 import uuid
 from collections.abc import Iterable, Mapping
+from importlib.metadata import version
 from time import monotonic
 
 import zenoh
@@ -82,6 +83,7 @@ class ReplayedUnit:
             log_head=len(self._log),
             log_tail=1,
             gateway=FIRMWARE,
+            gateway_version=version("noctule"),
         )
         status.time.GetCurrentTime()
         if self._log:

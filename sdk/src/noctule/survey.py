@@ -1,6 +1,7 @@
 """Files of sweeps: JSON lines of the message Sweep, or MCAP where the file is named so."""
 
 import json
+import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -9,10 +10,12 @@ from google.protobuf import json_format
 from google.protobuf.message import Message
 
 from noctule import bounds
-from noctule.errors import BoundsError, SurveyError
+from noctule.errors import BoundsError, SurveyCutError, SurveyError
 from noctule.messages_pb2 import Sweep
 
 MCAP_SUFFIX = ".mcap"
+
+_log = logging.getLogger(__name__)
 
 
 class Record(NamedTuple):
@@ -26,16 +29,33 @@ class Record(NamedTuple):
 def read(survey: Path | IO[str]) -> Iterator[Sweep]:
     """The sweeps of a file, or of an open text stream of JSON lines, in their order; empty lines are passed over.
 
+    An MCAP file that was cut is read up to the cut, and the log warns of it.
     Raises SurveyError, naming the line and what is wrong with it, at the sweep that can't be read.
     """
-    for record in read_records(survey):
+    yield from _sound(read_records(survey))
+
+
+def read_whole(survey: Path) -> Iterator[Sweep]:
+    """As read(), but a cut is an error too. Raises SurveyError."""
+    yield from _sound(_read_records(survey))
+
+
+def read_records(survey: Path | IO[str]) -> Iterator[Record]:
+    """As read(), but a sweep that can't be read does not end it. Raises SurveyError where the file itself can't be."""
+    try:
+        yield from _read_records(survey)
+    except SurveyCutError as error:
+        _log.warning("%s; what follows is lost", error)
+
+
+def _sound(records: Iterator[Record]) -> Iterator[Sweep]:
+    for record in records:
         if isinstance(record.sweep, SurveyError):
             raise record.sweep
         yield record.sweep
 
 
-def read_records(survey: Path | IO[str]) -> Iterator[Record]:
-    """As read(), but a sweep that can't be read does not end it. Raises SurveyError where the file itself can't be."""
+def _read_records(survey: Path | IO[str]) -> Iterator[Record]:
     if not isinstance(survey, Path):
         yield from _read_lines(survey, getattr(survey, "name", "survey"))
     elif survey.suffix == MCAP_SUFFIX:

@@ -7,7 +7,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 from noctule import bus, keys, survey
 from noctule.cli.joining import DEFAULT_CONNECT, SHORT_PATIENCE_S, Connect, SiteName, Tls, UnitName, joined, may_read
-from noctule.errors import BusError
+from noctule.errors import BusError, NotServedError
 
 
 def log(
@@ -19,17 +19,11 @@ def log(
 ) -> None:
     """Print a unit's log as JSON lines of Sweep."""
     with joined(site, connect, tls) as client:
-        sequence = first
-        while True:
-            records = client.log(unit, sequence)
-            if records is None:
-                unserved = f"no gateway serves unit {unit!r} of site {site!r}: start it, or correct the name."
-                raise BusError(f"{unserved}{may_read(tls)}")
-            for sweep in records.sweeps:
+        try:
+            for sweep in client.history(unit, first):
                 typer.echo(survey.to_json(sweep))
-            if not records.sweeps or records.sweeps[-1].log_sequence >= records.head:
-                return
-            sequence = records.sweeps[-1].log_sequence + 1
+        except NotServedError as error:
+            raise NotServedError(f"{error}.{may_read(tls)}") from error
 
 
 def schema(

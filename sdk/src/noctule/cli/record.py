@@ -23,9 +23,8 @@ def record(
         closing(Recording(out, site)) as recording,
         suppress(KeyboardInterrupt),  # the way to end it
         joined(site, connect, tls, patience_s=None) as client,
-        closing(LogFollower(client, recording.append, recording.cursors)) as follower,
+        LogFollower(client, recording.append, recording.cursors),
     ):
-        follower.start()
         threading.Event().wait()
     held = ", ".join(f"{unit} to {cursor.log_sequence}" for unit, cursor in sorted(recording.cursors.items()))
     typer.echo(f"{out} holds {held or 'no sweeps yet'}", err=True)

@@ -1,0 +1,1 @@
+"""The checks of `noctule doctor`: one module for each subject, each of which yields findings."""

@@ -1,0 +1,63 @@
+"""Items from any thread for one asyncio task."""
+
+import asyncio
+import threading
+from collections import deque
+from contextlib import suppress
+from typing import Generic, Self, TypeVar
+
+T = TypeVar("T")
+
+
+class Mailbox(Generic[T]):
+    """Holds up to ``capacity`` items until its task takes them; when it is full the oldest gives way, and is counted.
+
+    Iterate over it by ``async for``, which ends after end().
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, capacity: int) -> None:
+        self.dropped = 0
+        self._loop = loop
+        self._items: deque[T] = deque(maxlen=capacity)
+        self._lock = threading.Lock()
+        self._arrived = asyncio.Event()
+        self._waking = False  # so that a loop that hangs piles up no more than one call
+        self._ended = False
+
+    def put(self, item: T) -> None:
+        """Add an item, from any thread; never waits."""
+        with self._lock:
+            self.dropped += len(self._items) == self._items.maxlen
+            self._items.append(item)
+        self._wake()
+
+    def end(self) -> None:
+        """Let the iteration end after the items that are held, from any thread."""
+        self._ended = True
+        self._wake()
+
+    def __aiter__(self) -> Self:
+        return self
+
+    async def __anext__(self) -> T:
+        while True:
+            self._arrived.clear()
+            with self._lock:
+                if self._items:
+                    return self._items.popleft()
+            if self._ended:
+                raise StopAsyncIteration
+            await self._arrived.wait()
+
+    def _wake(self) -> None:
+        with self._lock:
+            if self._waking:
+                return
+            self._waking = True
+        with suppress(RuntimeError):  # the loop was closed, and with it the task
+            self._loop.call_soon_threadsafe(self._on_wake)
+
+    def _on_wake(self) -> None:
+        with self._lock:
+            self._waking = False
+        self._arrived.set()
