@@ -17,6 +17,7 @@ from noctule.errors import BoundsError, KeyFormatError
 M = TypeVar("M", bound=Message)
 
 MAX_READINGS = 64  # a sweep, of a unit
+MAX_UNITS = 4096  # of a site
 _SHOWN = 60  # characters of a refused text
 
 
@@ -256,7 +257,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "version": _ID,
         "detail": _SENTENCES,
         "counters": Counts(200, _ID, _NUMBER_53),
-        "cursors": Many(4096),
+        "cursors": Many(MAX_UNITS),
     },
     # ---- Map
     "Point": {
@@ -315,7 +316,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "touches": Many(10_000),
         "sweeps": _NUMBER_53,
         "note": _SENTENCES,
-        "poses": Many(4096),
+        "poses": Many(MAX_UNITS),
         "stops": Many(20_000),  # as many as sweeps
     },
     "FeaturePoint": {
