@@ -187,6 +187,7 @@ class Gateway:
                 "units_late": len(late),
                 "sweeps_committed": sum(served.log.state.head for served in self._served),
                 "puts_dropped": self._outbox.dropped,
+                "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
                 "clock_sets": self._clock_watch.sets,
             },
         )

@@ -56,6 +56,11 @@ class UnitOnBus:
         """Publish the unit's status."""
         self._outbox.post(lambda: self.status.put(status))
 
+    @property
+    def commands_refused(self) -> int:
+        """Commands that found too many under way."""
+        return self._commands.refused
+
     def _on_pose(self, sample: zenoh.Sample) -> None:
         try:
             pose = bounds.decode(Pose, sample.payload.to_bytes())
