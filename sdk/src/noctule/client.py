@@ -61,6 +61,7 @@ class Client:
         self.site = keys.name(site, "site")
         self.session = bus.open_session(connect, tls_folder=tls_folder) if session is None else session
         self._owns_session = session is None
+        self._name = str(self.session.zid())  # by which a gateway tells its clients apart, to serve each in its turn
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()
         self._subscribers: list[zenoh.Subscriber] = []
@@ -266,7 +267,11 @@ class Client:
         answered, error = False, None
         # Any other consolidation keeps one reply per key.
         replies = self.session.get(
-            selector, payload=payload, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            selector,
+            payload=payload,
+            timeout=timeout_s,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            attachment=self._name,
         )
         for reply in replies:
             if reply.ok is not None:
