@@ -18,6 +18,7 @@ M = TypeVar("M", bound=Message)
 
 MAX_READINGS = 64  # a sweep, of a unit
 MAX_UNITS = 4096  # of a site
+MAX_TILES = 4096  # of a grid on the bus: 64 rooms have some hundreds
 _SHOWN = 60  # characters of a refused text
 
 
