@@ -3,6 +3,7 @@
 import socket
 import threading
 import traceback
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -12,7 +13,7 @@ from google.protobuf.descriptor_pool import DescriptorPool
 
 from noctule import bus, bus_config, keys
 from noctule.errors import BusConfigError, BusError
-from noctule.messages_pb2 import Contour, Sweep
+from noctule.messages_pb2 import Contour, GridTile, Sweep
 
 
 def test_an_encoding_names_its_message():
@@ -152,3 +153,35 @@ def test_all_schemas_come_to_one_who_asks_for_all(open_session, known):
     replies = asker.get(keys.schema("*"), consolidation=zenoh.ConsolidationMode.NONE)
     names = {str(reply.ok.key_expr).rsplit("/", 1)[-1] for reply in replies}
     assert {"noctule.v1.Sweep", "noctule.v1.Contour", "noctule.v1.UnitStatus", "noctule.v1.LogRecords"} <= names
+
+
+def thread_count():
+    return len(list(Path("/proc/self/task").iterdir()))
+
+
+def test_many_states_under_one_expression_take_no_thread_each_and_those_beyond_the_limit_are_counted(
+    open_session, known
+):
+    """A thread for each grid tile were 17,983 threads on a map of 18 km."""
+    session, asker = open_session(), open_session()
+    before = thread_count()
+    states = bus.StatesPublisher(session, keys.grid("room"), GridTile, most=300)
+    for x in range(500):
+        states.put(keys.grid("room", keys.tile_name(x, 0)), GridTile(tile_x=x))
+    assert thread_count() - before < 10
+    assert states.refused == 200
+    known(asker, keys.grid("room"))
+
+    def asked(tile):
+        replies = asker.get(keys.grid("room", tile), consolidation=zenoh.ConsolidationMode.NONE)
+        return sorted(GridTile.FromString(reply.ok.payload.to_bytes()).tile_x for reply in replies)
+
+    assert asked("*") == list(range(300))
+    assert asked("7_0") == [7]
+    assert asked("400_0") == []
+    states.forget(keys.grid("room", "7_0"))
+    assert asked("7_0") == []
+    states.put(keys.grid("room", "400_0"), GridTile(tile_x=400))
+    assert asked("400_0") == [400]
+    assert states.refused == 199
+    states.close()

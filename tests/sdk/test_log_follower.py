@@ -4,10 +4,12 @@ import random
 import subprocess
 import sys
 import threading
+from time import monotonic
 
 import pytest
 
-from noctule import Client, LogFollower, bus, keys
+from noctule import Client, LogFollower, bus, keys, log_follower
+from noctule.client import QUERY_TIMEOUT_S
 from noctule.messages_pb2 import Cursor, LogRecords, Reading, Sweep, UnitStatus
 
 PATIENCE_S = 20.0
@@ -53,6 +55,20 @@ class LoggedUnit:
         sweeps = self.sweeps[first - 1 : min(head, first - 1 + int(query.parameters.get("max")))]
         records = LogRecords(log_id=self.log_id, head=head, tail=tail, sweeps=sweeps)
         query.reply(self._key, records.SerializeToString())
+
+
+class SilentUnit:
+    """A unit whose log takes each question and never answers, as where its gateway's disk hangs."""
+
+    def __init__(self, session, unit):
+        self._queries = []  # a query that is let go of is at its end
+        self.asked = threading.Semaphore(0)
+        self._queryable = session.declare_queryable(keys.log("room", unit), self._keep)
+        self._token = session.liveliness().declare_token(keys.alive("room", unit))
+
+    def _keep(self, query):
+        self._queries.append(query)
+        self.asked.release()
 
 
 class Store:
@@ -289,6 +305,52 @@ def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, fol
         for unit in units:
             unit.sweep()
     store.wait_for(lambda stored: stored.of("good") == list(range(1, 21)))
+
+
+def test_a_unit_is_read_live_and_from_its_log_while_thirty_others_do_not_answer(open_session, follow):
+    """With one question at a time, of 5 s each, this took minutes."""
+    session, store = open_session(), Store()
+    unit = LoggedUnit(session, "good")
+    unit.sweep(3)
+    follow(store)
+    store.wait_for(lambda stored: stored.of("good") == [1, 2, 3])
+    silent = [SilentUnit(session, f"silent{number}") for number in range(30)]
+    assert any(each.asked.acquire(timeout=PATIENCE_S) for each in silent)
+    began_s = monotonic()
+    unit._lose = 1.0  # the rest must come from the log
+    unit.sweep(700)
+    unit.status()
+    store.wait_for(lambda stored: stored.of("good") == list(range(1, 704)))
+    assert monotonic() - began_s < QUERY_TIMEOUT_S  # it waited for none of the others
+
+
+def test_live_sweeps_of_a_unit_come_though_its_log_does_not_answer(open_session, far, follow):
+    store = Store()
+    store.cursors["u1"] = Cursor(unit="u1", log_id="a", log_sequence=4)
+    silent = SilentUnit(open_session(), "u1")
+    follow(store)
+    assert silent.asked.acquire(timeout=PATIENCE_S)
+    began_s = monotonic()
+    far.publish(keys.sweep("room", "u1"), Sweep(site="room", unit="u1", log_id="a", log_sequence=5))
+    store.wait_for(lambda stored: stored.of("u1") == [5])
+    assert monotonic() - began_s < QUERY_TIMEOUT_S
+
+
+def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_session, follow, monkeypatch, caplog):
+    monkeypatch.setattr(log_follower, "MAX_UNITS", 3)
+    session, store = open_session(), Store()
+    units = [LoggedUnit(session, f"u{number}") for number in range(3)]
+    for unit in units:
+        unit.sweep()
+    follower = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == 3)
+    made_up = LoggedUnit(session, "made-up")
+    made_up.sweep(5)
+    units[0].sweep()  # by the same session, so it comes after them
+    store.wait_for(lambda stored: len(stored.of("u0")) == 2)
+    assert store.of("made-up") == []
+    assert follower.counters()["refused"] >= 5
+    assert caplog.text.count("more than 3 units: made-up is not read") == 1
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -4,6 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from noctule import bounds, site
 from noctule.errors import SiteFileError
@@ -223,6 +225,77 @@ def test_a_mistake_is_told_by_file_table_and_field(tmp_path, text, told):
     with pytest.raises(SiteFileError, match=told) as error:
         load(tmp_path, text)
     assert str(error.value).startswith(str(tmp_path / "site.toml"))
+
+
+LONG = """site = "room"
+[sensor]
+range_sigma_m = 3.2
+
+[[unit]]
+name = "u1"
+serial = 1
+address = "/dev/ttyUSB0"
+pose = { x_m = 1, y_m = 1, heading_deg = 90 }
+
+[[unit]]
+name = "u2"
+serial = 2
+address = "/dev/ttyUSB1"
+[unit.pose]
+x_m = 1
+y_m = 1
+heading_deg = 90
+[unit.sweep]
+pause_s = 5
+"""
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("3.2", "3.2", r"line 3: \[sensor\]: range_sigma_m is 3.2: give 0.0001 to 0.5 m"),
+        ("serial = 2", "seriel = 2", r"line 11: \[\[unit\]\] 'u2': serial is missing: .*did you write it as seriel\?"),
+        ("y_m = 1, heading_deg = 90", "y_m = 1", r"line 9: \[\[unit\]\] 'u1'.pose: heading_deg is missing"),
+        ("heading_deg = 90\n", "heading_deg = 900\n", r"line 18: \[\[unit\]\] 'u2'.pose: heading_deg is 900"),
+        ("pause_s = 5", "pause_s = 70", r"line 20: \[\[unit\]\] 'u2'.sweep: pause_s is 70: give 0 to 65.535 s"),
+        ("pause_s = 5", "pausse_s = 5", r"line 20: .*pausse_s is not known here: did you mean pause_s\?"),
+    ],
+)
+def test_a_mistake_is_told_by_its_line_with_any_end_of_lines(tmp_path, line_end, right, wrong, told):
+    text = LONG if right == wrong else LONG.replace("3.2", "0.003").replace(right, wrong)
+    path = tmp_path / "site.toml"
+    path.write_bytes(text.replace("\n", line_end).encode())
+    with pytest.raises(SiteFileError, match=told):
+        site.load(path)
+
+
+def _spoiled(text, data):
+    """A site file with some of its characters removed, doubled or exchanged."""
+    for _ in range(data.draw(st.integers(0, 4))):
+        at = data.draw(st.integers(0, len(text)))
+        to = data.draw(st.integers(at, min(at + 12, len(text))))
+        text = (
+            text[:at]
+            + data.draw(st.text("[]{}=\"'.,\n#-9e\ufeff\u00e9\0x", max_size=3) | st.just(text[at:to] * 2))
+            + text[to:]
+        )
+    return text.encode(errors="replace")
+
+
+@given(st.data())
+def test_whatever_a_site_file_holds_it_is_read_or_refused_by_name(tmp_path_factory, data):
+    path = tmp_path_factory.getbasetemp() / "any-site.toml"
+    path.write_bytes(data.draw(st.binary(max_size=200)) if data.draw(st.integers(0, 5)) == 0 else _spoiled(LONG, data))
+    try:
+        site.load(path)
+    except SiteFileError as error:
+        assert str(error).startswith(str(path))
+
+
+def test_a_file_of_a_thousand_brackets_is_refused(tmp_path):
+    with pytest.raises(SiteFileError, match="is not a TOML file"):
+        load(tmp_path, "site = " + "[" * 100_000)
 
 
 def test_a_byte_order_mark_is_read_over(tmp_path):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from noctule.errors import BusError
 from noctule.messages_pb2 import Cursor, LogGap, LogRecords, Sweep
-from noctule.unit_reader import UnitReader
+from noctule.unit_reader import MAX_LOGS_LEFT, UnitReader
 
 
 class Log:
@@ -25,10 +25,20 @@ class Log:
         return LogRecords(log_id=self.log_id, head=self.head, tail=self.tail, sweeps=map(self.sweep, held))
 
 
+class Asking(UnitReader):
+    """A reader, and the log that it asks."""
+
+    def __init__(self, log, deliver, counts, cursor=None):
+        super().__init__("u1", cursor, deliver, counts)
+        self._log = log
+
+    def ask_log(self):
+        return self.read(self._log(self.unit, self.cursor.log_sequence + 1), self.cursor)
+
+
 def reader(log, delivered, cursor=None):
     counts = Counter()
-    read = UnitReader("u1", cursor, log, delivered.extend, counts)
-    return read, counts
+    return Asking(log, delivered.extend, counts, cursor), counts
 
 
 def sequences(delivered):
@@ -104,6 +114,32 @@ def test_a_new_log_is_read_from_its_tail_and_an_old_one_from_where_it_was_left()
         *(("new", 19), ("new", 20)),
         *(("old", 4), ("old", 5)),
     ]
+    assert counts["lost"] == 0
+
+
+def test_a_log_that_has_another_identity_at_each_reply_is_told_so_that_the_asker_waits():
+    """A forged log that did so was asked 18,541 times in 15 s."""
+    replies = (LogRecords(log_id=f"log-{number}", head=9, tail=1) for number in range(10_000))
+    unit, _ = reader(lambda *_: next(replies), [], Cursor(unit="u1", log_id="a", log_sequence=3))
+    assert unit.ask_log()  # one new log is none too many
+    for _ in range(9000):
+        with pytest.raises(BusError, match="unit 'u1' answers with one log and then with another"):
+            unit.ask_log()
+    assert len(unit._left) <= MAX_LOGS_LEFT  # pyright: ignore[reportPrivateUsage]
+
+
+def test_live_sweeps_that_came_while_the_log_was_asked_are_neither_lost_nor_doubled():
+    """The reply ends before the cursor that the live sweeps have moved: it says nothing of what follows."""
+    delivered, log = [], Log(head=4, most=2)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=2))
+    asked = unit.cursor
+    early, log.head = log("u1", 3), 9
+    late = log("u1", 3)
+    assert unit.take([log.sweep(n) for n in (3, 4, 5, 6)])
+    assert not unit.read(early, asked)
+    assert unit.read(late, asked)
+    read_to_head(unit)
+    assert sequences(delivered) == [3, 4, 5, 6, 7, 8, 9]
     assert counts["lost"] == 0
 
 
@@ -205,7 +241,7 @@ def test_nothing_has_moved_when_the_delivery_raised():
         stored.extend(sweeps)
 
     counts = Counter()
-    unit = UnitReader("u1", Cursor(unit="u1", log_id="a"), log, deliver, counts)
+    unit = Asking(log, deliver, counts, Cursor(unit="u1", log_id="a"))
     with pytest.raises(OSError, match="disk full"):
         unit.take([log.sweep(1)])
     with pytest.raises(OSError, match="disk full"):

@@ -6,7 +6,6 @@ Units are served with or without a bus: what is committed while no router answer
 import logging
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from noctule.bus_watch import BusWatch
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
+from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
 from noctule_gateway.clock import elapsed
@@ -28,7 +28,6 @@ from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.unit.unit_server import UnitServer
 
-_LOG_READERS = 2
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
 _LISTED = 10  # units that a status names; a site may have hundreds
@@ -89,7 +88,7 @@ class Gateway:
         retention = retention or Retention()
         self._served = [_Served(site, unit, data, retention, self._name, now) for unit in site.units]
         self._outbox = Outbox()
-        self._readers = ThreadPoolExecutor(_LOG_READERS, thread_name_prefix="log reader")
+        self._readers = LogReaders()
         self._status: bus.StatePublisher | None = None
         self._clock_watch = ClockWatch()
         self._watch: BusWatch | None = None
@@ -152,7 +151,7 @@ class Gateway:
         by_s = time.monotonic() + _LINES_WITHIN_S
         for served in self._served:
             served.close(by_s)
-        self._readers.shutdown()
+        self._readers.close()
         self._outbox.close()
         self._folder.close()
 
@@ -180,6 +179,7 @@ class Gateway:
                         _listed("being updated", updating),
                         _listed("served late", late),
                         self._clock_watch.detail,
+                        self._readers.cut_off(),
                     ),
                 )
             ),
@@ -189,6 +189,8 @@ class Gateway:
                 "units_late": len(late),
                 "sweeps_committed": sum(served.log.state.head for served in self._served),
                 "puts_dropped": self._outbox.dropped,
+                "log_queries_refused": self._readers.refused,
+                "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
                 "clock_sets": self._clock_watch.sets,
             },
         )

@@ -17,6 +17,8 @@ from noctule.errors import BoundsError, KeyFormatError
 M = TypeVar("M", bound=Message)
 
 MAX_READINGS = 64  # a sweep, of a unit
+MAX_UNITS = 4096  # of a site
+MAX_TILES = 4096  # of a grid on the bus: 64 rooms have some hundreds
 _SHOWN = 60  # characters of a refused text
 
 
@@ -257,7 +259,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "version": _ID,
         "detail": _SENTENCES,
         "counters": Counts(200, _ID, _NUMBER_53),
-        "cursors": Many(4096),
+        "cursors": Many(MAX_UNITS),
     },
     # ---- Map
     "Point": {
@@ -316,7 +318,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "touches": Many(10_000),
         "sweeps": _NUMBER_53,
         "note": _SENTENCES,
-        "poses": Many(4096),
+        "poses": Many(MAX_UNITS),
         "stops": Many(20_000),  # as many as sweeps
     },
     "FeaturePoint": {

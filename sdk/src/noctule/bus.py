@@ -119,6 +119,53 @@ class StatePublisher:
             query.reply(self.key, self.last, encoding=self._encoding)
 
 
+class StatesPublisher:
+    """As a StatePublisher for each key that ``expression`` matches, up to ``most``, with one queryable for all.
+
+    Zenoh gives each queryable a thread. ``refused`` is how many keys found no room.
+    """
+
+    def __init__(self, session: zenoh.Session, expression: str, message_type: type[Message], most: int) -> None:
+        self._session, self._encoding, self._most = session, encoding(message_type), most
+        self._last: dict[str, bytes] = {}
+        self._refused: set[str] = set()
+        self._queryable = session.declare_queryable(expression, self._answer, complete=True)
+
+    @property
+    def refused(self) -> int:
+        """How many keys' states are not published; those beyond as many as may be published are not counted."""
+        return len(self._refused)
+
+    def put(self, key: str, message: Message) -> None:
+        """Publish ``message`` and keep it as the answer to queries of ``key``, if there is room."""
+        if key not in self._last and len(self._last) >= self._most:
+            if len(self._refused) < self._most:
+                self._refused.add(key)
+            return
+        self._refused.discard(key)
+        payload = self._last[key] = message.SerializeToString()
+        self._session.put(key, payload, encoding=self._encoding, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def forget(self, key: str) -> None:
+        """Answer no query with the state of ``key`` any more."""
+        self._last.pop(key, None)
+        self._refused.discard(key)
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._queryable.undeclare()
+
+    def _answer(self, query: zenoh.Query) -> None:
+        asked = query.key_expr
+        known = dict(self._last)
+        keys_asked = (
+            [str(asked)] if "*" not in str(asked) else [key for key in known if asked.intersects(zenoh.KeyExpr(key))]
+        )
+        for key in keys_asked:
+            if key in known:
+                query.reply(key, known[key], encoding=self._encoding)
+
+
 def declare_schemas(session: zenoh.Session) -> zenoh.Queryable:
     """Answer queries for any message's schema (FileDescriptorSet) until the result is undeclared."""
     replies = {

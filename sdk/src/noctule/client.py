@@ -66,6 +66,7 @@ class Client:
         self.site = keys.name(site, "site")
         self.session = bus.open_session(connect, tls_folder=tls_folder) if session is None else session
         self._owns_session = session is None
+        self._name = str(self.session.zid())  # by which a gateway tells its clients apart, to serve each in its turn
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()
         self._subscriptions: dict[Subscription, None] = {}  # in the order of their making
@@ -197,15 +198,16 @@ class Client:
             return
         page: list[Sweep] = []
         cursor = Cursor(unit=unit, log_id=first.log_id, log_sequence=begin - 1)
-        reader = UnitReader(unit, cursor, self.unsifted_log, page.extend, Counter())
-        while reader.ask_log():
+        reader, more = UnitReader(unit, cursor, page.extend, Counter()), True
+        while more:
+            records = self.unsifted_log(unit, reader.cursor.log_sequence + 1)
+            if records is None:
+                raise self._not_served(unit)
+            more = reader.read(records, reader.cursor)
             if reader.cursor.log_id != first.log_id:
                 raise BusError(f"unit {unit!r} began a new log while the old one was read: read it again from 1")
             yield from page
             page.clear()
-        yield from page
-        if reader.cursor.log_sequence < first.head:
-            raise self._not_served(unit)
 
     def command(self, unit: str, name: str, request: CommandRequest, timeout_s: float) -> CommandReply:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
@@ -308,7 +310,11 @@ class Client:
         answered, error = False, None
         # Any other consolidation keeps one reply per key.
         replies = self.session.get(
-            selector, payload=payload, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE
+            selector,
+            payload=payload,
+            timeout=timeout_s,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            attachment=self._name,
         )
         for reply in replies:
             if reply.ok is not None:

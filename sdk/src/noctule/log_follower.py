@@ -4,13 +4,16 @@ import logging
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from time import monotonic
 from types import TracebackType
 from typing import Self
 
+from noctule.bounds import MAX_UNITS
 from noctule.client import Client
 from noctule.errors import BusError
-from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
+from noctule.log_pulls import Answer, LogPulls, Standing
+from noctule.messages_pb2 import Cursor, Sweep, UnitStatus
 from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
@@ -21,6 +24,23 @@ LAST_RETRY_S = 10.0
 _log = logging.getLogger(__name__)
 
 
+class _BackOff:
+    """When to try again after failures, later and later."""
+
+    def __init__(self) -> None:
+        self.not_before_s = -inf
+        self._retry_s = FIRST_RETRY_S
+
+    def succeeded(self) -> None:
+        self.not_before_s, self._retry_s = -inf, FIRST_RETRY_S
+
+    def failed(self) -> float:
+        """Seconds until the next try."""
+        wait_s, self._retry_s = self._retry_s, min(2.0 * self._retry_s, LAST_RETRY_S)
+        self.not_before_s = monotonic() + wait_s
+        return wait_s
+
+
 class _Unit:
     """What the worker has to do for one unit."""
 
@@ -28,20 +48,34 @@ class _Unit:
         self.reader = reader
         self.live: deque[Sweep] = deque(maxlen=LIVE_LENGTH)
         self.behind = True  # the log may hold more than was delivered
-        self.retry_s = FIRST_RETRY_S
-        self.not_before_s = 0.0
+        self.asking = False
+        self.standing = Standing.NEW
+        self.delivery, self.asks = _BackOff(), _BackOff()
+
+    @property
+    def ask_due_s(self) -> float:
+        """When its log is to be asked."""
+        if not self.behind or self.asking:
+            return inf
+        return max(self.delivery.not_before_s, self.asks.not_before_s)
+
+    @property
+    def due_s(self) -> float:
+        """When there is something to do for it."""
+        return min(self.delivery.not_before_s if self.live else inf, self.ask_due_s)
 
 
 class LogFollower:
     """Reads the logs of all units of a site and hands the sweeps to ``deliver``, on one thread of its own.
 
     Use it in a ``with`` statement, or start() and close() it.
+    Live sweeps go first. Logs are asked several at a time, on other threads, and one that fails later and later.
 
     Per (unit, log_id) each sweep is delivered once, in the order of log_sequence, several of one unit at a time.
     ``deliver`` must store the sweeps and with them the cursor, which is the last one's identity, in one transaction.
     If it raises, nothing has moved, and the same sweeps come again, later and later. ``cursors`` (by unit) is what was
     stored when the process last ran. What the gateway removed before it was read is counted as lost, a record that is
-    none of the log or beyond the bounds as refused.
+    none of the log or beyond the bounds as refused, and so is each sign of a unit beyond the first MAX_UNITS.
     """
 
     def __init__(
@@ -57,9 +91,11 @@ class LogFollower:
         self._poll_s = poll_s
         self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, damaged=0, refused=0, failed=0)
         self._changed = threading.Condition()
-        self._closed = False
+        self._closed = self._told_too_many = False
         self._units: dict[str, _Unit] = {}
         self._due: dict[str, None] = {}  # units to see to, in the order in which they came up
+        self._answers: deque[Answer] = deque()
+        self._pulls = LogPulls(client.unsifted_log, self._on_answer)
         self._poll_at_s = monotonic() + poll_s
         self._thread = threading.Thread(target=self._run, name=f"noctule-follow-{client.site}", daemon=True)
         self._subscriptions: list[Subscription] = []
@@ -95,6 +131,7 @@ class LogFollower:
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join()
+        self._pulls.close()
 
     def cursors(self) -> dict[str, Cursor]:
         """By unit, the last sweep that was delivered; units whose log was never reached are left out."""
@@ -110,29 +147,45 @@ class LogFollower:
 
     def _on_sweep(self, sweep: Sweep) -> None:
         with self._changed:
-            self._unit(sweep.unit).live.append(sweep)
-            self._see_to(sweep.unit)
+            if unit := self._unit(sweep.unit):
+                unit.live.append(sweep)
+                self._see_to(sweep.unit)
 
     def _on_unit_status(self, status: UnitStatus) -> None:
         with self._changed:
             unit = self._unit(status.unit)
-            if status.log_id and unit.reader.is_behind(status.log_id, status.log_head):
+            if unit and status.log_id and unit.reader.is_behind(status.log_id, status.log_head):
                 unit.behind = True
                 self._see_to(status.unit)
 
     def _on_alive(self, name: str, alive: bool) -> None:
         if alive:
             with self._changed:
-                unit = self._unit(name)
-                unit.behind = True
-                unit.not_before_s = 0.0
-                self._see_to(name)
+                if unit := self._unit(name):
+                    unit.behind = True
+                    unit.delivery.not_before_s = unit.asks.not_before_s = -inf
+                    self._see_to(name)
 
-    def _unit(self, name: str, cursor: Cursor | None = None) -> _Unit:
+    def _on_answer(self, answer: Answer) -> None:
+        with self._changed:
+            self._answers.append(answer)
+            self._changed.notify()
+
+    def _unit(self, name: str, cursor: Cursor | None = None) -> _Unit | None:
+        """The unit; None where there are too many: somebody makes up names."""
         if name not in self._units:
-            self._units[name] = _Unit(UnitReader(name, cursor, self._ask, self._deliver, self._counts))
+            if len(self._units) >= MAX_UNITS:
+                self._refuse(name)
+                return None
+            self._units[name] = _Unit(UnitReader(name, cursor, self._deliver, self._counts))
             self._see_to(name)
         return self._units[name]
+
+    def _refuse(self, name: str) -> None:
+        if not self._told_too_many:
+            self._told_too_many = True
+            _log.error("more than %d units: %s is not read, and neither are others that come", MAX_UNITS, name)
+        self._counts["refused"] += 1
 
     def _see_to(self, name: str) -> None:
         self._due[name] = None
@@ -141,12 +194,14 @@ class LogFollower:
     # ---- Reading, on the worker thread ----------------------------------------------------------------------------
 
     def _run(self) -> None:
-        while names := self._next():
-            for name in names:
+        while self._wait():
+            for name in self._take_due():
                 self._attempt(name)
+            if self._answers:  # one at a time: live sweeps that have come meanwhile go before the next
+                self._read(self._answers.popleft())
 
-    def _next(self) -> list[str]:
-        """Wait until there are units to see to; none when closed."""
+    def _wait(self) -> bool:
+        """Wait until there is something to do; False when closed."""
         with self._changed:
             while not self._closed:
                 now_s = monotonic()
@@ -155,41 +210,69 @@ class LogFollower:
                     for name, unit in self._units.items():
                         unit.behind = True
                         self._due[name] = None
-                if names := [name for name in self._due if self._units[name].not_before_s <= now_s]:
-                    for name in names:
-                        del self._due[name]
-                    return names
-                waits = [self._units[name].not_before_s for name in self._due]
-                self._changed.wait(min([self._poll_at_s, *waits]) - now_s)
-            return []
+                next_s = min([self._poll_at_s, *(self._units[name].due_s for name in self._due)])
+                if self._answers or next_s <= now_s:
+                    return True
+                self._changed.wait(next_s - now_s)
+            return False
+
+    def _take_due(self) -> list[str]:
+        """The units to see to now."""
+        with self._changed:
+            now_s = monotonic()
+            names = [name for name in self._due if self._units[name].due_s <= now_s]
+            for name in names:
+                del self._due[name]
+            return names
 
     def _attempt(self, name: str) -> None:
+        """Deliver what has come live, and ask the log where that is due."""
         unit = self._units[name]
         with self._changed:
             live = list(unit.live)
             unit.live.clear()
-            behind, unit.behind = unit.behind, False
         try:
-            all_taken = unit.reader.take(live)
-            more = (behind or not all_taken) and unit.reader.ask_log()
-            unit.retry_s = FIRST_RETRY_S
-        # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
-        except Exception as error:  # whatever the store or the bus has to say, the sweeps are still in the log
-            self._counts["failed"] += 1
-            _log.warning(
-                "unit %s: not read (%s); again in %.1f s",
-                name,
-                error,
-                unit.retry_s,
-                exc_info=not isinstance(error, BusError),
-            )
-            unit.not_before_s = monotonic() + unit.retry_s
-            unit.retry_s = min(2.0 * unit.retry_s, LAST_RETRY_S)
-            more = True
-        if more:
-            with self._changed:
+            if not unit.reader.take(live):
                 unit.behind = True
+            if live:
+                unit.delivery.succeeded()
+        # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
+        except Exception as error:  # whatever the store has to say, the sweeps are still in the log
+            unit.behind = True
+            self._tell_failed(name, error, unit.delivery)
+        with self._changed:
+            if unit.ask_due_s <= monotonic():
+                unit.behind, unit.asking = False, True
+                self._pulls.begin(name, unit.reader.cursor, unit.standing)
+            elif unit.behind or unit.live:
                 self._see_to(name)
 
-    def _ask(self, unit: str, from_sequence: int) -> LogRecords | None:
-        return self._client.unsifted_log(unit, from_sequence)
+    def _read(self, answer: Answer) -> None:
+        """Deliver what a log has answered."""
+        unit, more = self._units[answer.unit], True
+        unit.asking = False
+        try:
+            if answer.error is not None:
+                raise answer.error
+            more = answer.records is not None and unit.reader.read(answer.records, answer.asked)
+            unit.asks.succeeded()
+            unit.standing = Standing.ANSWERS
+        except Exception as error:  # a panic of Zenoh is none, and ends the thread
+            of_log = error is answer.error or isinstance(error, BusError)
+            if of_log:
+                unit.standing = Standing.FAILS
+            self._tell_failed(answer.unit, error, unit.asks if of_log else unit.delivery)
+        with self._changed:
+            unit.behind = unit.behind or more
+            if unit.behind:
+                self._see_to(answer.unit)
+
+    def _tell_failed(self, name: str, error: Exception, back_off: _BackOff) -> None:
+        self._counts["failed"] += 1
+        _log.warning(
+            "unit %s: not read (%s); again in %.1f s",
+            name,
+            error,
+            back_off.failed(),
+            exc_info=not isinstance(error, BusError),
+        )

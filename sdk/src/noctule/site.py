@@ -25,6 +25,7 @@ from noctule.bounds import (
 from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
 from noctule.survey_path import walk
+from noctule.toml_lines import lines
 from noctule.toml_table import Table
 
 MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
@@ -149,14 +150,15 @@ class Site:
 
 
 def load(path: Path) -> Site:
-    """Read a site file. Raises SiteFileError, which names file, table and field and says what to do."""
+    """Read a site file. Raises SiteFileError, which names file, line, table and field and says what to do."""
     try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin with a byte order mark
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin with a byte order mark
+        entries = tomllib.loads(text)
     except OSError as error:
         raise SiteFileError(f"{path} can't be read: {error.strerror}") from error
-    except ValueError as error:  # not TOML, or not text
+    except (ValueError, RecursionError) as error:  # not TOML, or not text, or 1,000 brackets deep
         raise SiteFileError(f"{path} is not a TOML file: {error}") from error
-    top = Table(path, "", entries)
+    top = Table(path, "", entries, lines(text))
     sensor = _sensor(top.table("sensor"), Sensor())
     site = Site(
         name=_name(top, "site"),

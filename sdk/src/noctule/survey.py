@@ -67,7 +67,7 @@ def _read_records(survey: Path | IO[str]) -> Iterator[Record]:
             yield Record(str(survey), number, sweep)
     else:
         try:
-            with survey.open(encoding="utf-8") as lines:
+            with survey.open(encoding="utf-8-sig") as lines:
                 yield from _read_lines(lines, str(survey))
         except OSError as error:
             raise SurveyError(f"{survey} can't be read: {error.strerror}") from error
@@ -101,7 +101,7 @@ def from_json(line: str, where: str) -> Sweep:
     """One line of a survey. Raises SurveyError, which begins with ``where``."""
     try:
         sweep = json_format.Parse(line, Sweep())
-    except json_format.ParseError as error:
+    except (json_format.ParseError, RecursionError) as error:
         raise SurveyError(f"{where}: {_reason(line, error)}") from error
     try:
         bounds.check(sweep)
@@ -119,9 +119,11 @@ def _read_lines(lines: Iterable[str], name: str) -> Iterator[Record]:
                 yield Record(name, number, error)
 
 
-def _reason(line: str, error: json_format.ParseError) -> str:
+def _reason(line: str, error: Exception) -> str:
     try:
         json.loads(line.strip())
     except json.JSONDecodeError as broken:
         return f"not JSON ({broken.msg} at column {broken.colno}): each line holds one Sweep"
+    except RecursionError:
+        return "not a Sweep: it has more brackets in brackets than any Sweep"
     return f"not a Sweep: {error}"

@@ -1,15 +1,16 @@
-"""A table of a TOML file, read field by field: whatever is wrong is told by file, table and field."""
+"""A table of a TOML file, read field by field: an error names the file, line, table and field."""
 
 import difflib
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeGuard
 
 from noctule.bounds import Number
 from noctule.errors import SiteFileError
+from noctule.toml_lines import Place, line_of
 
 _LARGEST = sys.float_info.max  # TOML's whole numbers have no end
 _ALIKE = 0.7  # of difflib; "seriel" and "serial" are 0.83 alike, "x_m" and "y_m" 0.67
@@ -22,12 +23,15 @@ class Table:
     file: Path
     name: str  # "" for the top of the file
     entries: dict[str, Any]
+    lines: Mapping[Place, int]  # of the whole file
+    place: Place = ()
     asked: set[str] = field(default_factory=set)
 
     def error(self, key: str, problem: str) -> SiteFileError:
         """An error about ``key``; ``problem`` says what is wrong and what to do."""
         where = f"{self.name}: " if self.name else ""
-        return SiteFileError(f"{self.file}: {where}{key} {problem}")
+        line = line_of(self.lines, (*self.place, key.split("[")[0]))
+        return SiteFileError(f"{self.file}{f', line {line}' if line else ''}: {where}{key} {problem}")
 
     def has(self, key: str) -> bool:
         """Whether the field was written; it counts as asked for."""
@@ -111,14 +115,19 @@ class Table:
         value = self.entries[key] if self.has(key) else {}
         if not isinstance(value, dict):
             raise self.error(key, f"is {value!r}: make it a table, {key} = {{ ... }}")
-        return Table(self.file, f"{self.name}.{key}" if self.name else f"[{key}]", value)
+        return Table(
+            self.file, f"{self.name}.{key}" if self.name else f"[{key}]", value, self.lines, (*self.place, key)
+        )
 
     def tables(self, key: str) -> list["Table"]:
         """The tables of the array ``[[key]]``, each called by its number from 1."""
         value = self._required(key)
         if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value) or not value:
             raise self.error(key, f"must be an array of tables: begin each with [[{key}]]")
-        return [Table(self.file, f"[[{key}]] {number}", entry) for number, entry in enumerate(value, start=1)]
+        return [
+            Table(self.file, f"[[{key}]] {number}", entry, self.lines, (*self.place, key, number - 1))
+            for number, entry in enumerate(value, start=1)
+        ]
 
     def end(self) -> None:
         """Refuse what was written but not asked for."""

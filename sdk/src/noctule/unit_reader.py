@@ -8,31 +8,31 @@ from noctule.errors import BusError
 from noctule.messages_pb2 import Cursor, LogGap, LogRecords, Sweep
 from noctule.unit_records import sift
 
+MAX_LOGS_LEFT = 16  # of a unit, that a reader could go on with; a unit has one new log where a disk was replaced
+
 _log = logging.getLogger(__name__)
 
 
 class UnitReader:
     """Reads one unit's log by two ways, live sweeps and the log itself, and hands on each sweep just once.
 
-    ``ask`` gets records from a log sequence on, or None where nobody serves the unit. ``deliver`` takes sweeps for
-    good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``pulled``, ``lost``, ``damaged``
-    (the log itself has lost them to damage) and ``refused``.
+    ``deliver`` takes sweeps for good, or raises, and then nothing has moved. ``counts`` gets ``delivered``,
+    ``pulled``, ``lost``, ``damaged`` (the log itself has lost them to damage) and ``refused``.
     """
 
     def __init__(
         self,
         unit: str,
         cursor: Cursor | None,
-        ask: Callable[[str, int], LogRecords | None],
         deliver: Callable[[Sequence[Sweep]], None],
         counts: Counter[str],
     ) -> None:
         self.unit = unit
         self.cursor = cursor or Cursor(unit=unit)  # the last sweep delivered; replaced, never changed
-        self._ask = ask
         self._deliver = deliver
         self._counts = counts
         self._left: dict[str, Cursor] = {}  # where other logs of this unit were left, should one come back
+        self._turns = 0  # to another log, since one last gave what was asked of it
 
     def is_behind(self, log_id: str, head: int) -> bool:
         """Whether a log with that head holds more than was delivered."""
@@ -52,40 +52,50 @@ class UnitReader:
         self._commit(following)
         return True
 
-    def ask_log(self) -> bool:
-        """Deliver what one reply of the log holds; False at its head or where nobody serves it, else there is more.
+    def read(self, records: LogRecords, asked: Cursor) -> bool:
+        """Deliver what a reply of the log holds, asked for when the cursor was ``asked``; whether the log has more.
 
-        Raises BusError, and what ``deliver`` raises.
+        Live sweeps may have been delivered since. Raises BusError, and what ``deliver`` raises.
         """
         at = self.cursor
-        records = self._ask(self.unit, at.log_sequence + 1)
-        if records is None:
-            return False
         if records.log_id != at.log_id:
             self._turn_to(records)
             return True
-        if records.head < at.log_sequence:
+        if records.head < asked.log_sequence and asked.log_id == at.log_id:
             raise BusError(
-                f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to {at.log_sequence}: "
-                f"was it restored from a copy? Begin a new one: noctule-gateway repair DATA --unit {self.unit}"
+                f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to "
+                f"{asked.log_sequence}: was it restored from a copy? Begin a new one: "
+                f"noctule-gateway repair DATA --unit {self.unit}"
             )
+        self._turns = 0
+        if records.head < at.log_sequence:
+            return False
         sifted = sift(records, self.unit, at.log_sequence)
         if sifted.sound or sifted.refused:
             self._commit(sifted.sound, sifted.refused, records.gaps)
             self._counts["pulled"] += len(sifted.sound)
             self._pass_over_refused(records.log_id, sifted.refused, records.gaps)
         self._pass_over_gaps(records)
-        if self.cursor is at and records.head > at.log_sequence:
+        # Where live sweeps have moved the cursor, the reply may lie before it and say nothing of what follows.
+        if self.cursor is at and at == asked and records.head > at.log_sequence:
             self._pass_over(records)
         return self.cursor.log_sequence < records.head
 
     def _turn_to(self, records: LogRecords) -> None:
-        """Read another log of this unit, from its tail if it is new."""
+        """Read another log of this unit, from its tail if it is new.
+
+        Raises BusError where each reply is of another log: whoever asks then waits.
+        """
+        self._turns += 1
         if self.cursor.log_id:
             _log.warning("unit %s has log %s instead of %s", self.unit, records.log_id, self.cursor.log_id)
             self._left[self.cursor.log_id] = self.cursor
         at_tail = self._at(records.log_id, max(records.tail, 1) - 1)
-        self.cursor = self._left.get(records.log_id, at_tail)
+        self.cursor = self._left.pop(records.log_id, at_tail)
+        if len(self._left) > MAX_LOGS_LEFT:
+            del self._left[next(iter(self._left))]
+        if self._turns > 1:
+            raise BusError(f"unit {self.unit!r} answers with one log and then with another: do two gateways serve it?")
 
     def _pass_over(self, records: LogRecords) -> None:
         """All that was still to be read has been removed."""

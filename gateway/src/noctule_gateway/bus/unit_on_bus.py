@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 
 import zenoh
 
@@ -11,6 +11,7 @@ from noctule.errors import BoundsError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Server
+from noctule_gateway.bus.log_readers import LONGEST_NAME, LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.sweep_log import SweepLog
@@ -34,7 +35,7 @@ class UnitOnBus:
         served: ServedUnit,
         server: Server,
         outbox: Outbox,
-        readers: ThreadPoolExecutor,
+        readers: LogReaders,
     ) -> None:
         self._log, self._track, self._outbox, self._readers = served.log, served.track, outbox, readers
         site, unit = served.site.name, served.unit
@@ -56,6 +57,11 @@ class UnitOnBus:
         """Publish the unit's status."""
         self._outbox.post(lambda: self.status.put(status))
 
+    @property
+    def commands_refused(self) -> int:
+        """Commands that found too many under way."""
+        return self._commands.refused
+
     def _on_pose(self, sample: zenoh.Sample) -> None:
         try:
             pose = bounds.decode(Pose, sample.payload.to_bytes())
@@ -70,7 +76,9 @@ class UnitOnBus:
             self._track.add(time_s, pose)
 
     def _on_log_query(self, query: zenoh.Query) -> None:
-        self._readers.submit(self._answer_from_log, query)
+        name = query.attachment.to_bytes()[:LONGEST_NAME].decode(errors="replace") if query.attachment else ""
+        if not self._readers.submit(name, lambda: self._answer_from_log(query)):
+            query.drop()  # an error reply might wait, on Zenoh's own thread
 
     def _answer_from_log(self, query: zenoh.Query) -> None:
         with query:

@@ -7,7 +7,17 @@ from math import inf
 from noctule_gateway.errors import CommandError
 from noctule_gateway.link.events import Event, OrderSettled
 from noctule_gateway.link.standing_orders import StandingOrders, describe
-from noctule_gateway.wire.frames import Calibrate, Configure, Order, Outcome, Reset, Result, Store, TrimTemperature
+from noctule_gateway.wire.frames import (
+    Calibrate,
+    Configure,
+    Order,
+    Outcome,
+    Reset,
+    Result,
+    Stop,
+    Store,
+    TrimTemperature,
+)
 
 CHANGES_SETTINGS = (Configure, Calibrate, TrimTemperature, Store)
 
@@ -46,9 +56,13 @@ class OrderQueue:
         return -inf if self._waiting else self._standing.due_s
 
     def add(self, order: Order) -> int:
-        """Let ``order`` wait for its turn; its ticket."""
+        """Let ``order`` wait for its turn; its ticket. A stop goes before all that wait: they may be many."""
         self._tickets += 1
-        self._waiting.append(_Given(order, self._tickets))
+        given = _Given(order, self._tickets)
+        if isinstance(order, Stop):
+            self._waiting.appendleft(given)
+        else:
+            self._waiting.append(given)
         return self._tickets
 
     def give(self) -> Order:

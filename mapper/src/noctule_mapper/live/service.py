@@ -188,7 +188,13 @@ class LiveMapper:
 
     def _detail(self) -> str:
         """What is wrong, and what the contour lacks, as long as a status may be."""
-        parts = (self._watch.detail(), self._troubles.detail(), self._refused.detail(), self._contour.note)
+        parts = (
+            self._watch.detail(),
+            self._troubles.detail(),
+            self._refused.detail(),
+            self._publisher.detail(),
+            self._contour.note,
+        )
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
 

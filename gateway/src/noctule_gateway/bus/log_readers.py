@@ -1,0 +1,75 @@
+"""The threads that answer queries of logs: each client has one at most, so that a frozen one holds up no other.
+
+A reply to a client that takes nothing waits until Zenoh gives its link up, which is seconds.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+MAX_CLIENTS = 64  # that wait for answers at once
+MAX_WAITING = 64  # queries of one client
+THREADS = 8
+LONGEST_NAME = 64
+
+_log = logging.getLogger(__name__)
+
+
+class LogReaders:
+    """Runs ``answer``s, those of one client in their order. What is too much is refused, and ``cut_off`` says whose."""
+
+    def __init__(self) -> None:
+        self.refused = 0
+        self._lock = threading.Lock()
+        self._waiting: dict[str, deque[Callable[[], object]]] = {}  # of each client that is being answered
+        self._cut_off: dict[str, int] = {}  # the client's refused queries, as long as it has others waiting
+        self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
+
+    def submit(self, client: str, answer: Callable[[], object]) -> bool:
+        """Have ``answer`` called soon; False where it is refused. From any thread, never waiting."""
+        client = client[:LONGEST_NAME]
+        with self._lock:
+            waiting = self._waiting.get(client)
+            if waiting is not None and len(waiting) < MAX_WAITING:
+                waiting.append(answer)
+                return True
+            if waiting is None and len(self._waiting) < MAX_CLIENTS:
+                self._waiting[client] = deque([answer])
+                self._threads.submit(self._answer_next, client)
+                return True
+            self.refused += 1
+            if waiting is not None:
+                self._cut_off[client] = self._cut_off.get(client, 0) + 1
+                if self._cut_off[client] > 1:
+                    return False
+        _log.warning("client %s asks for more of the logs than can be answered: some of it is refused", client or "?")
+        return False
+
+    def cut_off(self) -> str:
+        """Whose queries are refused now, and why; empty where nobody's are."""
+        with self._lock:
+            told = [f"{client or 'clients without a name'} ({count})" for client, count in self._cut_off.items()]
+        return f"queries refused, over {MAX_WAITING} of one client wait: {', '.join(sorted(told))}" if told else ""
+
+    def close(self) -> None:
+        """Answer no more; what is being answered is left to its end."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    def _answer_next(self, client: str) -> None:
+        with self._lock:
+            answer = self._waiting[client].popleft()
+        try:
+            answer()
+        except Exception:
+            _log.exception("a query of client %s was not answered", client)
+        with self._lock:
+            if not self._waiting[client]:
+                del self._waiting[client]
+                self._cut_off.pop(client, None)
+                return
+        try:
+            self._threads.submit(self._answer_next, client)
+        except RuntimeError:  # closed meanwhile
+            return

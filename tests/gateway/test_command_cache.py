@@ -1,0 +1,69 @@
+"""What floods a unit with commands is refused in words, and a stop is carried out all the same."""
+
+from concurrent.futures import Future
+
+from noctule.messages_pb2 import CommandReply, CommandRequest
+from noctule_gateway.bus.command_cache import MAX_UNDER_WAY, CommandCache
+from noctule_gateway.link.order_queue import OrderQueue
+from noctule_gateway.link.standing_orders import StandingOrders, Wanted
+from noctule_gateway.wire import frames, orders
+
+
+class Slow:
+    """A unit that answers when it is asked to; ``begun`` are the commands that have reached it."""
+
+    def __init__(self) -> None:
+        self.begun: list[tuple[str, CommandRequest]] = []
+        self.replies: list[Future[CommandReply]] = []
+
+    def __call__(self, name: str, request: CommandRequest) -> Future[CommandReply]:
+        self.begun.append((name, request))
+        self.replies.append(Future())
+        return self.replies[-1]
+
+
+def request(number: int, image: bytes = b"") -> CommandRequest:
+    return CommandRequest(request_id=f"r{number}", image=image)
+
+
+def test_of_twenty_thousand_commands_sixteen_wait_and_the_others_are_refused_in_words() -> None:
+    """20,000 orders to one unit took 250 MB, and the operator's stop timed out."""
+    unit = Slow()
+    cache = CommandCache(unit)
+    replies = [cache.carry_out("home", request(number)) for number in range(20_000)]
+    assert len(unit.begun) == MAX_UNDER_WAY == 16
+    assert cache.refused == 20_000 - 16
+    told = replies[-1].result(0)
+    assert (told.request_id, told.done) == ("r19999", False)
+    assert told.error == "16 commands to this unit are under way: wait until they are answered, then try again"
+    cache.carry_out("stop", request(20_000))
+    assert unit.begun[-1][0] == "stop"
+
+
+def test_there_is_room_again_when_a_command_was_answered_and_a_refused_one_can_be_tried_again() -> None:
+    unit = Slow()
+    cache = CommandCache(unit)
+    for number in range(17):
+        cache.carry_out("home", request(number))
+    unit.replies[0].set_result(CommandReply(done=True))
+    again = cache.carry_out("home", request(16))
+    assert not again.done()
+    assert len(unit.begun) == 17
+
+
+def test_of_a_hundred_images_one_is_kept_and_none_with_a_command_that_needs_none() -> None:
+    """100 images of a megabyte were kept."""
+    unit, image = Slow(), b":" * 2**20
+    cache = CommandCache(unit)
+    refused = [cache.carry_out("update", request(number, image)) for number in range(100)][1:]
+    assert all("the unit is being updated" in reply.result(0).error for reply in refused)
+    cache.carry_out("home", request(100, image))
+    assert [len(request.image) for _, request in unit.begun] == [2**20, 0]
+
+
+def test_a_stop_goes_before_all_orders_that_wait() -> None:
+    queue = OrderQueue(StandingOrders(Wanted(None, orders.start(0.0), False)))
+    for number in range(16):
+        queue.add(frames.Home(number))
+    queue.add(frames.Stop(16))
+    assert isinstance(queue.give(), frames.Stop)
