@@ -23,6 +23,7 @@ ALLOWED = {
     "rpc": ({"attic"}, {"anna"}),
     "alive": ({"attic"}, ALL_OF_HOUSE),
     "service_status": ({"alarm"}, ALL_OF_HOUSE),
+    "offer": ({"cartographer"}, ALL_OF_HOUSE),
     "contour": ({"cartographer"}, WATCHERS),
     "features": ({"cartographer"}, WATCHERS),
     "grid": ({"cartographer"}, WATCHERS),
@@ -72,7 +73,8 @@ def settle(*sessions: zenoh.Session) -> None:
 
 def key_of(subject: str) -> str:
     """The concrete key that everybody tries."""
-    return SUBJECTS[subject].of(site="house", unit="u1", service="alarm", command="x", tile="x", message="x")
+    service = "cartographer" if subject == "offer" else "alarm"  # an offer is a mapper's
+    return SUBJECTS[subject].of(site="house", unit="u1", service=service, command="x", tile="x", message="x")
 
 
 def key_of_all(subject: str) -> str:
