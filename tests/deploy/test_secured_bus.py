@@ -23,6 +23,7 @@ ALLOWED = {
     "rpc": ({"attic"}, {"anna"}),
     "alive": ({"attic"}, ALL_OF_HOUSE),
     "service_status": ({"alarm"}, ALL_OF_HOUSE),
+    "offer": ({"cartographer"}, ALL_OF_HOUSE),
     "contour": ({"cartographer"}, WATCHERS),
     "features": ({"cartographer"}, WATCHERS),
     "grid": ({"cartographer"}, WATCHERS),
