@@ -9,6 +9,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import serial
@@ -178,9 +179,9 @@ def test_a_line_over_tcp_whose_far_end_vanishes_without_a_word_is_cut_within_20_
 
 def connected_to(server: socket.socket) -> socket.socket:
     """Another handle on this process's own socket that is connected to ``server``."""
-    for descriptor in os.listdir("/proc/self/fd"):
+    for descriptor in Path("/proc/self/fd").iterdir():
         with contextlib.suppress(OSError):  # no socket, not connected, or closed meanwhile
-            handle = socket.socket(fileno=os.dup(int(descriptor)))
+            handle = socket.socket(fileno=os.dup(int(descriptor.name)))
             if handle.getpeername() == server.getsockname():
                 return handle
             handle.close()
