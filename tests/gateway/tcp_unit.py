@@ -19,6 +19,7 @@ class TcpUnit:
         self.unit = unit
         self.lock = threading.Lock()
         self.connections = 0
+        self._muted = False
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._server.getsockname()[1]
         self._connection: socket.socket | None = None
@@ -37,6 +38,11 @@ class TcpUnit:
         """Cut the line; the gateway may open it again."""
         with self.lock:
             self._hang_up()
+
+    def mute(self) -> None:
+        """Lose all that this connection brings, both ways, and leave it open; the next one works."""
+        with self.lock:
+            self._muted = True
 
     def close(self) -> None:
         """End it."""
@@ -59,6 +65,7 @@ class TcpUnit:
         self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._selector.register(self._connection, selectors.EVENT_READ)
         self.connections += 1
+        self._muted = False
 
     def _receive(self) -> None:
         if self._connection is None:
@@ -67,6 +74,8 @@ class TcpUnit:
             data = self._connection.recv(4096)
         except OSError:
             data = b""
+        if data and self._muted:
+            return
         if data:
             self.unit.receive(data, time.monotonic())
             self._send(self.unit.output(time.monotonic()))
@@ -74,7 +83,7 @@ class TcpUnit:
             self._hang_up()
 
     def _send(self, data: bytes) -> None:
-        if self._connection is None or not data:
+        if self._connection is None or self._muted or not data:
             return
         try:
             self._connection.sendall(data)

@@ -9,6 +9,7 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import serial
@@ -158,3 +159,30 @@ def test_an_address_that_can_not_be_opened_is_named() -> None:
         open_port("/dev/no-such-device")
     with pytest.raises(LineError, match="can't open quux"):
         open_port("quux://unit")
+
+
+@pytest.mark.parametrize("scheme", ["socket", "rfc2217"])
+def test_a_line_over_tcp_whose_far_end_vanishes_without_a_word_is_cut_within_20_s(scheme: str) -> None:
+    """By the kernel: 5 s idle and 3 probes 5 s apart (tcp(7)); the same 20 s where something is unacknowledged."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        far = threading.Thread(target=serve_echo, args=(server,))
+        far.start()
+        with line(address_of(scheme, server)) as port:
+            near = connected_to(server)
+            assert near.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+            options = (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT, socket.TCP_USER_TIMEOUT)
+            assert [near.getsockopt(socket.IPPROTO_TCP, option) for option in options] == [5, 5, 3, 20_000]
+            near.close()
+            port.write(b"END")
+            far.join()
+
+
+def connected_to(server: socket.socket) -> socket.socket:
+    """Another handle on this process's own socket that is connected to ``server``."""
+    for descriptor in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):  # no socket, not connected, or closed meanwhile
+            handle = socket.socket(fileno=os.dup(int(descriptor.name)))
+            if handle.getpeername() == server.getsockname():
+                return handle
+            handle.close()
+    raise AssertionError("nothing is connected to the server")

@@ -156,6 +156,20 @@ def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router
         assert len(unit.ring) == 1
 
 
+def test_a_connection_that_has_gone_mute_is_opened_again_though_it_was_never_closed(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    """As behind a terminal server that holds on to a connection of before its restart of the serial side."""
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            line.mute()
+            wait_until(lambda: not connected(client), "its silence was not seen", 20)
+            wait_until(lambda: connected(client), "the mute connection was kept", 30)
+            assert line.connections == 2
+
+
 def test_a_unit_that_is_not_there_is_shown_and_served_as_soon_as_it_is(tmp_path: Path, router: zenoh.Session) -> None:
     with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
         (closed_port,) = free_ports(1)

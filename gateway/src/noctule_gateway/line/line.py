@@ -38,7 +38,7 @@ class Talker(Protocol):
         ...
 
     def advance(self, now_s: float) -> None:
-        """Time has passed; called with the line closed, too."""
+        """Time has passed; called with the line closed, too. Raises LineError to have an open line opened again."""
         ...
 
     def output(self, now_s: float) -> bytes:

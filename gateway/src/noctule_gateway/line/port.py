@@ -18,6 +18,7 @@ from urllib.parse import urlsplit
 import serial
 
 from noctule_gateway.errors import LineError
+from noctule_gateway.line.keepalive import watch_far_end
 from noctule_gateway.line.rfc2217_port import Rfc2217Port
 
 BAUD = 115200
@@ -71,6 +72,7 @@ def _connect(host: str, port: int) -> socket.socket:
     line = socket.create_connection((host, port), timeout=_CONNECT_TIMEOUT_S)
     # Nagle's algorithm would hold a CLOCK request back until an earlier acknowledgement is confirmed.
     line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    watch_far_end(line)
     return line
 
 

@@ -14,6 +14,7 @@ import serial
 from serial import rfc2217
 
 from noctule_gateway.errors import LineError
+from noctule_gateway.line.keepalive import watch_far_end
 
 _LOOK_EVERY_S = 0.01
 _CHUNK_BYTES = 1024
@@ -32,6 +33,7 @@ class Rfc2217Port:
         self._line.port = address
         try:
             self._line.open()
+            self._line.watch_far_end()
         except (OSError, ValueError, KeyError) as error:  # pyserial's own errors are OSErrors
             raise LineError(f"can't open {address}: {self._line.failure or error}") from error
 
@@ -73,6 +75,10 @@ class _BoundedSerial(rfc2217.Serial):
         self._bytes_received = self._bytes_read = 0  # each counted by one thread
         self._suboption: bytearray | None = None
         super().__init__(baudrate=baud)
+
+    def watch_far_end(self) -> None:
+        """As keepalive.watch_far_end(), of the socket beneath."""
+        watch_far_end(self._socket)
 
     def next_piece(self) -> bytes:
         """In place of read(): what came next, empty if nothing does soon. Raises SerialException after the last."""

@@ -37,6 +37,7 @@ from noctule_gateway.wire import orders
 from noctule_gateway.wire.frames import MAX_REQUEST, Loader
 
 REPORT_EVERY_S = 1.0
+REOPEN_AFTER_S = 10.0  # of silence though asked: a connection may be dead at one end only
 
 _STOPPED = "the gateway that served it was stopped"
 
@@ -68,6 +69,7 @@ class UnitServer:
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = False
         self._report_due_s = 0.0
+        self._heard_s = 0.0  # when something last came, or the line was opened
 
     def start(self) -> None:
         """Begin to serve the unit."""
@@ -119,6 +121,7 @@ class UnitServer:
     def opened(self, now_s: float) -> None:
         """Greet whoever is there."""
         self._line_is_open = True
+        self._heard_s = now_s
         self._state = self._state.line_opened()
         self._greet(now_s)
         if self._updater is not None:
@@ -134,20 +137,26 @@ class UnitServer:
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Hand what has come to the link, or to the update."""
+        self._heard_s = now_s
         if self._updater is None:
             self._handle(self._link.receive(data, now_s))
         else:
             self._updater.receive(data, now_s)
 
     def advance(self, now_s: float) -> None:
-        """Time-outs, and the report of each second."""
+        """Time-outs, and the report of each second. Raises LineError if the line is to be opened again."""
         if self._updater is None:
             self._handle(self._link.advance(now_s))
+            self._give_up_silent_line(now_s)
         else:
             self._advance_update(self._updater, now_s)
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
             self._report(self._unit_report.each_second(self._state))
+
+    def _give_up_silent_line(self, now_s: float) -> None:
+        if self._line_is_open and not self._link.identified and now_s - self._heard_s >= REOPEN_AFTER_S:
+            raise LineError(f"no answer on {self._unit.address}")
 
     def output(self, now_s: float) -> bytes:
         """What the link, or the update, has to say."""
