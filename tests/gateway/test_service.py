@@ -489,3 +489,22 @@ def test_a_server_that_sends_no_rfc2217_is_its_units_trouble_and_the_other_units
                 unit.make_sweep(time.monotonic())
             wait_until(lambda: not unit.ring, "the sound unit is not served", 20)
         assert started.end("gateway") == 0
+
+
+def test_two_gateways_on_one_unit_both_say_so_until_one_is_gone(tmp_path: Path) -> None:
+    told = "another gateway serves it too (gateway): take it out of one site file"
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))
+    (port,) = free_ports(1)
+    with (
+        bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as router,
+        running(path, tmp_path / "first", router) as first,
+        bus.open_session(connect=[f"tcp/127.0.0.1:{port}"]) as joined,
+    ):
+
+        def details(gateway: Gateway) -> str:
+            return next(status.detail for status in gateway.statuses() if isinstance(status, UnitStatus))
+
+        with running(path, tmp_path / "second", joined) as second:
+            for gateway in (first, second):
+                wait_until(lambda: details(gateway).startswith(told), "no alarm", 20)  # noqa: B023
+        wait_until(lambda: told not in details(first), "the alarm stays", 20)

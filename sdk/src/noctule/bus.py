@@ -95,11 +95,15 @@ def declare_publisher(session: zenoh.Session, key: str, message_type: type[Messa
 
 
 class StatePublisher:
-    """Publishes a state and answers queries on its key with the last one, so that a late joiner sees the present."""
+    """Publishes a state and answers queries on its key with the last one, so that a late joiner sees the present.
+
+    Its attachment is the session's Zenoh id, by which noctule.rivals tells one publisher from another.
+    """
 
     def __init__(self, session: zenoh.Session, key: str, message_type: type[Message]) -> None:
         self.key = key
         self._encoding = encoding(message_type)
+        self._instance = str(session.zid())
         self.last: bytes | None = None  # what was put last
         self._publisher = declare_publisher(session, key, message_type)
         self._queryable = session.declare_queryable(key, self._answer, complete=True)
@@ -107,7 +111,7 @@ class StatePublisher:
     def put(self, message: Message) -> None:
         """Publish ``message`` and keep it as the answer to queries."""
         self.last = message.SerializeToString()
-        self._publisher.put(self.last)
+        self._publisher.put(self.last, attachment=self._instance)
 
     def close(self) -> None:
         """Publish and answer no more."""

@@ -9,6 +9,7 @@ import zenoh
 from noctule import bounds, bus, keys
 from noctule.errors import BoundsError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
+from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Server
 from noctule_gateway.bus.log_readers import LONGEST_NAME, LogReaders
@@ -24,6 +25,7 @@ MAX_RECORDS = 500
 MAX_REPLY_BYTES = 2**20
 MAX_GAPS = 1000
 _LONGEST_REASON = 1000
+_RIVALS_TOLD = 3
 
 
 class UnitOnBus:
@@ -43,6 +45,7 @@ class UnitOnBus:
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
         self.status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)
+        self._rivals = Rivals(session, self.status.key, UnitStatus, lambda status: status.gateway or "?")
         session.declare_queryable(self._log_key, self._on_log_query, complete=True)
         session.declare_queryable(keys.rpc(site, unit.name, keys.ANY), self._on_command, complete=True)
         if isinstance(unit.pose, PoseKey):
@@ -54,7 +57,10 @@ class UnitOnBus:
         self._outbox.post(lambda: self._sweeps.put(record))
 
     def report(self, status: UnitStatus) -> None:
-        """Publish the unit's status."""
+        """Publish the unit's status, and in it who else serves the unit."""
+        if rivals := self._rivals.names():
+            told = f"another gateway serves it too ({', '.join(rivals[:_RIVALS_TOLD])}): take it out of one site file"
+            status.detail = "; ".join(filter(None, (told, status.detail)))
         self._outbox.post(lambda: self.status.put(status))
 
     @property

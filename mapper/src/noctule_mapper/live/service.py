@@ -19,6 +19,7 @@ from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.log_follower import LogFollower
 from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
+from noctule.rivals import Rivals
 from noctule.systemd import ServiceManager
 from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.map_worker import MapState, MapWorker
@@ -33,6 +34,7 @@ from noctule_mapper.window import Identity
 _log = logging.getLogger(__name__)
 
 _STATUS_INTERVAL_S = 1.0
+_RIVALS_TOLD = 3
 _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 
 
@@ -111,6 +113,12 @@ class LiveMapper:
         self._follower = LogFollower(client, self.deliver, store.cursors())
         self._counts = Counter(sweeps_taken=0, sweeps_set_aside=len(store.sweeps_set_aside()))
         self._refused = RefusedSweeps(log.show_event)
+        self._rivals = Rivals(
+            client.session,
+            keys.service_status(settings.site, keys.ANY),
+            ServiceStatus,
+            lambda status: status.name if status.role == "mapper" else "",
+        )
         self._watch = BusWatch(client.session, settings.connect, tls_folder=settings.tls_folder)
         self._contour = Contour()
         self._latest = _empty_status(settings)
@@ -149,6 +157,7 @@ class LiveMapper:
         """Publish how the mapper fares. Raises what has broken the map, if anything has."""
         self._worker.check()
         self._store.check()
+        self._look_for_rivals()
         status = _empty_status(self._settings)
         status.counters.update(self.counters())
         status.cursors.extend(self._store.cursors().values())
@@ -183,8 +192,16 @@ class LiveMapper:
         self._follower.close()
         self._worker.close()
         self._watch.close()
+        self._rivals.close()
         self._publisher.close()
         self._schemas.undeclare()
+
+    def _look_for_rivals(self) -> None:
+        if rivals := self._rivals.names():
+            others = ", ".join(rivals[:_RIVALS_TOLD])
+            self._troubles.begin("rivals", f"another mapper maps this site too ({others}): stop one of them")
+        else:
+            self._troubles.end("rivals", "no other mapper maps this site any more")
 
     def _detail(self) -> str:
         """What is wrong, and what the contour lacks, as long as a status may be."""

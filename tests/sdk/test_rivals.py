@@ -1,0 +1,62 @@
+"""A state that two programs publish is an alarm, also where both bear one name, until one of them is gone."""
+
+from collections.abc import Iterator
+
+import pytest
+import zenoh
+from system.processes import free_ports, wait_until
+
+from noctule import bus, keys
+from noctule.bus import StatePublisher
+from noctule.messages_pb2 import ServiceStatus
+from noctule.rivals import GONE_AFTER_S, Rivals
+
+
+@pytest.fixture
+def sessions() -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
+    (port,) = free_ports(1)
+    with (
+        bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as one,
+        bus.open_session(connect=[f"tcp/127.0.0.1:{port}"]) as other,
+    ):
+        yield one, other
+
+
+class Service:
+    """A mapper as far as its status goes, with a clock that stands still."""
+
+    def __init__(self, session: zenoh.Session, name: str, role: str = "mapper") -> None:
+        self.now_s = 0.0
+        self._status = ServiceStatus(site="room", name=name, role=role)
+        self._publisher = StatePublisher(session, keys.service_status("room", name), ServiceStatus)
+        self._rivals = Rivals(
+            session,
+            keys.service_status("room", keys.ANY),
+            ServiceStatus,
+            lambda status: status.name if status.role == "mapper" else "",
+            lambda: self.now_s,
+        )
+
+    def rivals(self) -> list[str]:
+        self._publisher.put(self._status)
+        return self._rivals.names()
+
+
+@pytest.mark.parametrize("name", ["m1", "m2"])
+def test_two_mappers_see_each_other_whatever_their_names_are_until_one_is_silent(sessions, name) -> None:
+    first, second = Service(sessions[0], "m1"), Service(sessions[1], name)
+    wait_until(lambda: (second.rivals(), first.rivals()) == (["m1"], [name]), "they don't see each other", 10)
+    first.now_s += GONE_AFTER_S
+    assert first.rivals() == [name]
+
+    def is_gone() -> bool:
+        first.now_s += GONE_AFTER_S + 0.1  # what was on its way counted as heard at the last look
+        return first.rivals() == []
+
+    wait_until(is_gone, "the one that is silent still counts", 10)
+
+
+def test_neither_its_own_state_nor_that_of_another_kind_of_service_is_a_rivals(sessions) -> None:
+    first, second = Service(sessions[0], "m1"), Service(sessions[1], "g1", role="gateway")
+    wait_until(lambda: (first.rivals(), second.rivals()) == ([], ["m1"]), "the mapper is not seen", 10)
+    assert first.rivals() == []
