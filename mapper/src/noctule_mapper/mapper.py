@@ -48,7 +48,6 @@ class Mapper:
         self._report: ContactReport | None = None  # of the sweeps that are on the map, once it is asked for
         self._points: FeaturePoints | None = None  # likewise
         self._parts: dict[frozenset[Identity], Contour] = {}  # refined, as they were at the last contour
-        self._units: dict[str, int] = {}  # a number for each unit
 
     def register_sweep(self, sweep: SweepReadings) -> None:
         """Put a sweep on the map; one that is there already changes nothing, one whose pose is unknown waits until its

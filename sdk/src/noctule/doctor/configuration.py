@@ -20,7 +20,8 @@ def check_site(file: Path) -> tuple[Site | None, Finding]:
         site = sites.load(file)
     except SiteFileError as error:
         return None, Finding(Level.FAULT, "site file", str(error))
-    return site, Finding(Level.OK, "site file", f"{file}: site {site.name!r} with {len(site.units)} units")
+    units = f"{len(site.units)} unit{'' if len(site.units) == 1 else 's'}"
+    return site, Finding(Level.OK, "site file", f"{file}: site {site.name!r} with {units}")
 
 
 def check_fleet(file: Path) -> Iterator[Finding]:
