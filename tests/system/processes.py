@@ -72,6 +72,17 @@ class Programs:
         """Wait until ``name`` has ended by itself and return its exit status."""
         return self._running.pop(name).wait(END_WITHIN_S)
 
+    def runs(self, name: str) -> bool:
+        """It was started, and nobody has ended it or seen its end."""
+        return name in self._running
+
+    def ended(self) -> dict[str, int]:
+        """Those that have ended by themselves since the last call, with their exit status."""
+        ended = {name: process.returncode for name, process in self._running.items() if process.poll() is not None}
+        for name in ended:
+            del self._running[name]
+        return ended
+
     def check(self) -> None:
         """Fail, showing its log, if a program has ended by itself."""
         for name, process in self._running.items():
