@@ -65,7 +65,10 @@ def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModul
         yield PureModules(process)
         assert process.stdin is not None
         process.stdin.close()
-        assert process.wait(timeout=10) == 0
+        try:
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()  # or leaving this block would wait for it without end
 
 
 @pytest.fixture(scope="session")
