@@ -34,7 +34,7 @@ from noctule_mapper.window import Identity
 _log = logging.getLogger(__name__)
 
 _STATUS_INTERVAL_S = 1.0
-_RIVALS_TOLD = 3
+_JOIN_EVERY_S = 1.0
 _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 
 
@@ -197,8 +197,7 @@ class LiveMapper:
         self._schemas.undeclare()
 
     def _look_for_rivals(self) -> None:
-        if rivals := self._rivals.names():
-            others = ", ".join(rivals[:_RIVALS_TOLD])
+        if others := self._rivals.listed():
             self._troubles.begin("rivals", f"another mapper maps this site too ({others}): stop one of them")
         else:
             self._troubles.end("rivals", "no other mapper maps this site any more")
@@ -281,6 +280,7 @@ def join(settings: LiveSettings, stop: threading.Event, manager: ServiceManager)
                 _log.warning("%s; waiting for it", error)
                 told = True
             manager.waiting(str(error))
+            stop.wait(_JOIN_EVERY_S)
     return None
 
 
