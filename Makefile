@@ -32,6 +32,7 @@ lint: packages-test setup firmware
 	pyright
 	sh sdk/check_generated.sh
 	$(MAKE) --no-print-directory -C firmware check
+	cd sdk/examples/watch_any && sh ../../../deploy/cargo.sh fmt --check
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
 
 packages-run packages-test:
@@ -49,4 +50,4 @@ firmware: setup
 	.tools/bin/pip install --quiet uv==$(UV_VERSION)
 
 clean:
-	rm -rf .venv .tools .demo firmware/build firmware/simulator/target
+	rm -rf .venv .tools .demo firmware/build firmware/simulator/target sdk/examples/watch_any/target

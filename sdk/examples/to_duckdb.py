@@ -8,7 +8,7 @@ import duckdb
 
 import noctule
 from noctule import threads
-from noctule.messages_pb2 import Contour, Cursor, Reading, Sweep
+from noctule.messages_pb2 import Contour, Cursor, Sweep
 
 TABLES = """
 CREATE TABLE IF NOT EXISTS sweep (unit TEXT, log_id TEXT, log_sequence UBIGINT, start_time TIMESTAMP_NS,
@@ -89,10 +89,6 @@ def _reading_rows(sweep: Sweep) -> list[tuple]:
         )
         for each in sweep.readings
     ]
-
-
-def _time_of_flight_s(reading: Reading) -> float | None:
-    return reading.time_of_flight_s if reading.HasField("time_of_flight_s") else None
 
 
 def main(site: str, path: str, routers: list[str]) -> None:

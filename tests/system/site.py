@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from system.processes import ROOT, free_ports
+from system.processes import ROOT, Programs, free_ports, wait_until
+
+from noctule.client import Client
+from noctule.messages_pb2 import Contour
 
 SITE = "paper-room"
 SURVEY_SWEEPS = 44  # waypoints of the paper's path at 20 cm: two sides of 14 steps, two of 8
@@ -49,3 +52,26 @@ def paper_room(folder: Path) -> PaperRoom:
     text = (ROOT / "deploy/demo/sites/paper.toml").read_text()
     (folder / "site.toml").write_text(text.replace("127.0.0.1:7101", f"127.0.0.1:{unit_port}"))
     return PaperRoom(folder, unit_port, zenoh_port)
+
+
+def wait_for_sweeps(room: PaperRoom, running: Programs, count: int) -> None:
+    """Wait until the unit's log at the gateway holds that many sweeps."""
+
+    def logged() -> bool:
+        running.check()
+        return any(status.log_head >= count for status in client.unit_statuses())
+
+    with Client(SITE, connect=[room.connect]) as client:
+        wait_until(logged, f"fewer than {count} sweeps in the log", within_s=120)
+
+
+def wait_for_contour(room: PaperRoom, running: Programs) -> Contour:
+    """The first contour that rests on the whole survey."""
+
+    def whole() -> Contour | None:
+        running.check()
+        contour = client.contour()
+        return contour if contour is not None and contour.sweeps >= SURVEY_SWEEPS else None
+
+    with Client(SITE, connect=[room.connect]) as client:
+        return wait_until(whole, "no contour of the whole survey", within_s=120)

@@ -6,7 +6,7 @@ from pathlib import Path
 import duckdb
 import pytest
 from system.processes import ROOT, Programs, programs, wait_until
-from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room
+from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room, wait_for_contour, wait_for_sweeps
 
 from noctule import Client
 from noctule.messages_pb2 import Contour
@@ -24,25 +24,6 @@ def readme_query() -> str:
     return query
 
 
-def wait_for_head(room: PaperRoom, running: Programs, head: int) -> None:
-    def logged() -> bool:
-        running.check()
-        return any(status.log_head >= head for status in client.unit_statuses())
-
-    with Client(SITE, connect=[room.connect]) as client:
-        wait_until(logged, f"fewer than {head} sweeps in the log", within_s=120)
-
-
-def wait_for_whole_contour(room: PaperRoom, running: Programs) -> Contour:
-    def whole() -> Contour | None:
-        running.check()
-        contour = client.contour()
-        return contour if contour is not None and contour.sweeps >= SURVEY_SWEEPS else None
-
-    with Client(SITE, connect=[room.connect]) as client:
-        return wait_until(whole, "no contour of the whole survey", within_s=120)
-
-
 @pytest.mark.timeout(300)
 def test_walls_raise_alarms_and_sweeps_and_contours_are_in_duckdb_once_each_though_it_was_killed(
     tmp_path: Path,
@@ -56,10 +37,10 @@ def test_walls_raise_alarms_and_sweeps_and_contours_are_in_duckdb_once_each_thou
         run_example(running, "store", "to_duckdb.py", SITE, str(file), room.connect)
         running.start("simulator", *room.simulator(speed=16))
         for head in (10, 25):
-            wait_for_head(room, running, head)
+            wait_for_sweeps(room, running, head)
             running.kill("store")
             run_example(running, "store", "to_duckdb.py", SITE, str(file), room.connect)
-        last = wait_for_whole_contour(room, running)
+        last = wait_for_contour(room, running)
         with Client(SITE, connect=[room.connect]) as client:
             logged = list(client.history("u1"))
         wait_until(lambda: running.log("alarm").count("has come") >= WALLS, "too few alarms", within_s=60)
@@ -89,5 +70,5 @@ def stored_when_killed(running: Programs, room: PaperRoom, file: Path, last: Con
     if len(sweeps) >= SURVEY_SWEEPS and contours and contours[-1][1] >= last.version:
         return sweeps, contours, found
     run_example(running, "store", "to_duckdb.py", SITE, str(file), room.connect)
-    wait_for_head(room, running, SURVEY_SWEEPS)
+    wait_for_sweeps(room, running, SURVEY_SWEEPS)
     return None

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from system.processes import Programs, programs, wait_until
-from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room
+from system.processes import programs
+from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room, wait_for_contour, wait_for_sweeps
 
 from noctule import survey
 from noctule.client import Client
@@ -41,30 +41,6 @@ def test_a_gateway_and_a_mapper_killed_in_mid_survey_lose_no_sweep_and_end_with_
     assert [sweep.sequence for sweep in sweeps] == list(range(SURVEY_SWEEPS))
     assert [sweep.waypoint for sweep in sweeps] == list(range(SURVEY_SWEEPS))
     assert_same_map(contour, fit(sweeps, MapperConfig()))
-
-
-def wait_for_sweeps(room: PaperRoom, running: Programs, count: int) -> None:
-    """Wait until the gateway's log holds that many sweeps."""
-
-    def logged() -> bool:
-        running.check()
-        records = client.log("u1", from_sequence=1)
-        return records is not None and records.head >= count
-
-    with Client(SITE, connect=[room.connect]) as client:
-        wait_until(logged, f"fewer than {count} sweeps in the log", within_s=120)
-
-
-def wait_for_contour(room: PaperRoom, running: Programs) -> Contour:
-    """The first contour that rests on the whole survey."""
-
-    def whole() -> Contour | None:
-        running.check()
-        contour = client.contour()
-        return contour if contour is not None and contour.sweeps >= SURVEY_SWEEPS else None
-
-    with Client(SITE, connect=[room.connect]) as client:
-        return wait_until(whole, "no contour of the whole survey", within_s=120)
 
 
 def logged_sweeps(room: PaperRoom) -> Sequence[Sweep]:

@@ -190,7 +190,7 @@ class RareStopsConfig(_Model):
     sure_nats: float = Field(default=4.0, ge=0)
     # Walls of more echoes than this need no such proof.
     weak_echoes: float = Field(default=5.5, ge=0)
-    # A cylinder's three echoes may come from any side, so there are more pairs and triples to choose from.
+    # A cylinder is heard from all around, so there are more pairs and triples to choose from.
     most_pairs: int = Field(default=6000, ge=1)
     most_triples: int = Field(default=40_000, ge=1)
     # The search by the worth of the whole map is for a room or two.
@@ -278,6 +278,8 @@ class SearchConfig(_Model):
     most_pair_echoes: int = Field(default=400, ge=1)
     most_pairs: int = Field(default=1500, ge=1)
     most_triples: int = Field(default=4000, ge=1)
+    # Whether a cylinder's echoes are taken from any side, however far their axes are turned from each other.
+    cylinders_from_all_around: bool = False
     rounds: int = Field(default=6, ge=1)
     # Steps of the joint fit that has the last word.
     last_steps: int = Field(default=8, ge=1)
@@ -349,14 +351,18 @@ class MapperConfig(_Model):
 
 
 def for_rare_stops(config: MapperConfig) -> MapperConfig:
-    """The configuration with the prices and baselines of ``rare_stops``."""
+    """The configuration with the prices, baselines and search of ``rare_stops``."""
     rare = config.refinement.rare_stops
     prices = {name: getattr(rare, name) for name in ("wall_nats", "point_nats", "cylinder_nats")}
     refinement = {  # coarse sweeps have no plateaus, whose feet could lie close or leave a wall between two others
         "prices": config.refinement.prices.model_copy(update={**prices, "close_feet_nats": 0.0}),
         "linking": config.refinement.linking.model_copy(update={"between_nats_per_m": 0.0}),
         "search": config.refinement.search.model_copy(
-            update={"most_pairs": rare.most_pairs, "most_triples": rare.most_triples}
+            update={
+                "most_pairs": rare.most_pairs,
+                "most_triples": rare.most_triples,
+                "cylinders_from_all_around": True,
+            }
         ),
     }
     contacts = config.contacts.model_copy(update={"longest_baseline_m": rare.longest_baseline_m})

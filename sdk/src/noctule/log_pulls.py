@@ -50,6 +50,6 @@ class LogPulls:
     def _pull(self, unit: str, cursor: Cursor) -> None:
         try:
             answer = Answer(unit, cursor, self._ask(unit, cursor.log_sequence + 1))
-        except BaseException as error:  # a panic of Zenoh is no Exception; whoever gets the answer decides
+        except BaseException as error:  # a panic of Zenoh is no Exception; the follower's thread raises it
             answer = Answer(unit, cursor, error=error)
         self._done(answer)

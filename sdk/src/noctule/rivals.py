@@ -16,7 +16,7 @@ from noctule.errors import BoundsError
 
 GONE_AFTER_S = 5.0  # states are published each second
 _HELD = 32  # states that came since they were last looked at; the oldest go
-_MOST = 16
+_MOST, _LISTED = 16, 3
 
 M = TypeVar("M", bound=Message)
 
@@ -40,7 +40,7 @@ class Rivals(Generic[M]):
         self._key, self._type, self._name_of, self._now = key, message_type, name_of, now
         self._own = str(session.zid())
         self._heard: dict[str, tuple[str, float]] = {}  # by session: the name, and when
-        self._told: list[str] = []
+        self._logged: list[str] = []
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(_HELD))
 
     def names(self) -> list[str]:
@@ -50,13 +50,19 @@ class Rivals(Generic[M]):
             self._note(sample, now_s)
         self._heard = {key: heard for key, heard in self._heard.items() if now_s - heard[1] <= GONE_AFTER_S}
         names = sorted(name for name, _ in self._heard.values())
-        if names != self._told:
+        if names != self._logged:
             if names:
                 _log.warning("%s is published by %s too: stop one of them", self._key, " and ".join(map(repr, names)))
             else:
                 _log.info("%s is published by nobody else any more", self._key)
-        self._told = names
+        self._logged = names
         return names
+
+    def listed(self) -> str:
+        """Some of the names, as a status has them; empty where there is nobody else."""
+        names = self.names()
+        more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+        return ", ".join(names[:_LISTED]) + more
 
     def close(self) -> None:
         """Listen no more."""

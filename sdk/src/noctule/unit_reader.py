@@ -84,7 +84,7 @@ class UnitReader:
     def _turn_to(self, records: LogRecords) -> None:
         """Read another log of this unit, from its tail if it is new.
 
-        Raises BusError where each reply is of another log: whoever asks then waits.
+        Raises BusError where each reply is of another log, so that the next question waits.
         """
         self._turns += 1
         if self.cursor.log_id:

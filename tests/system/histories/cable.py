@@ -31,7 +31,7 @@ class Condition(Enum):
     SOUND = auto()
     NOISY = auto()
     HUNG = auto()  # open, and no byte passes
-    PULLED = auto()  # whoever opens it is cut off
+    PULLED = auto()  # a gateway that opens it is cut off
 
 
 @dataclass

@@ -1,6 +1,6 @@
-"""Commands from the bus, each carried out once: whoever asks again under the same request_id gets the first reply.
+"""Commands from the bus, each carried out once: a second one of the same request_id gets the reply of the first.
 
-Few may be under way: whatever floods a unit with commands fills no memory, and a stop does not wait behind them.
+Few may be under way, so that a flood of commands fills no memory, and a stop does not wait behind them.
 """
 
 import threading

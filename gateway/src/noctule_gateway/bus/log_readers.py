@@ -25,6 +25,7 @@ class LogReaders:
         self._lock = threading.Lock()
         self._waiting: dict[str, deque[Callable[[], object]]] = {}  # of each client that is being answered
         self._cut_off: dict[str, int] = {}  # the client's refused queries, as long as it has others waiting
+        self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
     def submit(self, client: str, answer: Callable[[], object]) -> bool:
@@ -40,11 +41,13 @@ class LogReaders:
                 self._threads.submit(self._answer_next, client)
                 return True
             self.refused += 1
-            if waiting is not None:
+            if waiting is None:
+                news, self._full = not self._full, True
+            else:
                 self._cut_off[client] = self._cut_off.get(client, 0) + 1
-                if self._cut_off[client] > 1:
-                    return False
-        _log.warning("client %s asks for more of the logs than can be answered: some of it is refused", client or "?")
+                news = self._cut_off[client] == 1
+        if news:
+            _log.warning("client %s asks for more of the logs than can be answered: it is refused", client or "?")
         return False
 
     def cut_off(self) -> str:
@@ -68,6 +71,7 @@ class LogReaders:
             if not self._waiting[client]:
                 del self._waiting[client]
                 self._cut_off.pop(client, None)
+                self._full = False
                 return
         try:
             self._threads.submit(self._answer_next, client)

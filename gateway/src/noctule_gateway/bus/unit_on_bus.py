@@ -25,7 +25,6 @@ MAX_RECORDS = 500
 MAX_REPLY_BYTES = 2**20
 MAX_GAPS = 1000
 _LONGEST_REASON = 1000
-_RIVALS_TOLD = 3
 
 
 class UnitOnBus:
@@ -58,9 +57,9 @@ class UnitOnBus:
 
     def report(self, status: UnitStatus) -> None:
         """Publish the unit's status, and in it who else serves the unit."""
-        if rivals := self._rivals.names():
-            told = f"another gateway serves it too ({', '.join(rivals[:_RIVALS_TOLD])}): take it out of one site file"
-            status.detail = "; ".join(filter(None, (told, status.detail)))
+        if others := self._rivals.listed():
+            alarm = f"another gateway serves it too ({others}): take it out of one site file"
+            status.detail = "; ".join(filter(None, (alarm, status.detail)))
         self._outbox.post(lambda: self.status.put(status))
 
     @property

@@ -22,8 +22,8 @@ class MapPublisher:
     def publish_map(self, contour: Contour, features: Features, changed_tiles: Iterable[GridTile]) -> None:
         """Publish a new state of the map. May wait for a congested link.
 
-        A tile that holds nothing any more is told once, and then there is none for late joiners. Of a map of more than
-        MAX_TILES the others are not published.
+        A tile that holds nothing any more is published once, and then there is none for late joiners. Of a map of more
+        than MAX_TILES tiles the others are not published.
         """
         for tile in changed_tiles:
             key = keys.grid(self._site, keys.tile_name(tile.tile_x, tile.tile_y))

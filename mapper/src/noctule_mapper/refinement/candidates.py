@@ -53,7 +53,8 @@ def candidates(
     """Candidates of every kind, weighed."""
     rng = np.random.default_rng(cylinder.seed)
     i, j = _pairs(data, contact, config, rng)
-    round_i, round_j = _pairs(data, contact, config, rng, np.inf) if _stops_are_rare(data) else (i, j)
+    all_around = config.search.cylinders_from_all_around
+    round_i, round_j = _pairs(data, contact, config, rng, np.inf) if all_around else (i, j)
     lines = np.concatenate(
         [_contact_lines(data.echoes, found), _tangent_lines(data.echoes, i, j), _plateau_lines(data)]
     )
@@ -108,13 +109,6 @@ def _pairs(
         drawn = rng.choice(len(i), config.search.most_pairs, replace=False)
         i, j = i[drawn], j[drawn]
     return first[i], j
-
-
-def _stops_are_rare(data: Evidence) -> bool:
-    """Whether coarse sweeps from few places are all there is: these hear a cylinder from all around, hardly two of them
-    from one side.
-    """
-    return data.looks is not None and not data.has_fine
 
 
 def _triples(

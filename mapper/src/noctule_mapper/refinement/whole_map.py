@@ -3,8 +3,7 @@
 From rare stops a coarse sweep hears each wall once, and the two or three echoes of a wall are worth hardly more than
 its price. Its corners pay for it: their echoes have no other maker. So each candidate line is put into the map, linked
 with the walls that are there, freed of the points that its corners replace, and kept if the whole map is worth more
-with it. In the end a wall of few echoes, or a cylinder, stands only if the best map without it is worth
-clearly less.
+with it. In the end a wall of few echoes, or a cylinder, stands only if the best map without it is worth clearly less.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -58,7 +57,7 @@ def sure_map(
         else:
             judged.append((weakest, state.worth - other.worth))
     unsure = [one for one, margin in judged if margin < rare.sure_nats]
-    return fitted([one for one in state.objects if not any(one is old for old in unsure)]) if unsure else state
+    return fitted([one for one in state.objects if not any(one is weak for weak in unsure)]) if unsure else state
 
 
 def _completed(
@@ -133,9 +132,9 @@ def _worth(objects: Sequence[Reflector], scene: Scene, linked: Linked) -> float:
     return scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
 
 
-def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoes: float) -> Reflector | None:
-    """Of the walls and cylinders not yet ``judged`` the one of fewest echoes, None where none is left; of walls only
-    those of fewer than ``most_echoes``. What is a wide cylinder may be two walls.
+def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoes: float) -> Line | Circle | None:
+    """Of the walls and cylinders not yet ``judged`` the one of fewest echoes, None where none is left. Walls of
+    ``most_echoes`` or more are sure; a cylinder never is, for two walls may look like a wide one.
     """
     claims = scene.claims(state.objects, state.links)
     share = np.bincount(claims.maker, scene.explain(claims).share, minlength=len(state.objects))
@@ -143,7 +142,7 @@ def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoe
         (float(share[number]), number, one)
         for number, one in enumerate(state.objects)
         if (isinstance(one, Circle) or (isinstance(one, Line) and share[number] < most_echoes))
-        and not any(one is old for old in judged)
+        and not any(one is known for known in judged)
     ]
     return min(left)[2] if left else None
 

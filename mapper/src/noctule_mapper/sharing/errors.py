@@ -4,4 +4,4 @@ from noctule.errors import NoctuleError
 
 
 class SharingError(NoctuleError):
-    """Sites that can't be shared as this mapper is told to."""
+    """Sites that this mapper can't share."""

@@ -15,20 +15,31 @@ from noctule.errors import KeyFormatError
 from noctule_mapper.sharing.errors import SharingError
 
 _SETTLED_AFTER_S = 1.0  # several mappers come or go together
-_GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off: Zenoh's lease is 10 s
+GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off: Zenoh's lease is 10 s
 _ASK_AGAIN_S = 0.5
 _QUERY_TIMEOUT_S = 1.0
 
 
 class Offers:
-    """Offers ``sites`` under ``name`` from its making until close(). Raises SharingError: another does so already."""
+    """Offers ``sites`` under ``name`` from its making until close()."""
 
-    def __init__(self, session: zenoh.Session, name: str, sites: Sequence[str]) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        name: str,
+        sites: Sequence[str],
+        stop: threading.Event,
+        ghost_goes_within_s: float = GHOST_GOES_WITHIN_S,
+    ) -> None:
+        """Waits for an offer of the same name to go, at most so long or until ``stop`` is set.
+
+        Raises SharingError where it stays: two of one name would both take themselves for the owner of a site.
+        """
         self._name = name
         self._lock = threading.Lock()
         self._members: defaultdict[str, set[str]] = defaultdict(set)
         self._changed_at_s = time.monotonic()
-        self._refuse_twin(session, sites)
+        self._refuse_twin(session, sites, stop, time.monotonic() + ghost_goes_within_s)
         liveliness = session.liveliness()
         self._tokens = [liveliness.declare_token(keys.offer(site, name)) for site in sites]
         # A router's rules let a mapper watch its own sites only, so no expression may stand for them all.
@@ -50,15 +61,14 @@ class Offers:
         for each in (*self._watches, *self._tokens):
             each.undeclare()
 
-    def _refuse_twin(self, session: zenoh.Session, sites: Sequence[str]) -> None:
-        """Two of one name would both take themselves for the owner of the same sites."""
-        until_s = time.monotonic() + _GHOST_GOES_WITHIN_S
+    def _refuse_twin(self, session: zenoh.Session, sites: Sequence[str], stop: threading.Event, until_s: float) -> None:
         while taken := [site for site in sites if _is_offered(session, site, self._name)]:
             if time.monotonic() > until_s:
                 raise SharingError(
                     f"another mapper named {self._name!r} shares site {taken[0]!r}: stop it, or give this one a --name"
                 )
-            time.sleep(_ASK_AGAIN_S)
+            if stop.wait(_ASK_AGAIN_S):
+                return
 
     def _note(self, sample: zenoh.Sample) -> None:
         try:

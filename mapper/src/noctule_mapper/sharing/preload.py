@@ -1,8 +1,5 @@
-"""What every mapper of a site needs, loaded and compiled when this is imported, in the process that forks them."""
+"""Compiles what every map is made with when it is imported, once, in the process that the mappers are forked from."""
 
-from noctule_mapper.live import service
 from noctule_mapper.mapper import Mapper
-
-__all__ = ["service"]
 
 Mapper().feature_points()

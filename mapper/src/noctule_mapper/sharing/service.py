@@ -3,7 +3,9 @@
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import zenoh
 
@@ -23,12 +25,10 @@ _QUERY_TIMEOUT_S = 1.0
 
 @dataclass(frozen=True)
 class SharedSites:
-    """The sites that may fall to this mapper. ``settings`` holds for each of them, but for ``site`` and ``data``:
-    a site's store is in a folder of its own in ``data``.
-    """
+    """The settings of each site that may fall to this mapper, alike but for the site and its folder in ``data``."""
 
-    sites: Sequence[str]
-    settings: LiveSettings
+    data: Path
+    sites: Sequence[LiveSettings]
     log_format: logs.LogFormat
 
 
@@ -37,28 +37,19 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
 
     Raises FolderError, SharingError, KeyFormatError, BusConfigError.
     """
-    settings = shared.settings
-    sites = [keys.name(site, "site") for site in dict.fromkeys(shared.sites)]
-    name = keys.name(settings.service, "service name")
+    sites = [keys.name(each.site, "site") for each in shared.sites]
+    name = keys.name(shared.sites[0].service, "service name")
     context, manager = forking_context(), ServiceManager()
     with ExitStack() as closing:
-        closing.enter_context(FolderLock(settings.data, Owner("mapper of several sites", "", name)))
-        session = join(settings, stop, manager)
+        closing.enter_context(FolderLock(shared.data, Owner("mapper of several sites", "", name)))
+        session = join(shared.sites[0], stop, manager)
         if session is None:
             return
         closing.callback(session.close)
-        offers = Offers(session, name, sites)
+        offers = Offers(session, name, sites, stop)
         closing.callback(offers.close)
-
-        def other_mapper(site: str) -> str | None:
-            return mapper_of(session, site, but=name)
-
-        mapped = [
-            SiteProcess(
-                replace(settings, site=site, data=settings.data / site), shared.log_format, context, other_mapper
-            )
-            for site in sites
-        ]
+        other_mapper = partial(mapper_of, session, but=name)
+        mapped = [SiteProcess(each, shared.log_format, context, other_mapper) for each in shared.sites]
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
         while not stop.wait(_STEP_S):

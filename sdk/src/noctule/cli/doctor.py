@@ -13,12 +13,14 @@ from noctule.doctor import clock, configuration, data_folder, joining, serial_po
 from noctule.doctor.finding import Finding, Level, exit_status
 from noctule.doctor.host import Host
 
-Files = Annotated[list[Path] | None, typer.Option("--data", metavar="FOLDER", help="A gateway's or mapper's data.")]
+DataFolders = Annotated[
+    list[Path] | None, typer.Option("--data", metavar="FOLDER", help="A gateway's or mapper's data.")
+]
 
 
 def doctor(
     site_file: Annotated[Path | None, typer.Argument(metavar="[SITE.toml]", help="The gateway's site file.")] = None,
-    data: Files = None,
+    data: DataFolders = None,
     fleet: Annotated[Path | None, typer.Option(metavar="FLEET.toml", help="The fleet file of noctule-deploy.")] = None,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,

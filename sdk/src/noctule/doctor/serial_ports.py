@@ -40,8 +40,8 @@ def _unit(path: Path, about: str, host: Host, running: set[str], names: Counter[
     tty = path.resolve()
     if not host.may_use(tty):
         group = group_of(tty)
-        todo = f"sudo usermod -aG {group} USER, then log in again; in a unit file: SupplementaryGroups={group}"
-        yield Finding(Level.FAULT, about, f"may not be used by this user (group {group}): {todo}")
+        remedy = f"sudo usermod -aG {group} USER, then log in again; in a unit file: SupplementaryGroups={group}"
+        yield Finding(Level.FAULT, about, f"may not be used by this user (group {group}): {remedy}")
     holders = host.holders(tty)
     for pid, name in holders:
         if name != GATEWAY:
