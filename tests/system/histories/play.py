@@ -2,8 +2,9 @@
 
 import sqlite3
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from system.histories.cable import Sequences
 from system.histories.checker import findings, removed_unread
 from system.histories.deployment import Deployment
 from system.histories.faults import UNITS, History, at, moments_s
@@ -37,34 +38,43 @@ def play(deployed: Deployment, history: History) -> Outcome:
 
 
 def settle(deployed: Deployment, began_s: float) -> Outcome:
-    """Wait until every unit has handed over a sweep made from now on, and all is in the store; if not, say what is."""
-    before = {unit: set(witness.made) for unit, witness in deployed.witnesses().items()}
+    """Wait until every unit has handed over a sweep made from now on, and then until all handed over by then is in the
+    store; if it is not, say what is missing.
+    """
     deadline_s = time.monotonic() + SETTLED_WITHIN_S
+    before = {unit: set(witness.made) for unit, witness in deployed.witnesses().items()}
+    owed: dict[str, set[Sequences]] = {}
     found = ["not looked at yet"]
     while found and time.monotonic() < deadline_s:
         time.sleep(_LOOK_EVERY_S)
         deployed.look_after()
-        found = look(deployed, before)
+        handed_over = {unit: witness.handed_over for unit, witness in deployed.witnesses().items()}
+        if not owed and all(handed_over[unit] - before[unit] for unit in UNITS):
+            owed = handed_over
+        found = look(deployed, owed) if owed else [_silent(handed_over, before)]
     ended, deployed.ended = deployed.ended, []
     handed_over, removed = counts(deployed)
     return Outcome(found, ended, handed_over, removed, time.monotonic() - began_s)
 
 
-def look(deployed: Deployment, before: dict[str, set[tuple[int, int]]]) -> list[str]:
-    """What is not yet, or not at all, as it should be."""
-    witnesses = deployed.witnesses()  # first: what comes later may not be in the store yet
-    silent = [unit for unit in UNITS if not witnesses[unit].handed_over - before[unit]]
-    if silent:
-        return [f"{', '.join(silent)}: nothing new was handed over since the faults were over"]
+def look(deployed: Deployment, owed: dict[str, set[Sequences]]) -> list[str]:
+    """What the checker finds where the sweeps ``owed`` must be in the store."""
     try:
         held = deployed.held()
         extents = {unit: deployed.extent(unit) for unit in UNITS}
     except sqlite3.Error as error:
         return [f"a store or a log can't be read: {error}"]
-    made = deployed.witnesses()  # and last: what is held may have been made since
-    for unit in UNITS:
-        made[unit].handed_over.intersection_update(witnesses[unit].handed_over)
-    return [each for unit in UNITS for each in findings(unit, made[unit], held.get(unit, []), extents[unit])]
+    witnesses = deployed.witnesses()  # last: what is held may have been made since ``owed`` was noted
+    return [
+        each
+        for unit in UNITS
+        for each in findings(unit, replace(witnesses[unit], handed_over=owed[unit]), held.get(unit, []), extents[unit])
+    ]
+
+
+def _silent(handed_over: dict[str, set[Sequences]], before: dict[str, set[Sequences]]) -> str:
+    silent = [unit for unit in UNITS if not handed_over[unit] - before[unit]]
+    return f"{', '.join(silent)}: nothing new was handed over since the faults were over"
 
 
 def counts(deployed: Deployment) -> tuple[int, int]:
