@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from mapper.live_site import SITE, LiveSite, live_site, message, paper_survey
 from mapper.rerun_relay import relay
@@ -250,6 +251,31 @@ def test_a_sweep_that_broke_the_map_is_told_in_the_status_until_after_a_restart(
     wait_until(lambda: statuses and statuses[-1].detail, "no detail", within_s=20)
     assert (held, statuses[-1].counters["sweeps_set_aside"]) == (0, 1)
     assert f"sweep {bad.log_sequence} of {bad.log_id!r} (unit 'u1', IndexError: no such bin)" in statuses[-1].detail
+
+
+def test_a_store_that_takes_no_more_is_told_once_and_in_the_status_and_costs_no_sweep(
+    site: LiveSite, tmp_path: Path
+) -> None:
+    survey = paper_survey()[:8]
+    statuses: list[ServiceStatus] = []
+    site.client.on_service_status(statuses.append)
+    site.start_mapper()
+    site.play(survey[:4])
+    site.contour_of(4)
+    # As on a full disk: no file of this process grows past what its store's journal has now.
+    process = psutil.Process(site.running.pid("mapper"))
+    journal = (tmp_path / f"{SITE}.sqlite3-wal").stat().st_size
+    process.rlimit(psutil.RLIMIT_FSIZE, (journal, psutil.RLIM_INFINITY))
+    site.play(survey[4:])
+    full = f"the mapper's store {tmp_path / SITE}.sqlite3 can't be used"
+    wait_until(lambda: full in statuses[-1].detail, "the status does not say it", within_s=20)
+    wait_until(lambda: statuses[-1].counters["log_failed"] >= 4, "it is not tried again", within_s=20)
+    process.rlimit(psutil.RLIMIT_FSIZE, (psutil.RLIM_INFINITY, psutil.RLIM_INFINITY))
+    site.contour_of(8)
+    wait_until(lambda: full not in statuses[-1].detail, "the status still says it", within_s=20)
+    log = site.running.log("mapper")
+    assert (log.count("the sweeps wait in the gateways' logs"), log.count("Traceback")) == (1, 0)
+    assert site.running.end("mapper") == 0
 
 
 def test_the_first_echo_of_an_uncalibrated_sensor_makes_a_map_with_nothing_on_it(site: LiveSite) -> None:

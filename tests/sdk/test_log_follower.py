@@ -10,6 +10,7 @@ import pytest
 
 from noctule import Client, LogFollower, bus, keys, log_follower
 from noctule.client import QUERY_TIMEOUT_S
+from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, LogRecords, Reading, Sweep, UnitStatus
 
 PATIENCE_S = 20.0
@@ -289,6 +290,48 @@ def test_a_store_that_fails_gets_the_same_sweeps_again_and_meanwhile_nothing_mov
     failing.clear()
     store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4, 5])
     assert follower.counters()["failed"] >= 3
+
+
+def test_a_store_that_fails_is_told_in_one_line_until_it_has_taken_something(open_session, follow, caplog):
+    failing = threading.Event()
+    failing.set()
+    failed = threading.Semaphore(0)
+
+    class Full(Store):
+        def deliver(self, sweeps):
+            if failing.is_set():
+                failed.release()
+                raise NoctuleError("the disk is full: make room")
+            super().deliver(sweeps)
+
+    store, unit = Full(), LoggedUnit(open_session(), "u1")
+    follow(store)
+    for times in (1, 2):
+        unit.sweep()
+        for _ in range(3):
+            assert failed.acquire(timeout=PATIENCE_S)
+        failing.clear()
+        store.wait_for(lambda stored, times=times: len(stored.sweeps) == times)
+        failing.set()
+        told = [record for record in caplog.records if "the disk is full: make room" in record.getMessage()]
+        assert len(told) == times
+        assert not any(record.exc_info for record in told)
+
+
+def test_a_store_that_fails_is_tried_later_and_later_though_sweeps_keep_coming(open_session, follow):
+    failed_s = []
+    session = open_session()
+    unit = LoggedUnit(session, "u1", lose=1.0)
+    unit.sweep(5)
+    follow(Store(fail=lambda: failed_s.append(monotonic()) or True))
+    live = bus.declare_publisher(session, keys.sweep("room", "u1"), Sweep)
+    deadline_s = monotonic() + PATIENCE_S
+    while len(failed_s) < 5:
+        assert monotonic() < deadline_s, failed_s
+        unit.sweep()
+        live.put(unit.sweeps[-1].SerializeToString())
+        threading.Event().wait(0.02)  # sweeps come fifty times a second
+    assert failed_s[4] - failed_s[0] >= log_follower.FIRST_RETRY_S * (1 + 2 + 4 + 8)
 
 
 def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, follow):

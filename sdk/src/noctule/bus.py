@@ -79,7 +79,8 @@ def _open_client(
             elif patience_s is not None and monotonic() - began_s >= patience_s:
                 raise BusError(reachability.why_no_router(connect, identity)) from error
             while_waiting()
-            sleep(max(0.0, attempt_s + _ATTEMPT_EVERY_S - monotonic()))
+            if (left_s := attempt_s + _ATTEMPT_EVERY_S - monotonic()) > 0:
+                sleep(left_s)
 
 
 def encoding(message_type: type[Message]) -> zenoh.Encoding:

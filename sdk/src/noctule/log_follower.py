@@ -11,7 +11,7 @@ from typing import Self
 
 from noctule.bounds import MAX_UNITS
 from noctule.client import Client
-from noctule.errors import BusError
+from noctule.errors import BusError, NoctuleError
 from noctule.log_pulls import Answer, LogPulls, Standing
 from noctule.messages_pb2 import Cursor, Sweep, UnitStatus
 from noctule.subscription import Subscription
@@ -30,15 +30,21 @@ class _BackOff:
     def __init__(self) -> None:
         self.not_before_s = -inf
         self._retry_s = FIRST_RETRY_S
+        self._told = ""
 
     def succeeded(self) -> None:
-        self.not_before_s, self._retry_s = -inf, FIRST_RETRY_S
+        self.not_before_s, self._retry_s, self._told = -inf, FIRST_RETRY_S, ""
 
     def failed(self) -> float:
         """Seconds until the next try."""
         wait_s, self._retry_s = self._retry_s, min(2.0 * self._retry_s, LAST_RETRY_S)
         self.not_before_s = monotonic() + wait_s
         return wait_s
+
+    def is_news(self, text: str) -> bool:
+        """Whether the last failure since a success was another one."""
+        told, self._told = self._told, text
+        return text != told
 
 
 class _Unit:
@@ -232,9 +238,10 @@ class LogFollower:
             live = list(unit.live)
             unit.live.clear()
         try:
+            before = unit.reader.cursor
             if not unit.reader.take(live):
                 unit.behind = True
-            if live:
+            if unit.reader.cursor is not before:
                 unit.delivery.succeeded()
         # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
         except Exception as error:  # whatever the store has to say, the sweeps are still in the log
@@ -254,7 +261,10 @@ class LogFollower:
         try:
             if answer.error is not None:
                 raise answer.error
+            before = unit.reader.cursor
             more = answer.records is not None and unit.reader.read(answer.records, answer.asked)
+            if unit.reader.cursor is not before:
+                unit.delivery.succeeded()
             unit.asks.succeeded()
             unit.standing = Standing.ANSWERS
         except Exception as error:  # a panic of Zenoh is none, and ends the thread
@@ -269,10 +279,13 @@ class LogFollower:
 
     def _tell_failed(self, name: str, error: Exception, back_off: _BackOff) -> None:
         self._counts["failed"] += 1
-        _log.warning(
-            "unit %s: not read (%s); again in %.1f s",
-            name,
-            error,
-            back_off.failed(),
-            exc_info=not isinstance(error, BusError),
-        )
+        wait_s = back_off.failed()
+        if back_off.is_news(str(error)):
+            _log.warning(
+                "unit %s: not read (%s); again in %.1f s, then ever later up to %g s",
+                name,
+                error,
+                wait_s,
+                LAST_RETRY_S,
+                exc_info=not isinstance(error, NoctuleError),
+            )

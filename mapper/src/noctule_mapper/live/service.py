@@ -25,7 +25,8 @@ from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.refused import RefusedSweeps
-from noctule_mapper.live.store import SweepStore
+from noctule_mapper.live.store import Change, SweepStore
+from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.log import RerunLog
@@ -145,13 +146,22 @@ class LiveMapper:
         usable = [(sweep, readings) for sweep in sweeps if (readings := self._readings(sweep)) is not None]
         last = sweeps[-1]
         cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
-        change = self._store.commit([sweep for sweep, _ in usable], [cursor])
+        change = self._commit([sweep for sweep, _ in usable], cursor)
         entered = {identity_of(sweep) for sweep in change.entered}
         new = [readings for _, readings in usable if readings.identity in entered]
         self._worker.take(change.left, new)
         self._counts["sweeps_taken"] += len(sweeps)
         for readings in new:
             self._log.show_sweep(readings)
+
+    def _commit(self, sweeps: Sequence[Sweep], cursor: Cursor) -> Change:
+        try:
+            change = self._store.commit(sweeps, [cursor])
+        except StoreError as error:
+            self._troubles.begin("commit", f"{error}; the sweeps wait in the gateways' logs")
+            raise
+        self._troubles.end("commit", "the mapper's store can be written again")
+        return change
 
     def report(self) -> None:
         """Publish how the mapper fares. Raises what has broken the map, if anything has."""

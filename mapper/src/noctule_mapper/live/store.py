@@ -12,7 +12,7 @@ from noctule.messages_pb2 import Cursor, Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
 from noctule_mapper.live import store_file
-from noctule_mapper.live.store_file import sealed
+from noctule_mapper.live.store_file import StoreError, sealed
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
 
@@ -39,14 +39,18 @@ class Change:
 
 
 class SweepStore:
-    """Sweeps of the window by identity, and a cursor per unit. Safe to use from several threads."""
+    """Sweeps of the window by identity, and a cursor per unit. Safe to use from several threads.
+
+    Every method raises StoreError where the file can't be written or read for now, and nothing has changed;
+    sqlite3.Error where it is damaged.
+    """
 
     def __init__(self, path: Path, window: Window, now_ns: Callable[[], int] = time_ns) -> None:
         """Open ``path`` or make it; a damaged one is rebuilt from what is sound in it, which ``damage`` then says.
 
         Raises StoreError if it is a store of another version, or can't be opened.
         """
-        self._window = window
+        self._path, self._window = path, window
         self._now_ns = now_ns
         self._lock = threading.Lock()
         self._damaged = ""
@@ -131,6 +135,10 @@ class SweepStore:
                     self._damaged = str(error)
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
+                if isinstance(error, SQLITE_ERRORS) and not is_damage(error):
+                    raise StoreError(
+                        f"the mapper's store {self._path} can't be used: {error}; see to its disk"
+                    ) from error
                 raise
 
     def _enter(self, database: sqlite3.Connection, sweep: Sweep) -> list[Identity] | None:
