@@ -9,8 +9,8 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
-from pathlib import Path
 
+import psutil
 import pytest
 import serial
 from serial.rfc2217 import PortManager
@@ -179,10 +179,7 @@ def test_a_line_over_tcp_whose_far_end_vanishes_without_a_word_is_cut_within_20_
 
 def connected_to(server: socket.socket) -> socket.socket:
     """Another handle on this process's own socket that is connected to ``server``."""
-    for descriptor in Path("/proc/self/fd").iterdir():
-        with contextlib.suppress(OSError):  # no socket, not connected, or closed meanwhile
-            handle = socket.socket(fileno=os.dup(int(descriptor.name)))
-            if handle.getpeername() == server.getsockname():
-                return handle
-            handle.close()
+    for connection in psutil.Process().net_connections("tcp"):
+        if connection.raddr == server.getsockname():
+            return socket.socket(fileno=os.dup(connection.fd))
     raise AssertionError("nothing is connected to the server")
