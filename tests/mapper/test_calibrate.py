@@ -44,7 +44,8 @@ range_sigma_m = 0.002 # by its maker
 
 
 def calibrated(seen_m: np.ndarray, distance_m: float | None = FIRST_M) -> Calibration:
-    return calibrate(readings_of(sweeps(seen_m)), distance_m)
+    """From sweeps of all repeats at one place, which give the same as sweeps of one reading each (test below)."""
+    return calibrate(readings_of(sweeps(seen_m, readings_per_sweep=wall_survey.REPEATS)), distance_m)
 
 
 def readings_of(messages: list[Sweep]):
@@ -123,7 +124,7 @@ def test_without_the_walls_distance_the_mean_error_is_left_out():
 def test_repeats_may_be_readings_of_one_sweep():
     seen_m = ranges_m(5)
     of_sweeps, of_readings = (
-        calibrate(readings_of(sweeps(seen_m, readings_per_sweep=count)), FIRST_M) for count in (1, 50)
+        calibrate(readings_of(sweeps(seen_m, readings_per_sweep=count)), FIRST_M) for count in (1, wall_survey.REPEATS)
     )
     assert of_readings.spread.sigma_range_m == of_sweeps.spread.sigma_range_m
     assert of_readings.mean_error_m == of_sweeps.mean_error_m
