@@ -10,8 +10,8 @@ from noctule.messages_pb2 import Sweep
 
 SITE = "fleet"
 UNITS = 20
-CUTS = 6
-SWEEPS_BETWEEN_CUTS = 8  # one takes some 7 s of a unit's time
+CUTS = 3
+SWEEPS_BETWEEN_CUTS = 6  # one takes some 7 s of a unit's time
 SPEED = 2  # that the simulator keeps up with while the gateway and the mapper run beside it
 
 
