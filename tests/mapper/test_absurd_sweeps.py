@@ -134,7 +134,7 @@ SWEEPS = st.builds(
 
 
 @pytest.mark.parametrize("method", ["refined", "eht-lsm", "hough"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(sweeps=st.lists(SWEEPS, max_size=5))
 def test_sweeps_at_the_edge_of_what_is_allowed_are_mapped(method: Method, sweeps: list[SweepReadings]) -> None:
     mapper = Mapper(MapperConfig(method=method))

@@ -52,7 +52,7 @@ def contacts_of(book: ContactBook, one: SweepReadings):
 
 
 @given(st.lists(st.tuples(st.sampled_from(["comes", "goes", "changes"]), st.integers(0, 63)), min_size=10, max_size=60))
-@settings(max_examples=40, derandomize=True, deadline=None)
+@settings(max_examples=40, derandomize=True)
 def test_after_any_comings_and_goings_the_votes_are_those_of_a_book_of_what_is_left(
     steps: list[tuple[str, int]],
 ) -> None:

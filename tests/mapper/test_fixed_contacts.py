@@ -178,7 +178,7 @@ def test_one_or_two_units_make_nothing_false_by_the_papers_methods(method: Metho
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("method", ["eht-lsm", "hough"])
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=6, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), units=st.integers(1, 4), share=st.sampled_from([0.05, 0.5, 1.0]))
 def test_whatever_fine_sweeps_hear_makes_a_map_by_the_papers_methods(
     method: Method, seed: int, units: int, share: float
@@ -228,7 +228,7 @@ def same(first: Contacts, second: Contacts) -> None:
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 63)), min_size=8, max_size=24))
-@settings(max_examples=25, derandomize=True, deadline=None)
+@settings(max_examples=25, derandomize=True)
 def test_after_any_comings_and_goings_the_contacts_are_those_of_a_book_of_what_is_left(
     steps: list[tuple[bool, int]],
 ) -> None:
@@ -242,7 +242,7 @@ def test_after_any_comings_and_goings_the_contacts_are_those_of_a_book_of_what_i
 
 
 @given(st.integers(0, 11))
-@settings(max_examples=12, derandomize=True, deadline=None)
+@settings(max_examples=12, derandomize=True)
 def test_a_change_tells_of_every_contact_that_a_sweep_takes_with_it(which: int) -> None:
     book = book_of(*two_units()[:12])
     echoes, before = book.echoes(), book.contacts()

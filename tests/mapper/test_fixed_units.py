@@ -62,7 +62,7 @@ def test_one_unit_alone_makes_no_false_object(seed: int) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), units=st.integers(1, 4), share=st.sampled_from([0.05, 0.5, 1.0]))
 def test_whatever_fine_sweeps_hear_makes_a_map(seed: int, units: int, share: float) -> None:
     """Ranges from anywhere, some of them the same at many bearings, in place of a room's."""

@@ -81,7 +81,7 @@ def test_a_rule_gives_the_papers_figures(rule, sources, figures):
 
 @pytest.mark.parametrize("rule", LIBRARY)
 @given(masses=beliefs(most=4))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_every_rule_agrees_with_an_independent_library(rule, masses):
     frame = FREE_MODEL if rule == "dsmc" else FRAME
     functions = [MassFunction(frame, {"O": o, "F": f, "O|F": u}, tolerance=1e-6) for o, f, u in masses]
@@ -90,7 +90,7 @@ def test_every_rule_agrees_with_an_independent_library(rule, masses):
 
 
 @given(masses=beliefs(most=4))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_conflict_is_what_the_classic_dsm_rule_gives_to_occupied_and_free(masses):
     functions = [MassFunction(FREE_MODEL, {"O": o, "F": f, "O|F": u}, tolerance=1e-6) for o, f, u in masses]
     both = functions[0].dsmc(*functions[1:]).mass("O&F")
@@ -100,14 +100,14 @@ def test_conflict_is_what_the_classic_dsm_rule_gives_to_occupied_and_free(masses
 
 @pytest.mark.parametrize("rule", ["pcr6+", "pcr6"])
 @given(masses=beliefs(most=7))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_an_integral_gives_the_sum_over_all_products_to_a_millionth(rule, masses):
     assert fuse(masses, rule) == pytest.approx(written_out(masses, rule), abs=1e-6)
 
 
 @pytest.mark.parametrize("rule", ["pcr6+", "pcr6"])
 @given(chosen=st.lists(st.sampled_from(range(len(HARD_BELIEFS))), min_size=2, max_size=7))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_certain_and_tiny_masses_are_fused_to_a_millionth_too(rule, chosen):
     masses = HARD_BELIEFS[chosen]
     assert fuse(masses, rule) == pytest.approx(written_out(masses, rule), abs=1e-6)
@@ -184,7 +184,7 @@ def test_a_reading_that_knows_nothing_changes_nothing():
 
 
 @given(readings=st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=30, max_size=60))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_many_readings_still_make_a_belief(readings):
     masses = np.array([(o * (1 - f / 2), (1 - o) * f, 1 - o * (1 - f / 2) - (1 - o) * f) for o, f in readings])
     fused = fuse(masses)

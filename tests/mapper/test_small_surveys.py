@@ -62,7 +62,7 @@ small = st.lists(st.tuples(places, readings, st.sampled_from([None, None, 0.001,
 
 
 @pytest.mark.parametrize("method", METHODS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(rows=small)
 def test_any_few_echoes_make_a_map(method: Method, rows: list) -> None:
     sweeps = [sweep(number, *row) for number, row in enumerate(rows)]
@@ -70,7 +70,7 @@ def test_any_few_echoes_make_a_map(method: Method, rows: list) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(count=st.integers(1, 12), step_m=st.sampled_from([0.05, 0.1, 0.2]), rounds=st.integers(1, 2))
 def test_ranges_that_are_all_equal_make_a_map(method: Method, count: int, step_m: float, rounds: int) -> None:
     sweeps = along_a_wall(count, step_m) * rounds

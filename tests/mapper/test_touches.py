@@ -71,7 +71,7 @@ def test_one_wall_alone_is_a_touch_at_its_foot() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), turn=st.floats(0.05, 3.0), alone=st.booleans())
 def test_touches_turn_with_their_frame_and_their_chances_sum_to_one(seed: int, turn: float, alone: bool) -> None:
     rng = np.random.default_rng(seed)

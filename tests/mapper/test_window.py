@@ -72,7 +72,7 @@ windows = st.builds(
 )
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(made=st.lists(stops, max_size=12, unique_by=lambda one: (one.log_id, one.log_sequence)), window=windows)
 def test_a_file_leaves_the_same_sweeps_as_a_log(
     tmp_path_factory: pytest.TempPathFactory, made: list[Sweep], window: Window

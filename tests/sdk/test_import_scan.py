@@ -346,7 +346,7 @@ def as_csv(sweeps: list[Sweep]) -> str:
     return out.getvalue()
 
 
-@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(surveys())
 def test_a_survey_written_as_a_scanner_would_is_the_same_survey_again(tmp_path, sweeps) -> None:
     columns = Columns("angle_rad", "range_m", x="x_m", y="y_m", heading="heading_rad")
@@ -416,7 +416,7 @@ def spoiled(draw) -> bytes:
     return data
 
 
-@settings(deadline=None, max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(spoiled() | st.binary(max_size=60), st.booleans(), st.booleans(), st.booleans())
 def test_bytes_of_all_kinds_become_a_survey_within_bounds_or_one_typed_error(
     tmp_path, data, named, skip, timed
