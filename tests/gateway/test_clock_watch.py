@@ -2,8 +2,8 @@
 
 import pytest
 
+from noctule.elapsed import Instant
 from noctule_gateway.clock.clock_watch import SHOWN_S, ClockWatch
-from noctule_gateway.clock.elapsed import Instant
 
 DAY_S = 86400.0
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from gateway.test_sweep_log import append, arrival, opened, read
 
+from noctule.elapsed import Instant, now
 from noctule.messages_pb2 import Sweep
-from noctule_gateway.clock.elapsed import Instant, now
 from noctule_gateway.log.log_file import Committed, Retention
 from noctule_gateway.log.sweep_log import SweepLog
 

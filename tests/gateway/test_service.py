@@ -17,8 +17,9 @@ from gateway.tcp_unit import tcp_unit
 from google.protobuf.timestamp_pb2 import Timestamp
 from system.processes import free_ports, programs, wait_until
 
-from noctule import bus, keys
+from noctule import bus, elapsed, keys
 from noctule.client import Client
+from noctule.elapsed import Instant
 from noctule.folder_lock import FILE_NAME
 from noctule.messages_pb2 import (
     Calibration,
@@ -32,8 +33,6 @@ from noctule.messages_pb2 import (
     UnitStatus,
 )
 from noctule.site import load
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.service import Gateway
 from noctule_gateway.wire import frames
 

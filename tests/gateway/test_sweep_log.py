@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from noctule import elapsed
+from noctule.elapsed import Instant
 from noctule.messages_pb2 import Sweep
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
 from noctule_gateway.log.sweep_log import SweepLog

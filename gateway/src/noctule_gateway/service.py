@@ -11,17 +11,16 @@ from pathlib import Path
 
 import zenoh
 
-from noctule import bus, keys
+from noctule import bus, elapsed, keys
 from noctule.bus_watch import BusWatch
+from noctule.elapsed import Instant
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
-from noctule_gateway.clock import elapsed
 from noctule_gateway.clock.clock_watch import ClockWatch
-from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack

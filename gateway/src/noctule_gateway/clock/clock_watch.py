@@ -1,6 +1,6 @@
 """Whether the host's wall clock was set, which the operator of a gateway should know: its sweeps carry that time."""
 
-from noctule_gateway.clock.elapsed import Instant
+from noctule.elapsed import Instant
 
 SHOWN_S = 600.0
 _SET_S = 2.0  # a busy machine may read the two clocks some time apart

@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
+from noctule import elapsed
+from noctule.elapsed import Instant
 from noctule_gateway.clock.regression import HostTime
 from noctule_gateway.errors import DamagedError, LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
