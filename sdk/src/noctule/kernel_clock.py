@@ -4,6 +4,9 @@ import ctypes
 import os
 from dataclasses import dataclass
 
+WORST_ERROR_S = 0.1
+REMEDY = "install chrony or switch on systemd-timesyncd, and let the host reach a time server"
+
 _NOT_SYNCHRONISED = 0x40  # STA_UNSYNC, adjtimex(2)
 
 
@@ -13,6 +16,15 @@ class KernelClock:
 
     synchronised: bool
     most_error_s: float
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with it, and what to do; empty if nothing is."""
+        if not self.synchronised:
+            return f"nothing synchronises it, so the times of sweeps drift: {REMEDY}"
+        if self.most_error_s > WORST_ERROR_S:
+            return f"its error may be {self.most_error_s * 1e3:.0f} ms: see that the time server is reached"
+        return ""
 
 
 class _Timex(ctypes.Structure):
