@@ -452,6 +452,37 @@ def test_a_host_whose_clock_is_set_by_forty_days_keeps_its_sweeps_and_says_that_
 
 
 @pytest.mark.parametrize("days", [-14, 14])
+def test_a_unit_whose_pose_was_published_before_the_clock_was_set_keeps_it(
+    tmp_path: Path, router: zenoh.Session, days: int
+) -> None:
+    set_s = 0.0
+
+    def now() -> Instant:
+        true = elapsed.now()
+        return Instant(true.utc_s + set_s, true.kernel_boot, true.since_boot_s)
+
+    unit, got = ModelUnit(7, born_s=time.monotonic()), list[Sweep]()
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, 'pose = "key"'))
+        with running(path, tmp_path, router, now), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            client.publish_pose("u1", Pose(x_m=3.0))
+
+            def placed() -> bool:
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                return any(sweep.HasField("pose") for sweep in got)
+
+            wait_until(placed, "no sweep got the pose", 20)
+            set_s, before = days * 86400.0, got[-1]
+            with line.lock:
+                unit.make_sweep(time.monotonic())
+            wait_until(lambda: got[-1].clock_epoch != before.clock_epoch, "no sweep came after the set", 20)
+    assert got[-1].pose.x_m == 3.0
+
+
+@pytest.mark.parametrize("days", [-14, 14])
 def test_a_log_of_before_the_clock_was_set_tells_no_time_of_after_it(
     tmp_path: Path, router: zenoh.Session, days: int
 ) -> None:

@@ -68,7 +68,8 @@ class SweepIntake:
         """A sweep has come from the unit."""
         wall = self._served.clock.look()
         start = self._clocks.at(sweep.boot, sweep.start, wall.utc_offset_s)
-        pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), start.time_s, self._served.track)
+        began_s = start.time_s - wall.utc_offset_s
+        pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), began_s, self._served.track)
         self.lost_pose = pose is None
         drift = self._clocks.good_drift(sweep.boot)
         message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
