@@ -52,43 +52,60 @@ def test_a_clock_that_runs_a_little_fast_for_days_was_not_set(kept: Path) -> Non
     assert watch.sets == 0
 
 
+def kept_epoch(kept: Path, host: Host) -> str:
+    """The epoch of a gateway that starts, and keeps it."""
+    watch = ClockWatch(kept, host)
+    watch.keep()
+    return watch.look().epoch
+
+
 def test_an_epoch_goes_on_over_a_restart_and_ends_with_a_set_while_the_gateway_was_down(kept: Path) -> None:
     host = Host()
-    first = ClockWatch(kept, host).look()
+    first = kept_epoch(kept, host)
     host.pass_time(3600.0)
-    assert ClockWatch(kept, host).look().epoch == first.epoch
+    assert kept_epoch(kept, host) == first
     host.pass_time(3600.0)
     host.utc_s -= 14 * DAY_S
     watch = ClockWatch(kept, host)
-    assert watch.look().epoch != first.epoch
+    assert watch.look().epoch != first
     assert "set back by 1209600 s" in watch.detail
-    assert ClockWatch(kept, host).look().epoch == watch.look().epoch
+    watch.keep()
+    assert kept_epoch(kept, host) == watch.look().epoch
 
 
 def test_a_reboot_begins_an_epoch_for_nobody_knows_what_the_clock_did_meanwhile(kept: Path) -> None:
     host = Host()
-    first = ClockWatch(kept, host).look()
+    first = kept_epoch(kept, host)
     host.boot(off_s=60.0)
     watch = ClockWatch(kept, host)
-    assert watch.look().epoch != first.epoch
+    assert watch.look().epoch != first
     assert (watch.sets, watch.detail) == (0, "")
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[1]", '{"epoch": 3}', '{"epoch": "", "kernel_boot": "boot 1"}'])
 def test_an_epoch_that_can_not_be_read_back_is_followed_by_a_new_one(kept: Path, damage: str) -> None:
     host = Host()
-    first = ClockWatch(kept, host).look()
+    first = kept_epoch(kept, host)
     kept.write_text(damage)
-    again = ClockWatch(kept, host).look()
-    assert again.epoch not in ("", first.epoch)
-    assert ClockWatch(kept, host).look().epoch == again.epoch
+    again = kept_epoch(kept, host)
+    assert again not in ("", first)
+    assert kept_epoch(kept, host) == again
 
 
-def test_a_disk_that_keeps_no_epoch_stops_nobody(tmp_path: Path) -> None:
-    host = Host()
-    watch = ClockWatch(tmp_path / "no such folder" / "clock-epoch.json", host)
-    epochs = {watch.look().epoch for _ in range(3)}
+def test_a_disk_that_keeps_no_epoch_stops_nobody_and_keeps_it_when_it_can(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    host, kept = Host(), tmp_path / "no folder yet" / "clock-epoch.json"
+    watch = ClockWatch(kept, host)
+    epochs = set[str]()
+    for _ in range(3):
+        watch.keep()
+        epochs.add(watch.look().epoch)
     assert len(epochs) == 1 and "" not in epochs
+    assert caplog.text.count("can't be written") == 1
+    kept.parent.mkdir()
+    watch.keep()
+    assert {kept_epoch(kept, host)} == epochs
 
 
 def test_two_gateways_never_draw_the_same_epoch(tmp_path: Path) -> None:

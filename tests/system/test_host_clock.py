@@ -14,6 +14,7 @@ from noctule_gateway.clock.clock_watch import ClockWatch
 
 watch = ClockWatch(Path(sys.argv[1]))
 while True:
+    watch.keep()
     print(watch.look().epoch, watch.sets, round(time.time()), watch.detail, flush=True)
     threading.Event().wait(0.05)  # time.sleep() fails under libfaketime
 """

@@ -122,7 +122,7 @@ class Gateway:
         Raises FolderError if another process has got hold of the folder.
         """
         self._folder.keep()
-        self._clock_watch.look()
+        self._clock_watch.keep()
         self._synchronisation.look()
         self._latest = message = self._status_message()
         if (status := self._status) is not None:

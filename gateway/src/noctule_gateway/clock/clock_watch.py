@@ -44,8 +44,8 @@ class _Epoch:
 class ClockWatch:
     """Compares the wall clock with the time since the kernel's boot, at each look. Safe to use from several threads.
 
-    The epoch is kept in the file ``kept``, so that it goes on over a restart. ``sets`` counts how often the clock was
-    set, ``detail`` says so for SHOWN_S and is empty otherwise.
+    The file ``kept`` carries the epoch over a restart. Only keep() writes it: a disk that hangs must hold up no unit.
+    ``sets`` counts how often the clock was set, ``detail`` says so for SHOWN_S and is empty otherwise.
     """
 
     def __init__(self, kept: Path, now: Callable[[], Instant] = elapsed.now) -> None:
@@ -54,6 +54,7 @@ class ClockWatch:
         self._kept, self._now = kept, now
         self._lock = threading.Lock()
         self._last = _read(kept)
+        self._kept_epoch = self._warned_epoch = self._last.epoch
         self._shown_until_s = 0.0
 
     def look(self) -> WallClock:
@@ -62,6 +63,22 @@ class ClockWatch:
             now, monotonic_s, gap_s = self._read_clocks()
             self._note(now, gap_s)
             return WallClock(now.utc_s - monotonic_s, self._last.epoch)
+
+    def keep(self) -> None:
+        """Look, and write down a new epoch; to be called each second, by one thread."""
+        self.look()
+        last = self._last
+        if last.epoch == self._kept_epoch:
+            return
+        part = self._kept.with_name(f"{self._kept.name}.part")
+        try:
+            part.write_text(json.dumps(asdict(last)))
+            part.replace(self._kept)
+            self._kept_epoch = last.epoch
+        except OSError as error:
+            if self._warned_epoch != last.epoch:
+                _log.warning("%s can't be written (%s): until it can, a restart begins a clock epoch", part, error)
+            self._warned_epoch = last.epoch
 
     def _read_clocks(self) -> tuple[Instant, float, float]:
         """The clocks as of one moment: a look that another process has broken in upon is repeated."""
@@ -78,13 +95,12 @@ class ClockWatch:
 
     def _note(self, now: Instant, gap_s: float) -> None:
         last, offset_s = self._last, now.utc_s - now.since_boot_s
-        if now.kernel_boot != last.kernel_boot:
-            self._begin(now, offset_s)
-        elif abs(offset_s - last.offset_s) > _SET_S + gap_s:
+        rebooted = now.kernel_boot != last.kernel_boot
+        was_set = not rebooted and abs(offset_s - last.offset_s) > _SET_S + gap_s
+        if was_set:
             self._tell_set(offset_s - last.offset_s, now)
-            self._begin(now, offset_s)
-        else:
-            self._last = _Epoch(last.epoch, last.kernel_boot, offset_s)
+        epoch = secrets.token_hex(8) if rebooted or was_set else last.epoch
+        self._last = _Epoch(epoch, now.kernel_boot, offset_s)
         if now.since_boot_s > self._shown_until_s:
             self.detail = ""
 
@@ -94,15 +110,6 @@ class ClockWatch:
         self.detail = f"the host's clock was set {way} by {by_s} s: sweeps logged before have times of the old clock"
         self._shown_until_s = now.since_boot_s + SHOWN_S
         _log.warning("%s", self.detail)
-
-    def _begin(self, now: Instant, offset_s: float) -> None:
-        self._last = _Epoch(secrets.token_hex(8), now.kernel_boot, offset_s)
-        part = self._kept.with_name(f"{self._kept.name}.part")
-        try:
-            part.write_text(json.dumps(asdict(self._last)))
-            part.replace(self._kept)
-        except OSError as error:
-            _log.warning("%s can't be written (%s): a restart will mark its sweeps as of another clock", part, error)
 
 
 def _read(kept: Path) -> _Epoch:

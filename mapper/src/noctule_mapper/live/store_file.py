@@ -32,7 +32,6 @@ _SCHEMA = (
     """CREATE TABLE IF NOT EXISTS elapsed (
         seconds REAL NOT NULL, kernel_boot TEXT NOT NULL, since_boot_s REAL NOT NULL, checksum BLOB NOT NULL)""",
 )
-# Of each version, its tables and what tells it from the one before.
 _BEFORE_4 = ("sweep", "set_aside", "cursor", "contour")
 _TABLES = (*_BEFORE_4, "elapsed")
 _OF_ONE_ROW = ("contour", "elapsed")
