@@ -234,3 +234,19 @@ def test_a_damaged_sweep_in_a_store_of_the_version_before_gets_no_checksum_of_it
     assert sequences(store) == [1, 3]
     assert store.sweeps_set_aside() == [("u1", (f"{LOG} of u1", 99), "a bug")]
     store.close()
+
+
+def test_contours_of_a_store_damaged_again_and_again_bear_new_numbers_also_where_the_clock_stands_in_1970(
+    path: Path,
+) -> None:
+    host, borne = Host(), [0]
+    for utc_s in (NOON_S, 100.0, 100.0):
+        host.utc_s = utc_s
+        store = SweepStore(path, DAY, host)
+        assert (borne[-1] > 0) == ("table contour do not fit" in store.damage)
+        borne += [store.next_contour_version() for _ in range(3)]
+        store.close()
+        with closing(sqlite3.connect(path)) as database, database:
+            database.execute("UPDATE contour SET version = 77")
+    assert borne == sorted(set(borne))
+    assert borne[-1] < 2**53  # bounds.py: beyond, a double no longer counts

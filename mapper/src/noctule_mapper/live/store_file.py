@@ -203,7 +203,7 @@ def _rebuild(path: Path, damage: str, now: Instant) -> str:
         if (file := Path(f"{path}{suffix}")).exists():
             shutil.copy2(file, folder / file.name)
     with closing(sqlite3.connect(new, isolation_level=None)) as target:
-        taken = _copy(path, target, now)
+        taken = _copy(path, target, now, rebuilds=int(folder.suffix.removeprefix(".")))
     for suffix in _SUFFIXES[:-1]:
         Path(f"{path}{suffix}").unlink(missing_ok=True)
     new.replace(path)
@@ -220,13 +220,14 @@ def _folder(path: Path) -> Path:
     return folder
 
 
-def _copy(path: Path, target: sqlite3.Connection, now: Instant) -> int:
+def _copy(path: Path, target: sqlite3.Connection, now: Instant, rebuilds: int) -> int:
     """Copy the sound rows of all but the cursors; how many sweeps. No contour bears a number for a second time."""
     with _writing(target):
         _create(target)
         taken = _insert(target, "sweep", _sound(path, "sweep"))
         _insert(target, "set_aside", _sound(path, "set_aside"))
-        far_above = int(now.utc_s)  # of all that any mapper has counted to
+        # Far above all that any mapper has counted to, though the clock may be wrong or the set-aside folder emptied.
+        far_above = rebuilds * 2**32 + int(now.utc_s)
         _insert(target, "contour", list(_sound(path, "contour"))[:1] or [(far_above,)])
         _insert(target, "elapsed", list(_sound(path, "elapsed"))[:1] or [astuple(_counted_at_least(target).at(now))])
     return taken
