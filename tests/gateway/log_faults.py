@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 
+from noctule import elapsed
 from noctule.messages_pb2 import Reading, Sweep
-from noctule_gateway.clock import elapsed
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, Retention
 from noctule_gateway.log.sweep_log import SweepLog

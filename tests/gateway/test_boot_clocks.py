@@ -102,3 +102,19 @@ def test_times_go_on_where_a_units_counter_of_48_bits_begins_again() -> None:
     for host_s in (1025.0, 1029.9, 1030.1, 1050.0):
         told = clocks.at(5, shown(host_s), OFFSET_S)
         assert told.time_s - OFFSET_S == pytest.approx(host_s, abs=0.002)
+
+
+def test_a_gateway_that_comes_after_a_wrap_tells_the_sweeps_of_before_it() -> None:
+    unit, clocks = Oscillator(0.01), begun()
+    for exchange in exchanges(unit, QUICK, seed=15):
+        clocks.add(exchange)
+    told = clocks.at(5, unit.tick(989.0) % TICKS_TO_WRAP, OFFSET_S)  # its counter began again at 990 s
+    assert told.time_s - OFFSET_S == pytest.approx(989.0, abs=3 * told.error_s)
+    assert told.error_s < 0.5
+
+
+def test_a_sweep_in_the_log_of_before_a_wrap_tells_those_of_after_it() -> None:
+    clocks = begun({4: (TICKS_TO_WRAP - 4_000_000, HostTime(OFFSET_S + 900.0, 0.001))})
+    told = clocks.at(4, 36_000_000, OFFSET_S)
+    assert told.time_s - OFFSET_S == pytest.approx(910.0)
+    assert told.error_s == pytest.approx(10.0 * TOLERANCE, rel=0.01)

@@ -8,14 +8,13 @@ from contextlib import closing
 from pathlib import Path
 
 from gateway.test_sweep_log import append, arrival, opened, read
+from sdk.host_clocks import DAY_S, NOON_S, Host
 
+from noctule.elapsed import now
 from noctule.messages_pb2 import Sweep
-from noctule_gateway.clock.elapsed import Instant, now
 from noctule_gateway.log.log_file import Committed, Retention
 from noctule_gateway.log.sweep_log import SweepLog
 
-DAY_S = 86400.0
-NOON_S = 1_790_000_000.0  # some day of 2026
 THIRTY_DAYS = Retention(max_age_s=30 * DAY_S)
 
 # The tables as the first released gateway made them, under user_version 1.
@@ -32,25 +31,6 @@ CREATE TABLE sweeps (
     UNIQUE (boot, sequence, digest)
 );
 """
-
-
-class Host:
-    """A host's clocks: time passes, the wall clock is set, the kernel boots."""
-
-    def __init__(self) -> None:
-        self.utc_s, self.boots, self.since_boot_s = NOON_S, 1, 1000.0
-
-    def __call__(self) -> Instant:
-        return Instant(self.utc_s, f"boot {self.boots}", self.since_boot_s)
-
-    def pass_time(self, duration_s: float) -> None:
-        self.utc_s += duration_s
-        self.since_boot_s += duration_s
-
-    def boot(self, off_s: float) -> None:
-        self.utc_s += off_s
-        self.boots += 1
-        self.since_boot_s = 10.0
 
 
 def sequences(log: SweepLog) -> list[int]:

@@ -16,11 +16,10 @@ import pytest
 from gateway.log_faults import SWEEPS, KilledLog, faults, killed_log
 from gateway.test_sweep_log import append, arrival, opened, read
 
-from noctule import bounds
+from noctule import bounds, elapsed
+from noctule.elapsed import Instant
 from noctule.messages_pb2 import LogRecords
 from noctule_gateway.bus.unit_on_bus import read_records
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Committed, Retention
 from noctule_gateway.log.log_reader import LogSlice

@@ -17,9 +17,11 @@ from gateway.tcp_unit import tcp_unit
 from google.protobuf.timestamp_pb2 import Timestamp
 from system.processes import free_ports, programs, wait_until
 
-from noctule import bus, keys
+from noctule import bus, elapsed, keys
 from noctule.client import Client
+from noctule.elapsed import Instant
 from noctule.folder_lock import FILE_NAME
+from noctule.kernel_clock import KernelClock
 from noctule.messages_pb2 import (
     Calibration,
     CommandReply,
@@ -32,8 +34,6 @@ from noctule.messages_pb2 import (
     UnitStatus,
 )
 from noctule.site import load
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.service import Gateway
 from noctule_gateway.wire import frames
 
@@ -68,9 +68,13 @@ def router() -> Iterator[zenoh.Session]:
 
 @contextmanager
 def running(
-    path: Path, data: Path, session: zenoh.Session, now: Callable[[], Instant] = elapsed.now
+    path: Path,
+    data: Path,
+    session: zenoh.Session,
+    now: Callable[[], Instant] = elapsed.now,
+    kernel_clock: Callable[[], KernelClock] = lambda: KernelClock(synchronised=True, most_error_s=0.01),
 ) -> Iterator[Gateway]:
-    gateway = Gateway(load(path), data, now=now)
+    gateway = Gateway(load(path), data, now=now, kernel_clock=kernel_clock)
     try:
         gateway.start()
         gateway.join(session)
@@ -439,8 +443,95 @@ def test_a_host_whose_clock_is_set_by_forty_days_keeps_its_sweeps_and_says_that_
                 gateway.report()
             wait_until(lambda: services and services[-1].counters["clock_sets"] == 3, "it was not counted", 20)
             assert (unit_status(client).log_tail, unit_status(client).log_removed) == (1, 0)
+            records = client.log("u1", 1)
+    sweeps = records.sweeps if records is not None else []
+    assert [one.log_sequence for one in sweeps] == [1, 2, 3]
+    assert len({one.clock_epoch for one in sweeps} - {""}) == 3
     assert "the host's clock was set forward by 3456000 s" in services[-1].detail
     assert caplog.text.count("the host's clock was set") == 3
+
+
+@pytest.mark.parametrize("days", [-14, 14])
+def test_a_unit_whose_pose_was_published_before_the_clock_was_set_keeps_it(
+    tmp_path: Path, router: zenoh.Session, days: int
+) -> None:
+    set_s = 0.0
+
+    def now() -> Instant:
+        true = elapsed.now()
+        return Instant(true.utc_s + set_s, true.kernel_boot, true.since_boot_s)
+
+    unit, got = ModelUnit(7, born_s=time.monotonic()), list[Sweep]()
+    with tcp_unit(unit) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, 'pose = "key"'))
+        with running(path, tmp_path, router, now), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            client.publish_pose("u1", Pose(x_m=3.0))
+
+            def placed() -> bool:
+                with line.lock:
+                    unit.make_sweep(time.monotonic())
+                return any(sweep.HasField("pose") for sweep in got)
+
+            wait_until(placed, "no sweep got the pose", 20)
+            set_s, before = days * 86400.0, got[-1]
+            with line.lock:
+                unit.make_sweep(time.monotonic())
+            wait_until(lambda: got[-1].clock_epoch != before.clock_epoch, "no sweep came after the set", 20)
+    assert got[-1].pose.x_m == 3.0
+
+
+@pytest.mark.parametrize("days", [-14, 14])
+def test_a_log_of_before_the_clock_was_set_tells_no_time_of_after_it(
+    tmp_path: Path, router: zenoh.Session, days: int
+) -> None:
+    """The clock is set while the gateway is down, and so is the unit reset: only the log knows the earlier boot."""
+    set_s = days * 86400.0
+
+    def now() -> Instant:
+        true = elapsed.now()
+        return Instant(true.utc_s + set_s, true.kernel_boot, true.since_boot_s)
+
+    unit = ModelUnit(7, born_s=time.monotonic())
+    with tcp_unit(unit) as line, Client(SITE, session=router) as client:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        for number in (1, 2):
+            with line.lock:
+                unit.make_sweep(time.monotonic())
+                if number == 2:
+                    unit.reset(time.monotonic())
+            with running(path, tmp_path, router, now):
+                wait_until(lambda: unit_status(client).log_head == number, "no sweep was logged", 20)  # noqa: B023
+                records = client.log("u1", 1)
+            set_s = 0.0
+    assert records is not None
+    before, after = records.sweeps
+    assert (before.boot, after.boot) == (1, 1)
+    assert before.clock_epoch != after.clock_epoch
+    assert abs(before.start.ToNanoseconds() / 1e9 - days * 86400.0 - time.time()) < 60
+    assert abs(after.start.ToNanoseconds() / 1e9 - time.time()) < after.clock_error_s
+
+
+def test_a_host_whose_clock_nothing_synchronises_says_so(
+    tmp_path: Path, router: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    """16 s is what an unsynchronised kernel states: NTP_PHASE_LIMIT, linux/timex.h."""
+    clock = KernelClock(synchronised=False, most_error_s=16.0)
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router, kernel_clock=lambda: clock) as gateway:
+
+            def service() -> ServiceStatus:
+                gateway.report()
+                return next(status for status in gateway.statuses() if isinstance(status, ServiceStatus))
+
+            assert "the host's clock: nothing synchronises it" in service().detail
+            assert (service().counters["clock_unsynchronised"], service().counters["clock_error_ms"]) == (1, 16_000)
+            clock = KernelClock(synchronised=True, most_error_s=0.002)
+            assert "the host's clock" not in service().detail
+            assert (service().counters["clock_unsynchronised"], service().counters["clock_error_ms"]) == (0, 2)
+    assert caplog.text.count("nothing synchronises it") == 1
 
 
 def test_sweeps_of_a_unit_whose_log_was_deleted_wait_in_it_until_they_are_in_a_new_one(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from noctule import elapsed
+from noctule.elapsed import Instant
 from noctule.messages_pb2 import Sweep
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
 from noctule_gateway.log.sweep_log import SweepLog
@@ -144,8 +144,8 @@ def test_the_newest_sweep_of_a_boot_gives_its_tick_and_time(tmp_path: Path) -> N
         found = log.last_of_boot(1)
         assert log.last_of_boot(9) is None
     assert found is not None
-    tick, utc = found
-    assert (tick, utc.time_s, utc.error_s) == (8_000_000, 1_000_000_002.0, 0.25)
+    tick, sweep = found
+    assert (tick, sweep.start.seconds, sweep.clock_error_s) == (8_000_000, 1_000_000_002, 0.25)
 
 
 def test_a_file_that_is_no_log_is_set_aside_whole_and_a_new_log_begins(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from mapper.command import noctule_mapper
 from mapper.live_site import paper_survey
 
 from noctule import survey
+from noctule.elapsed import Instant
 from noctule.messages_pb2 import READING_STATUS_NO_ECHO, Pose, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.config import LiveConfig, load_live
@@ -22,8 +23,11 @@ from noctule_mapper.window import windowed
 NOW_NS = 2_000_000_000 * 10**9
 
 
-def sweep(number: int, x_m: float = 0.0, start_s: int = 0, unit: str = "u1", log: str = "") -> Sweep:
+def sweep(
+    number: int, x_m: float = 0.0, start_s: int = 0, unit: str = "u1", log: str = "", epoch: str = "one"
+) -> Sweep:
     made = Sweep(site="s", unit=unit, log_id=log or f"log of {unit}", log_sequence=number, pose=Pose(x_m=x_m))
+    made.clock_epoch = epoch
     made.start.seconds = start_s
     return made
 
@@ -63,6 +67,7 @@ stops = st.builds(
     start_s=st.sampled_from([1_000_000_000, 1_000_000_050, 1_000_001_000, 1_900_000_000]),
     unit=st.sampled_from(["u1", "u2"]),
     log=st.sampled_from(["", "", "another"]),
+    epoch=st.sampled_from(["", "one", "two"]),
 )
 windows = st.builds(
     Window,
@@ -77,7 +82,9 @@ windows = st.builds(
 def test_a_file_leaves_the_same_sweeps_as_a_log(
     tmp_path_factory: pytest.TempPathFactory, made: list[Sweep], window: Window
 ) -> None:
-    store = SweepStore(tmp_path_factory.mktemp("window") / "site.sqlite3", window, lambda: NOW_NS)
+    store = SweepStore(
+        tmp_path_factory.mktemp("window") / "site.sqlite3", window, lambda: Instant(NOW_NS / 1e9, "boot", 1.0)
+    )
     store.commit(made, [])
     held = windowed(made, window, NOW_NS)
     in_the_store = {one.SerializeToString() for one in store.sweeps()}

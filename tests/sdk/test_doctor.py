@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from noctule.doctor import clock, configuration, data_folder, joining, serial_ports
-from noctule.doctor.clock import KernelClock
 from noctule.doctor.data_folder import Room
 from noctule.doctor.finding import Finding, Level, exit_status
 from noctule.doctor.host import Host
 from noctule.folder_lock import FolderLock, Owner
+from noctule.kernel_clock import KernelClock, kernel_clock
 from noctule.site import FixedPose, Pose2, Sensor, Unit
 
 NOBODY = 65534
@@ -160,7 +160,7 @@ def test_a_clock_is_judged_by_the_kernel_and_by_the_files(
 
 def test_the_kernel_of_this_host_is_asked_as_its_own_library_lays_it_out() -> None:
     """A wrong layout of struct timex gives errors of years or below zero; 16 s is what Linux caps it at."""
-    assert 0.0 <= clock.kernel_clock().most_error_s <= 16.0
+    assert 0.0 <= kernel_clock().most_error_s <= 16.0
 
 
 @pytest.mark.parametrize(

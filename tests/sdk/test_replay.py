@@ -2,6 +2,7 @@
 
 import random
 import threading
+from time import monotonic
 
 import pytest
 
@@ -82,6 +83,18 @@ def test_a_survey_is_replayed_at_its_pace_times_the_speed(replay):
     assert not clock.wait(0.3)  # four seconds' worth at ten times the speed
     assert clock.wait(20.0)
     finished.join()
+
+
+@pytest.mark.parametrize("set_s", [14 * 86400, -14 * 86400])
+def test_a_survey_over_which_the_clock_was_set_is_replayed_without_a_wait_for_that(replay, set_s):
+    sweeps = list(survey_of("u1", count=6, interval_ms=100))
+    for number, sweep in enumerate(sweeps):
+        sweep.clock_epoch = "after" if number >= 3 else "before"
+        sweep.start.seconds += 2 * 14 * 86400 + (set_s if number >= 3 else 0)
+    done, began_s = threading.Event(), monotonic()
+    threading.Thread(target=lambda: (replay.run(sweeps, 1.0), done.set()), daemon=True).start()
+    assert done.wait(10.0)
+    assert monotonic() - began_s >= 0.4  # 0.2 s on either side of the set
 
 
 def test_a_sweep_without_a_start_has_no_pace(replay):

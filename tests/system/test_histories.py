@@ -120,8 +120,8 @@ def test_a_sweep_that_is_in_the_store_twice_is_found(store: Path, witness: Witne
     again = message_of(made_sweep(7), site, 21).SerializeToString()
     change(
         store,
-        "INSERT INTO sweep SELECT unit, log_id, 21, start_ns, visit, place_x_m, place_y_m, place_heading_rad, ?, "
-        "checksum FROM sweep WHERE log_sequence = 8",
+        "INSERT INTO sweep SELECT unit, log_id, 21, clock_epoch, start_ns, entered_elapsed_s, visit, place_x_m, "
+        "place_y_m, place_heading_rad, ?, checksum FROM sweep WHERE log_sequence = 8",
         again,
     )
     assert found(store, witness) == ["u1: held more than once: boot 1 sequence 7"]

@@ -13,14 +13,18 @@ _SET_BACK_S = 1.0  # a pose that is older than the last by more than this has a 
 
 
 class PoseTrack:
-    """The poses that a tracker published lately, in the order of time. ``refused`` counts those of no use."""
+    """The poses that a tracker published lately, in the order of time. ``refused`` counts those of no use.
+
+    All times are the host's monotonic seconds: in UTC, a pose that came before the host's clock was set back would be
+    one of the future, and no sweep's.
+    """
 
     def __init__(self) -> None:
         self.refused = 0
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=_KEPT)
 
     def add(self, time_s: float, pose: Pose) -> None:
-        """Take in where the unit was at ``time_s`` (UTC), unless that is not after the last.
+        """Take in where the unit was at ``time_s``, unless that is not after the last.
 
         Where the tracker's clock was set back, what it told before is forgotten.
         """
@@ -43,7 +47,8 @@ class PoseTrack:
 
 
 def pose_of_sweep(source: PoseSource, waypoint: int | None, time_s: float, track: PoseTrack) -> Pose | None:
-    """The pose of a sweep that began at ``time_s`` (UTC) with the unit at ``waypoint``; None where nobody has said it.
+    """The pose of a sweep that began at ``time_s`` (host's monotonic) with the unit at ``waypoint``; None where nobody
+    has said it.
 
     A unit whose pose is to be found has one that says so.
     """

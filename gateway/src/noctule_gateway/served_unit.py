@@ -3,15 +3,17 @@
 from dataclasses import dataclass
 
 from noctule.site import Site, Unit
+from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 
 
 @dataclass(frozen=True)
 class ServedUnit:
-    """A unit of ``site``: its ``log``, and the poses that others have published for it."""
+    """A unit of ``site``: its ``log``, the poses that others have published for it, and the host's ``clock``."""
 
     site: Site
     unit: Unit
     log: SweepLog
     track: PoseTrack
+    clock: ClockWatch

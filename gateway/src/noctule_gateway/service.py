@@ -11,17 +11,18 @@ from pathlib import Path
 
 import zenoh
 
-from noctule import bus, keys
+from noctule import bus, elapsed, keys
 from noctule.bus_watch import BusWatch
+from noctule.elapsed import Instant
 from noctule.folder_lock import FolderLock, Owner
+from noctule.kernel_clock import KernelClock, kernel_clock
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
-from noctule_gateway.clock import elapsed
 from noctule_gateway.clock.clock_watch import ClockWatch
-from noctule_gateway.clock.elapsed import Instant
+from noctule_gateway.clock.synchronisation import Synchronisation
 from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
@@ -30,6 +31,7 @@ from noctule_gateway.unit.unit_server import UnitServer
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
+_EPOCH_FILE = "clock-epoch.json"
 _LISTED = 10  # units that a status names; a site may have hundreds
 
 Clock = Callable[[], Instant]
@@ -42,14 +44,16 @@ VERSION = version("noctule-gateway")
 class _Served:
     """One unit: its log, its server, and what it has on the bus, once there is one."""
 
-    def __init__(self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock) -> None:
+    def __init__(
+        self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock, clock: ClockWatch
+    ) -> None:
         self.unit = unit
         self.on_bus: UnitOnBus | None = None
         self.latest: UnitStatus | None = None
         self.reported_s = time.monotonic()  # its line's thread makes a status each second
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
-        self.kept = ServedUnit(site, unit, self.log, PoseTrack())
+        self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock)
         self.server = UnitServer(self.kept, self._publish, self._report)
 
     def close(self, by_s: float) -> None:
@@ -81,16 +85,16 @@ class Gateway:
         name: str = "gateway",
         retention: Retention | None = None,
         now: Clock = elapsed.now,
+        kernel_clock: Callable[[], KernelClock] = kernel_clock,
     ) -> None:
         self._site, self._name = site, keys.name(name, "gateway name")
         self._folder = FolderLock(data, Owner("gateway", site.name, self._name))
-        self._now = now
+        self._clock_watch, self._synchronisation = ClockWatch(data / _EPOCH_FILE, now), Synchronisation(kernel_clock)
         retention = retention or Retention()
-        self._served = [_Served(site, unit, data, retention, self._name, now) for unit in site.units]
+        self._served = [_Served(site, unit, data, retention, self._name, now, self._clock_watch) for unit in site.units]
         self._outbox = Outbox()
         self._readers = LogReaders()
         self._status: bus.StatePublisher | None = None
-        self._clock_watch = ClockWatch()
         self._watch: BusWatch | None = None
         self._latest: ServiceStatus | None = None
 
@@ -118,8 +122,8 @@ class Gateway:
         Raises FolderError if another process has got hold of the folder.
         """
         self._folder.keep()
-        if self._clock_watch.note(self._now()):
-            _log.warning("%s", self._clock_watch.detail)
+        self._clock_watch.keep()
+        self._synchronisation.look()
         self._latest = message = self._status_message()
         if (status := self._status) is not None:
             self._outbox.post(lambda: status.put(message))
@@ -179,6 +183,7 @@ class Gateway:
                         _listed("being updated", updating),
                         _listed("served late", late),
                         self._clock_watch.detail,
+                        self._synchronisation.detail if self._site.clock == "utc" else "",
                         self._readers.cut_off(),
                     ),
                 )
@@ -192,6 +197,7 @@ class Gateway:
                 "log_queries_refused": self._readers.refused,
                 "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
                 "clock_sets": self._clock_watch.sets,
+                **self._synchronisation.counters,
             },
         )
         message.time.FromNanoseconds(time.time_ns())

@@ -376,7 +376,7 @@ class Window(_Model):
 
     model_config = ConfigDict(allow_inf_nan=False)
 
-    max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # against the newest sweep
+    max_age_s: float = Field(default=86_400.0, gt=0, le=1e9)  # of time that has passed; window.py says how
     max_sweeps: int = Field(default=4_000, ge=1, le=20_000)
     # Of a unit's last visit there, in both directions of the stepper: enough to tell who walks by from what changes.
     sweeps_per_place: int = Field(default=8, ge=1)

@@ -52,7 +52,7 @@ def because_of_window(outside: Iterable[tuple[Record, Reason]], window: Window) 
         "superseded": (
             f"later ones from the same place stand for them ([window] sweeps_per_place = {window.sweeps_per_place})"
         ),
-        "too old": f"older than [window] max_age_s = {window.max_age_s:g} before the newest",
+        "too old": f"older than [window] max_age_s = {window.max_age_s:g} before the newest of the same clock epoch",
         "too many": f"more than [window] max_sweeps = {window.max_sweeps}",
     }
     found: dict[tuple[str, Reason], list[int]] = {}

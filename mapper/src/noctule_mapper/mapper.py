@@ -115,7 +115,7 @@ class Mapper:
         """The contour of all sweeps on the map, by the method that the configuration names."""
         for sweep in self._unplaced.seek(list(self._sweeps.values()), self.config):
             self._register(sweep)
-        newest_s = max((sweep.time_s for sweep in self._sweeps.values()), default=0.0)
+        newest_s = _newest_s(list(self._sweeps.values()))
         found = self._contour()
         note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config.refinement.limits)
         now, stops = parted(found.poses, self._sweeps.values())
@@ -186,3 +186,8 @@ class Mapper:
         if self._grid is not None:
             self._grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
             self._grid.add(contact_regions(change.echoes, change.after, self.config.grid))
+
+
+def _newest_s(sweeps: Sequence[SweepReadings]) -> float:
+    """The latest time that the clock of the last sweep has told since it was set; 0 of no sweeps."""
+    return max((sweep.time_s for sweep in sweeps if sweep.clock_epoch == sweeps[-1].clock_epoch), default=0.0)

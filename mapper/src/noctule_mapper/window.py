@@ -20,25 +20,48 @@ Identity = tuple[str, int]
 
 Reason = Literal["repeated", "superseded", "too old", "too many"]
 
-SCHEMA = """
-CREATE TABLE IF NOT EXISTS sweep (
-    unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
-    start_ns INTEGER NOT NULL, visit INTEGER NOT NULL,
-    place_x_m REAL NOT NULL, place_y_m REAL NOT NULL, place_heading_rad REAL NOT NULL,
-    record BLOB NOT NULL, checksum BLOB NOT NULL,
-    PRIMARY KEY (unit, log_id, log_sequence));
-CREATE INDEX IF NOT EXISTS sweep_by_age ON sweep (start_ns);
-CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad);
-"""
-_COVERED = ("unit", "log_id", "log_sequence", "start_ns", "visit", "x_m", "y_m", "heading_rad", "record")
+SCHEMA = (
+    """CREATE TABLE IF NOT EXISTS sweep (
+        unit TEXT NOT NULL, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL,
+        clock_epoch TEXT NOT NULL, start_ns INTEGER NOT NULL, entered_elapsed_s REAL NOT NULL, visit INTEGER NOT NULL,
+        place_x_m REAL NOT NULL, place_y_m REAL NOT NULL, place_heading_rad REAL NOT NULL,
+        record BLOB NOT NULL, checksum BLOB NOT NULL,
+        PRIMARY KEY (unit, log_id, log_sequence))""",
+    "CREATE INDEX IF NOT EXISTS sweep_by_time ON sweep (clock_epoch, start_ns)",
+    "CREATE INDEX IF NOT EXISTS sweep_by_entry ON sweep (entered_elapsed_s)",
+    "CREATE INDEX IF NOT EXISTS sweep_by_place ON sweep (unit, place_x_m, place_y_m, place_heading_rad)",
+)
+_COVERED = (
+    "unit",
+    "log_id",
+    "log_sequence",
+    "clock_epoch",
+    "start_ns",
+    "elapsed_s",
+    "visit",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "record",
+)
 _CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the host that reads it
 
-# Age goes by the newest sweep's time, but for times that the host's clock has not come to: one wrong clock must not
-# empty the window. The newest of all is the one that came last, for a clock may be set back. A sweep without a time
-# has no age.
+# A sweep is at least as old as the time that has passed since it entered. A log may have kept it for long before that,
+# which the times tell that one clock has told between two settings: of one epoch. The newest of these counts, but for
+# times that the host's clock has not come to: one wrong time must not empty the window. Times without an epoch, as
+# earlier gateways tell them, are not compared.
+# The first part steps from epoch to epoch over the index: a GROUP BY would read all sweeps at each commit.
 _TOO_OLD = """
-DELETE FROM sweep
-WHERE start_ns > 0 AND start_ns < (SELECT max(start_ns) FROM sweep WHERE start_ns <= :now_ns) - :max_age_ns
+WITH RECURSIVE epoch (name) AS (
+    SELECT min(clock_epoch) FROM sweep WHERE clock_epoch > ''
+    UNION ALL SELECT (SELECT min(clock_epoch) FROM sweep WHERE clock_epoch > name) FROM epoch WHERE name IS NOT NULL),
+newest (name, start_ns) AS (
+    SELECT name, (SELECT max(start_ns) FROM sweep WHERE clock_epoch = name AND start_ns <= :now_ns) FROM epoch)
+DELETE FROM sweep WHERE rowid IN (
+    SELECT rowid FROM sweep WHERE entered_elapsed_s < :elapsed_s - :max_age_s
+    UNION ALL
+    SELECT sweep.rowid FROM newest CROSS JOIN sweep ON sweep.clock_epoch = newest.name
+    AND sweep.start_ns > 0 AND sweep.start_ns < newest.start_ns - :max_age_ns)
 RETURNING log_id, log_sequence
 """
 
@@ -56,8 +79,9 @@ SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
 WHERE {_NEAR}
 """
 _ENTER = """
-INSERT OR IGNORE INTO sweep
-VALUES (:unit, :log_id, :log_sequence, :start_ns, :visit, :x_m, :y_m, :heading_rad, :record, :checksum)
+INSERT OR IGNORE INTO sweep VALUES (
+    :unit, :log_id, :log_sequence, :clock_epoch, :start_ns, :elapsed_s, :visit, :x_m, :y_m, :heading_rad, :record,
+    :checksum)
 """
 # Of a place, the newest sweeps of its newest visit stay. What came in another log is older.
 _SUPERSEDED = f"""
@@ -80,22 +104,26 @@ class SweepWindow:
 
     def __init__(self, database: sqlite3.Connection, window: Window) -> None:
         self._database, self._window = database, window
-        database.executescript(SCHEMA)
+        for statement in SCHEMA:
+            database.execute(statement)
 
-    def enter(self, sweep: Sweep, record: bytes) -> list[Identity] | None:
+    def enter(self, sweep: Sweep, record: bytes, elapsed_s: float) -> list[Identity] | None:
         """Take a sweep in, with what is to be kept of it; those that it supersedes, perhaps itself. None if it is there
-        already.
+        already. ``elapsed_s`` as for too_old().
         """
-        row = self._row(sweep) | {"record": record}
+        row = self._row(sweep) | {"record": record, "elapsed_s": elapsed_s}
         row["checksum"] = checksum(*(row[name] for name in _COVERED))
         if self._database.execute(_ENTER, row).rowcount != 1:
             return None
         return self._database.execute(_SUPERSEDED, row).fetchall()
 
-    def too_old(self, now_ns: int) -> list[Identity]:
-        """Take out what is too old at ``now_ns`` of the host's clock."""
-        age = {"max_age_ns": int(self._window.max_age_s * 1e9), "now_ns": now_ns + _CLOCKS_DIFFER_NS}
-        return self._database.execute(_TOO_OLD, age).fetchall()
+    def too_old(self, elapsed_s: float, now_ns: int) -> list[Identity]:
+        """Take out what is too old. ``elapsed_s`` counts the time that passes, as Elapsed does; ``now_ns`` is what the
+        host's clock shows, which may be wrong.
+        """
+        age = {"max_age_s": self._window.max_age_s, "max_age_ns": int(self._window.max_age_s * 1e9)}
+        now = {"elapsed_s": elapsed_s, "now_ns": now_ns + _CLOCKS_DIFFER_NS}
+        return self._database.execute(_TOO_OLD, age | now).fetchall()
 
     def too_many(self) -> list[Identity]:
         """Take out what is too many."""
@@ -108,6 +136,7 @@ class SweepWindow:
             "unit": sweep.unit,
             "log_id": log_id,
             "log_sequence": log_sequence,
+            "clock_epoch": sweep.clock_epoch,
             "start_ns": sweep.start.ToNanoseconds(),
             "visit": log_sequence,
             "x_m": sweep.pose.x_m + 0.0,  # SQLite keeps no -0.0, and the row's checksum covers what it keeps
@@ -132,7 +161,8 @@ class Windowed:
 
 def windowed(sweeps: Sequence[Sweep], window: Window, now_ns: int) -> Windowed:
     """Which of ``sweeps``, in the order in which they were made, are in the window after the last of them, at
-    ``now_ns`` of the host's clock.
+    ``now_ns`` of the host's clock. How long ago a file's sweeps were made it does not say, so that they have ages by
+    their own times alone.
     """
     database = sqlite3.connect(":memory:", isolation_level=None)
     try:
@@ -142,9 +172,9 @@ def windowed(sweeps: Sequence[Sweep], window: Window, now_ns: int) -> Windowed:
                 left[number] = "repeated"
                 continue
             numbers[identity_of(sweep)] = number
-            superseded = rows.enter(sweep, b"") or []
+            superseded = rows.enter(sweep, b"", elapsed_s=0.0) or []
             left.update((numbers[one], "superseded") for one in superseded)
-        left.update((numbers[one], "too old") for one in rows.too_old(now_ns))
+        left.update((numbers[one], "too old") for one in rows.too_old(0.0, now_ns))
         left.update((numbers[one], "too many") for one in rows.too_many())
     finally:
         database.close()

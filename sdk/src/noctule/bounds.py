@@ -178,6 +178,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "air_temperature_c": AIR_C,
         "readings": Many(MAX_READINGS),
         "clock_drift": Number(-0.5, 0.5, "s/s"),
+        "clock_epoch": _ID,
     },
     "UnitStatus": {
         "site": _NAME,

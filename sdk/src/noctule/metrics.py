@@ -16,7 +16,15 @@ Labels = Mapping[str, str]
 
 # A status calls all its numbers counters. These rise and fall, as does what is a size or a duration.
 _LEVELS = frozenset(
-    {"units", "units_connected", "units_late", "sweeps_waiting", "unit_sweeps_waiting", "unit_ring_used_bytes"}
+    {
+        "units",
+        "units_connected",
+        "units_late",
+        "sweeps_waiting",
+        "unit_sweeps_waiting",
+        "unit_ring_used_bytes",
+        "clock_unsynchronised",
+    }
 )
 _LEVEL_ENDINGS = ("_ms", "_bytes")
 

@@ -133,13 +133,13 @@ class Replay:
 
         Raises SurveyError where a sweep has no start to keep time by, and KeyFormatError where its unit can't be a key.
         """
-        began_s, first_ns = monotonic(), None
+        first: dict[str, tuple[float, int]] = {}  # of each clock epoch, since one's times don't go on from another's
         for number, sweep in enumerate(sweeps, start=1):
             if speed is not None:
                 if not sweep.HasField("start"):
                     raise SurveyError(f"sweep {number} of the survey has no start: replay it at speed max")
                 start_ns = sweep.start.ToNanoseconds()
-                first_ns = start_ns if first_ns is None else first_ns
+                began_s, first_ns = first.setdefault(sweep.clock_epoch, (monotonic(), start_ns))
                 self.wait(began_s + (start_ns - first_ns) * 1e-9 / speed)
             self._unit(sweep.unit).publish(sweep)
             self._publish_statuses()

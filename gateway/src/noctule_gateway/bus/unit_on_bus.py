@@ -38,7 +38,8 @@ class UnitOnBus:
         outbox: Outbox,
         readers: LogReaders,
     ) -> None:
-        self._log, self._track, self._outbox, self._readers = served.log, served.track, outbox, readers
+        self._log, self._track, self._clock = served.log, served.track, served.clock
+        self._outbox, self._readers = outbox, readers
         site, unit = served.site.name, served.unit
         self._commands = CommandCache(server)
         self._log_key = keys.log(site, unit.name)
@@ -73,8 +74,10 @@ class UnitOnBus:
         except BoundsError:
             self._track.refused += 1
         else:
-            time_s = _time_of(pose, sample)
-            if time_s > time.time() + _MOST_AHEAD_S:
+            utc_s = _time_of(pose, sample)
+            now_s = time.monotonic()
+            time_s = now_s if utc_s is None else utc_s - self._clock.look().utc_offset_s
+            if time_s > now_s + _MOST_AHEAD_S:
                 self._track.refused += 1
                 return
             pose.ClearField("time")  # a sweep has its own
@@ -130,8 +133,8 @@ def _number(name: str, text: str | None, default: int) -> int:
     return int(text)
 
 
-def _time_of(pose: Pose, sample: zenoh.Sample) -> float:
-    """When the unit was there: as the tracker says, else as stamped on the way, else now."""
+def _time_of(pose: Pose, sample: zenoh.Sample) -> float | None:
+    """When the unit was there (UTC): as the tracker says, else as stamped on the way; None if nobody says."""
     if pose.HasField("time"):
         return pose.time.ToNanoseconds() * 1e-9
-    return sample.timestamp.get_time().timestamp() if sample.timestamp else time.time()
+    return sample.timestamp.get_time().timestamp() if sample.timestamp else None

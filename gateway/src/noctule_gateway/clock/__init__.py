@@ -1,1 +1,1 @@
-"""What tells time: a unit's ticks in UTC, and the time that has passed on the host."""
+"""What tells time: a unit's ticks in UTC, and the host's wall clock as it is set."""

@@ -33,25 +33,24 @@ class BootClocks:
         self._clocks: OrderedDict[int, UnitClock] = OrderedDict()
         self._boot = 0
         self._begun_s = 0.0
-        self._last_tick = 0
+        self._last_ticks: dict[int, int] = {}  # of each boot, the last that is known, counted on over wraps
 
     def begin(self, boot: int, now_s: float, utc_offset_s: float) -> None:
         """The unit has shown at ``now_s``, in the host's monotonic time, that it runs under ``boot``."""
-        if boot != self._boot:
-            self._last_tick = 0
         self._boot = boot
         self._begun_s = now_s
         self._clock_of(boot, utc_offset_s)
 
     def add(self, exchange: Exchange) -> bool:
         """Take in an exchange of the present boot; False if it was refused."""
-        received_tick, sent_tick = (self._unwrapped(tick) for tick in (exchange.received_tick, exchange.sent_tick))
-        self._last_tick = sent_tick
+        received_tick = self._unwrapped(self._boot, exchange.received_tick)
+        sent_tick = self._unwrapped(self._boot, exchange.sent_tick)
+        self._last_ticks[self._boot] = sent_tick
         return self._clocks[self._boot].add(replace(exchange, received_tick=received_tick, sent_tick=sent_tick))
 
     def at(self, boot: int, tick: int, utc_offset_s: float) -> HostTime:
         """When ``tick`` of ``boot`` was, in UTC. Of a boot that nothing is known of: before the present one began."""
-        known = self._clock_of(boot, utc_offset_s).at(self._unwrapped(tick) if boot == self._boot else tick)
+        known = self._clock_of(boot, utc_offset_s).at(self._unwrapped(boot, tick))
         if known is not None:
             return HostTime(known.time_s + utc_offset_s, known.error_s)
         began = self._clocks[self._boot].at(0)
@@ -61,7 +60,8 @@ class BootClocks:
     @property
     def error_s(self) -> float:
         """One standard deviation of the time told for now."""
-        now = self._clocks[self._boot].at(self._last_tick) if self._boot in self._clocks else None
+        last_tick = self._last_ticks.get(self._boot, 0)
+        now = self._clocks[self._boot].at(last_tick) if self._boot in self._clocks else None
         return now.error_s if now is not None else UNKNOWN_BOOT_ERROR_S
 
     @property
@@ -74,10 +74,13 @@ class BootClocks:
         known = (self._clocks[each].good_drift for each in (boot, self._boot) if each in self._clocks)
         return next((drift for drift in known if drift is not None), None)
 
-    def _unwrapped(self, tick: int) -> int:
-        """A tick of the present boot, counted on where the unit's counter of 48 bits has begun again."""
-        turns = (self._last_tick - tick + TICKS_TO_WRAP // 2) // TICKS_TO_WRAP
-        return tick + max(turns, 0) * TICKS_TO_WRAP
+    def _unwrapped(self, boot: int, tick: int) -> int:
+        """A tick as counted on where the unit's counter of 48 bits has begun again: the one nearest to the last known.
+
+        A sweep may be told after a wrap that was made before it, and the other way round.
+        """
+        last_tick = self._last_ticks.get(boot, tick)
+        return tick + (last_tick - tick + TICKS_TO_WRAP // 2) // TICKS_TO_WRAP * TICKS_TO_WRAP
 
     def _clock_of(self, boot: int, utc_offset_s: float) -> UnitClock:
         if boot not in self._clocks:
@@ -87,9 +90,11 @@ class BootClocks:
             else:
                 tick, utc = found
                 self._clocks[boot] = self._make(HostTime(utc.time_s - utc_offset_s, utc.error_s), tick)
+                self._last_ticks[boot] = tick
         if self._boot in self._clocks:  # the present boot's is never the one to go
             self._clocks.move_to_end(self._boot)
         self._clocks.move_to_end(boot)
         if len(self._clocks) > _KEPT_BOOTS:
-            self._clocks.popitem(last=False)
+            forgotten, _ = self._clocks.popitem(last=False)
+            self._last_ticks.pop(forgotten, None)
         return self._clocks[boot]

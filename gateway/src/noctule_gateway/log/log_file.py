@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from noctule.elapsed import Elapsed, Instant
 from noctule.messages_pb2 import Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS
-from noctule_gateway.clock.elapsed import Elapsed, Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file, log_schema
 from noctule_gateway.log.faults import damaged, log_error

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from noctule.messages_pb2 import Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS
-from noctule_gateway.clock.regression import HostTime
 from noctule_gateway.log.faults import damaged, log_error
 from noctule_gateway.log.rows import ALL_COLUMNS, Gap, Log, SweepRow, fault, gap_of, log_of
 
@@ -71,8 +70,8 @@ class LogReader:
         covered = tuple(gap for gap in gaps if gap.sequences(first, to))
         return LogSlice(log.log_id, head, log.tail, tuple(row[7] for row in rows), covered)
 
-    def last_of_boot(self, boot: int) -> tuple[int, HostTime] | None:
-        """Start tick and time (UTC) of the newest sweep made under ``boot``; None if there is none."""
+    def last_of_boot(self, boot: int) -> tuple[int, Sweep] | None:
+        """Start tick and record of the newest sweep made under ``boot``; None if there is none."""
         try:
             with self._db:
                 self._db.execute("BEGIN")
@@ -84,8 +83,7 @@ class LogReader:
         if not rows:
             return None
         check_rows(self._path, log, rows)
-        sweep = Sweep.FromString(rows[0][7])
-        return rows[0][4], HostTime(sweep.start.ToNanoseconds() / 1e9, sweep.clock_error_s)
+        return rows[0][4], Sweep.FromString(rows[0][7])
 
     def _rows(self, first: int, max_records: int, max_bytes: int, head: int) -> tuple[list[SweepRow], bool]:
         """Rows within the bounds, and whether there are no more up to ``head``."""

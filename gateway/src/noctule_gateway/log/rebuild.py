@@ -13,9 +13,9 @@ from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
+from noctule.elapsed import Elapsed, Instant
 from noctule.messages_pb2 import Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS
-from noctule_gateway.clock.elapsed import Elapsed, Instant
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file, log_schema
 from noctule_gateway.log.faults import log_error

@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass
 from typing import Any
 
 from noctule.checksum import checksum
-from noctule_gateway.clock.elapsed import Elapsed
+from noctule.elapsed import Elapsed
 
 COLUMNS = "log_sequence, boot, sequence, digest, start_tick, committed_s, committed_elapsed_s, record, previous"
 ALL_COLUMNS = f"{COLUMNS}, checksum"

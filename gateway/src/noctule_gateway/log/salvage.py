@@ -11,9 +11,9 @@ from pathlib import Path
 
 from google.protobuf.message import DecodeError
 
+from noctule.elapsed import Elapsed
 from noctule.messages_pb2 import Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS
-from noctule_gateway.clock.elapsed import Elapsed
 from noctule_gateway.errors import LogError
 from noctule_gateway.log import head_file
 from noctule_gateway.log.log_files import head_path

@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from noctule_gateway.clock import elapsed
-from noctule_gateway.clock.elapsed import Instant
-from noctule_gateway.clock.regression import HostTime
+from noctule import elapsed
+from noctule.elapsed import Instant
+from noctule.messages_pb2 import Sweep
 from noctule_gateway.errors import DamagedError, LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
 from noctule_gateway.log.log_files import finish_replacing
@@ -88,8 +88,8 @@ class SweepLog:
         with self._reader, self._reporting_damage():
             return self._reading_file().read(first, max_records, max_bytes, self._state.head)
 
-    def last_of_boot(self, boot: int) -> tuple[int, HostTime] | None:
-        """Start tick and time (UTC) of the newest sweep made under ``boot``; None if there is none. Raises LogError."""
+    def last_of_boot(self, boot: int) -> tuple[int, Sweep] | None:
+        """Start tick and record of the newest sweep made under ``boot``; None if there is none. Raises LogError."""
         with self._reader, self._reporting_damage():
             return self._reading_file().last_of_boot(boot)
 

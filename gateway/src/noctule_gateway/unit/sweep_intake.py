@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from noctule_gateway.clock.boot_clocks import Anchor, BootClocks
-from noctule_gateway.clock.regression import Exchange
+from noctule_gateway.clock.regression import Exchange, HostTime
 from noctule_gateway.errors import LogError
 from noctule_gateway.link.link import Link
 from noctule_gateway.log.log_file import Arrival, Committed
@@ -38,7 +38,7 @@ class SweepIntake:
 
     def begin_boot(self, boot: int) -> None:
         """The unit has said that it runs under ``boot``."""
-        self._clocks.begin(boot, time.monotonic(), _utc_offset_s())
+        self._clocks.begin(boot, time.monotonic(), self._served.clock.look().utc_offset_s)
 
     def clock_read(self, exchange: Exchange) -> None:
         """A CLOCK exchange with the unit; one that does not fit those before is counted in ``clocks_refused``."""
@@ -66,11 +66,14 @@ class SweepIntake:
 
     def take(self, sweep: Sweep) -> None:
         """A sweep has come from the unit."""
-        start = self._clocks.at(sweep.boot, sweep.start, _utc_offset_s())
-        pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), start.time_s, self._served.track)
+        wall = self._served.clock.look()
+        start = self._clocks.at(sweep.boot, sweep.start, wall.utc_offset_s)
+        began_s = start.time_s - wall.utc_offset_s
+        pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), began_s, self._served.track)
         self.lost_pose = pose is None
         drift = self._clocks.good_drift(sweep.boot)
         message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
+        message.clock_epoch = wall.epoch
         arrived_s = time.monotonic()
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
 
@@ -92,12 +95,12 @@ class SweepIntake:
         self.without_pose += result.fresh and not placed
 
     def _anchor(self, boot: int) -> Anchor | None:
+        """The newest sweep of ``boot`` in the log, if the host's clock has not been set since."""
         try:
-            return self._served.log.last_of_boot(boot)
+            found = self._served.log.last_of_boot(boot)
         except LogError:
             return None  # its trouble is shown in the status; the exchanges tell the time without it
-
-
-def _utc_offset_s() -> float:
-    """UTC less the monotonic clock, now."""
-    return time.time() - time.monotonic()
+        if found is None or found[1].clock_epoch != self._served.clock.look().epoch:
+            return None
+        start_tick, sweep = found
+        return start_tick, HostTime(sweep.start.ToNanoseconds() / 1e9, sweep.clock_error_s)

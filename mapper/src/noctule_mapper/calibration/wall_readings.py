@@ -68,7 +68,7 @@ def _echoes(sweeps: Sequence[SweepReadings]) -> tuple[np.ndarray, np.ndarray, np
     """Places, axes and ranges of all echoes in order of time, each (n,)."""
     rows = [
         (sweep.x_m, sweep.y_m, axis_rad, range_m)
-        for sweep in sorted(sweeps, key=lambda sweep: sweep.time_s)
+        for sweep in _in_order_of_time(sweeps)
         for axis_rad, range_m in zip(sweep.direction_rad, sweep.range_m, strict=True)
         if np.isfinite(range_m)
     ]
@@ -76,6 +76,12 @@ def _echoes(sweeps: Sequence[SweepReadings]) -> tuple[np.ndarray, np.ndarray, np
         raise CalibrationError("the survey has no echo: point the sensor at a wall and survey again")
     x_m, y_m, axis_rad, range_m = np.array(rows).T
     return x_m, y_m, axis_rad, range_m
+
+
+def _in_order_of_time(sweeps: Sequence[SweepReadings]) -> list[SweepReadings]:
+    """By their times within an epoch of the clock, the epochs in the order in which the survey has them."""
+    epochs = {epoch: number for number, epoch in enumerate(dict.fromkeys(sweep.clock_epoch for sweep in sweeps))}
+    return sorted(sweeps, key=lambda sweep: (epochs[sweep.clock_epoch], sweep.time_s))
 
 
 def _places(x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,10 +4,13 @@ import sqlite3
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
-from time import time_ns
 
+from noctule import elapsed
+from noctule.elapsed import Elapsed, Instant
 from noctule.messages_pb2 import Cursor, Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
@@ -19,14 +22,15 @@ from noctule_mapper.window import Identity, SweepWindow
 # Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
 # have been in it.
 _HELD = """
-SELECT log_id, log_sequence, unit, :now_ns, :reason, record FROM sweep
+SELECT log_id, log_sequence, unit, :elapsed_s, :reason, record FROM sweep
 WHERE log_id = :log_id AND log_sequence = :log_sequence
 """
 _IS_SET_ASIDE = "SELECT 1 FROM set_aside WHERE log_id = ? AND log_sequence = ?"
+_SET_ASIDE = "SELECT unit, log_id, log_sequence, reason FROM set_aside ORDER BY at_elapsed_s, rowid"
 _TAKE_OUT = "DELETE FROM sweep WHERE log_id = :log_id AND log_sequence = :log_sequence"
 _FORGET = """
-DELETE FROM set_aside WHERE at_ns < :now_ns - :max_age_ns OR rowid NOT IN (
-    SELECT rowid FROM set_aside ORDER BY at_ns DESC LIMIT :max_sweeps)
+DELETE FROM set_aside WHERE at_elapsed_s < :elapsed_s - :max_age_s OR rowid NOT IN (
+    SELECT rowid FROM set_aside ORDER BY at_elapsed_s DESC, rowid DESC LIMIT :max_sweeps)
 """
 
 
@@ -45,17 +49,17 @@ class SweepStore:
     sqlite3.Error where it is damaged.
     """
 
-    def __init__(self, path: Path, window: Window, now_ns: Callable[[], int] = time_ns) -> None:
+    def __init__(self, path: Path, window: Window, now: Callable[[], Instant] = elapsed.now) -> None:
         """Open ``path`` or make it; a damaged one is rebuilt from what is sound in it, which ``damage`` then says.
 
         Raises StoreError if it is a store of another version, or can't be opened.
         """
         self._path, self._window = path, window
-        self._now_ns = now_ns
+        self._now = now
         self._lock = threading.Lock()
         self._damaged = ""
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._database, self.damage = store_file.opened(path, time_ns() // 10**9)
+        self._database, self.damage = store_file.opened(path, now())
         self._rows = SweepWindow(self._database, window)
 
     def check(self) -> None:
@@ -66,10 +70,10 @@ class SweepStore:
     def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
         """Take sweeps in and move the cursors in one transaction; a sweep that is already held changes nothing."""
         with self._transaction() as database:
-            entered: dict[Identity, Sweep] = {}
-            left: set[Identity] = set()
+            now, entered, left = self._now(), dict[Identity, Sweep](), set[Identity]()
+            elapsed_s = self._count_to(now)
             for sweep in sweeps:
-                superseded = self._enter(database, sweep)
+                superseded = self._enter(database, sweep, elapsed_s)
                 if superseded is not None:
                     entered[identity_of(sweep)] = sweep
                     left.update(superseded)
@@ -77,7 +81,7 @@ class SweepStore:
                 "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?, ?)",
                 [sealed((cursor.unit, cursor.log_id, cursor.log_sequence)) for cursor in cursors],
             )
-            left |= self._shrink()
+            left |= {*self._rows.too_old(elapsed_s, round(now.utc_s * 1e9)), *self._rows.too_many()}
         return Change(
             entered=tuple(sweep for identity, sweep in entered.items() if identity not in left),
             left=tuple(identity for identity in left if identity not in entered),
@@ -86,9 +90,9 @@ class SweepStore:
     def set_aside(self, identity: Identity, reason: str) -> None:
         """Take a sweep out of the window for good: it broke the map, and would do so again after a restart."""
         row = dict(zip(("log_id", "log_sequence"), identity, strict=True)) | {"reason": reason}
-        limits = {"max_age_ns": int(self._window.max_age_s * 1e9), "max_sweeps": self._window.max_sweeps}
-        now = {"now_ns": self._now_ns()}
+        limits = {"max_age_s": self._window.max_age_s, "max_sweeps": self._window.max_sweeps}
         with self._transaction() as database:
+            now = {"elapsed_s": self._count_to(self._now())}
             held = database.execute(_HELD, row | now).fetchall()
             database.executemany("INSERT OR REPLACE INTO set_aside VALUES (?, ?, ?, ?, ?, ?, ?)", map(sealed, held))
             database.execute(_TAKE_OUT, row)
@@ -97,14 +101,20 @@ class SweepStore:
     def sweeps_set_aside(self) -> list[tuple[str, Identity, str]]:
         """Unit, identity and reason of each sweep that is set aside, the last one last."""
         with self._transaction() as database:
-            rows = database.execute("SELECT unit, log_id, log_sequence, reason FROM set_aside ORDER BY at_ns, rowid")
+            rows = database.execute(
+                "SELECT unit, log_id, log_sequence, reason FROM set_aside ORDER BY at_elapsed_s, rowid"
+            )
             return [(unit, (log_id, sequence), reason) for unit, log_id, sequence, reason in rows.fetchall()]
 
     def sweeps(self) -> list[Sweep]:
-        """The sweeps of the window, oldest first."""
+        """The sweeps of the window in the order in which they came, those of one log in that log's order.
+
+        Their times would give another, where a clock was set back.
+        """
         with self._transaction() as database:
-            rows = database.execute("SELECT record FROM sweep ORDER BY start_ns, log_id, log_sequence").fetchall()
-        return [Sweep.FromString(record) for (record,) in rows]
+            rows = database.execute("SELECT log_id, log_sequence, record FROM sweep ORDER BY rowid").fetchall()
+        logs = {log_id: iter(list(log)) for log_id, log in groupby(sorted(rows), key=itemgetter(0))}
+        return [Sweep.FromString(next(logs[log_id])[2]) for log_id, *_ in rows]
 
     def cursors(self) -> dict[str, Cursor]:
         """How far each unit's log has been read, by unit."""
@@ -141,12 +151,16 @@ class SweepStore:
                     ) from error
                 raise
 
-    def _enter(self, database: sqlite3.Connection, sweep: Sweep) -> list[Identity] | None:
+    def _count_to(self, now: Instant) -> float:
+        """Seconds that the store has counted at ``now``, written down in the caller's transaction."""
+        values = self._database.execute("SELECT seconds, kernel_boot, since_boot_s FROM elapsed").fetchone()
+        count = Elapsed(*values).at(now)
+        row = sealed(astuple(count))
+        self._database.execute("UPDATE elapsed SET seconds = ?, kernel_boot = ?, since_boot_s = ?, checksum = ?", row)
+        return count.seconds
+
+    def _enter(self, database: sqlite3.Connection, sweep: Sweep, elapsed_s: float) -> list[Identity] | None:
         """What the sweep supersedes; None if it is there already or set aside."""
         if database.execute(_IS_SET_ASIDE, identity_of(sweep)).fetchone():
             return None
-        return self._rows.enter(sweep, sweep.SerializeToString())
-
-    def _shrink(self) -> set[Identity]:
-        """Take out what is too old or too many."""
-        return {*self._rows.too_old(self._now_ns()), *self._rows.too_many()}
+        return self._rows.enter(sweep, sweep.SerializeToString(), elapsed_s)

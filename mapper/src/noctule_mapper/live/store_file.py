@@ -7,28 +7,35 @@ nothing. A row that is not sound is never mapped.
 
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from contextlib import closing
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
 from noctule.checksum import checksum
+from noctule.elapsed import Elapsed, Instant
 from noctule.errors import NoctuleError
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.window import SCHEMA as WINDOW_SCHEMA
 
-VERSION = 3
-_TABLES = ("sweep", "set_aside", "cursor", "contour")
-_SCHEMA = f"""
-{WINDOW_SCHEMA}
-CREATE TABLE IF NOT EXISTS cursor (
-    unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, checksum BLOB NOT NULL);
-CREATE TABLE IF NOT EXISTS set_aside (
-    log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, unit TEXT NOT NULL, at_ns INTEGER NOT NULL,
-    reason TEXT NOT NULL, record BLOB NOT NULL, checksum BLOB NOT NULL,
-    PRIMARY KEY (log_id, log_sequence));
-CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL, checksum BLOB NOT NULL);
-"""
+VERSION = 4  # 3 had checksums and no elapsed time, 2 neither
+_SCHEMA = (
+    *WINDOW_SCHEMA,
+    """CREATE TABLE IF NOT EXISTS cursor (
+        unit TEXT PRIMARY KEY, log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, checksum BLOB NOT NULL)""",
+    """CREATE TABLE IF NOT EXISTS set_aside (
+        log_id TEXT NOT NULL, log_sequence INTEGER NOT NULL, unit TEXT NOT NULL, at_elapsed_s REAL NOT NULL,
+        reason TEXT NOT NULL, record BLOB NOT NULL, checksum BLOB NOT NULL,
+        PRIMARY KEY (log_id, log_sequence))""",
+    "CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL, checksum BLOB NOT NULL)",
+    """CREATE TABLE IF NOT EXISTS elapsed (
+        seconds REAL NOT NULL, kernel_boot TEXT NOT NULL, since_boot_s REAL NOT NULL, checksum BLOB NOT NULL)""",
+)
+_BEFORE_4 = ("sweep", "set_aside", "cursor", "contour")
+_TABLES = (*_BEFORE_4, "elapsed")
+_OF_ONE_ROW = ("contour", "elapsed")
+_NOTHING_COUNTED = Elapsed(0.0, "", 0.0)
 _SUFFIXES = ("-shm", "-wal", "")
 _HEADER_BYTES = 100  # of SQLite: it takes a shorter file for an empty one
 
@@ -42,16 +49,16 @@ def sealed(row: tuple[Any, ...]) -> tuple[Any, ...]:
     return (*row, checksum(*row))
 
 
-def opened(path: Path, now_s: int) -> tuple[sqlite3.Connection, str]:
+def opened(path: Path, now: Instant) -> tuple[sqlite3.Connection, str]:
     """The store at ``path``, every row of it sound, and what was damaged; a new one where there is none.
 
-    ``now_s``: UTC in whole seconds. Raises StoreError where it is of another version, or can't be opened or rebuilt.
+    Raises StoreError where it is of another version, or can't be opened or rebuilt.
     """
     try:
         damage = fault(path)
         if damage:
-            damage = _rebuild(path, damage, now_s)
-        return _connected(path), damage
+            damage = _rebuild(path, damage, now)
+        return _connected(path, now), damage
     except (*SQLITE_ERRORS, OSError) as error:
         raise StoreError(f"{path} can't be used as the mapper's store ({error}): see to its disk and folder") from error
 
@@ -78,12 +85,13 @@ def fault(path: Path) -> str:
 def _fault(database: sqlite3.Connection, path: Path) -> str:
     version = _version(database, path)
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
-    if found != "ok" or version != VERSION:
+    if found != "ok" or version in (0, 2):
         return "" if found == "ok" else found
-    damaged = {table: sum(row is None for row in _rows(database, table)) for table in _TABLES}
+    tables = _TABLES if version == VERSION else _BEFORE_4
+    damaged = {table: sum(row is None for row in _rows(database, table)) for table in tables}
     named = [f"{count} rows of its table {table} do not fit" for table, count in damaged.items() if count]
-    contours = len(list(_rows(database, "contour")))
-    return "; ".join(named or ([] if contours == 1 else ["its table contour is empty"]))
+    empty = [table for table in _OF_ONE_ROW if table in tables and len(list(_rows(database, table))) != 1]
+    return "; ".join(named or [f"its table {table} is empty" for table in empty])
 
 
 def held(path: Path) -> int:
@@ -92,46 +100,91 @@ def held(path: Path) -> int:
         return database.execute("SELECT count(*) FROM sweep").fetchone()[0]
 
 
-def _connected(path: Path) -> sqlite3.Connection:
+def _connected(path: Path, now: Instant) -> sqlite3.Connection:
     database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     database.execute("PRAGMA journal_mode = WAL")
     database.execute("PRAGMA synchronous = FULL")
-    if _version(database, path) == 2:
-        _convert(database)
-    _create(database, 0)
+    version = _version(database, path)
+    with _writing(database):
+        if version in (2, 3):
+            _convert(database)
+        _create(database)
+        if database.execute("SELECT * FROM contour").fetchone() is None:
+            database.execute("INSERT INTO contour VALUES (?, ?)", sealed((0,)))
+        if database.execute("SELECT * FROM elapsed").fetchone() is None:
+            database.execute("INSERT INTO elapsed VALUES (?, ?, ?, ?)", sealed(astuple(_NOTHING_COUNTED.at(now))))
     return database
 
 
-def _create(database: sqlite3.Connection, contour_version: int) -> None:
-    database.executescript(_SCHEMA)
-    if database.execute("SELECT * FROM contour").fetchone() is None:
-        database.execute("INSERT INTO contour VALUES (?, ?)", sealed((contour_version,)))
+@contextmanager
+def _writing(database: sqlite3.Connection) -> Iterator[None]:
+    """All in one transaction, tables too."""
+    with database:
+        database.execute("BEGIN IMMEDIATE")
+        yield
+
+
+def _create(database: sqlite3.Connection) -> None:
+    for statement in _SCHEMA:
+        database.execute(statement)
     database.execute(f"PRAGMA user_version = {VERSION}")
 
 
 def _version(database: sqlite3.Connection, path: Path) -> int:
-    """3 or 2, or 0 of a file whose first opening was cut off. Raises StoreError and sqlite3.Error."""
+    """2 to 4, or 0 of a file whose first opening was cut off. Raises StoreError and sqlite3.Error."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if version == VERSION or version == 2 or (version == 0 and not tables):
+    made = _version_of_tables(database, tables)
+    if version == made:
         return version
-    if set(_TABLES) <= tables:
-        raise sqlite3.DatabaseError(f"its format is {version}, and its tables are those of {VERSION}")
+    if made:
+        raise sqlite3.DatabaseError(f"its format is {version}, and its tables are those of {made}")
     raise StoreError(
         f"{path} has format {version}, this mapper reads {VERSION}: stop the mapper, move the whole folder "
         f"{path.parent} away and start the mapper again; it reads what the gateways' logs still hold"
     )
 
 
+def _version_of_tables(database: sqlite3.Connection, tables: set[str]) -> int | None:
+    """Which version made these tables; 0 where there are none, None where they are no store's."""
+    if not set(_BEFORE_4) <= tables:
+        return None if tables else 0
+    columns = {name for _, name, *_ in database.execute("PRAGMA table_info(sweep)")}
+    if "entered_elapsed_s" in columns:
+        return VERSION if set(_TABLES) <= tables else None
+    return 3 if "checksum" in columns else 2
+
+
 def _convert(database: sqlite3.Connection) -> None:
-    """Give the rows of a store of version 2 their checksums."""
-    with database:
-        database.execute("BEGIN IMMEDIATE")
-        for table in _TABLES:
-            database.execute(f"ALTER TABLE {table} ADD COLUMN checksum BLOB NOT NULL DEFAULT x''")
-            for rowid, *row, _ in database.execute(f"SELECT rowid, * FROM {table}").fetchall():
-                database.execute(f"UPDATE {table} SET checksum = ? WHERE rowid = ?", (checksum(*row), rowid))
-        database.execute(f"PRAGMA user_version = {VERSION}")
+    """Make the tables of a store of version 2, or of a sound one of version 3, again in those of this version."""
+    for table in _BEFORE_4:
+        columns = [name for _, name, *_ in database.execute(f"PRAGMA table_info({table})") if name != "checksum"]
+        rows = database.execute(f"SELECT {', '.join(columns)} FROM {table} ORDER BY rowid").fetchall()
+        database.execute(f"DROP TABLE {table}")
+        _create(database)
+        _insert(database, table, (_of_version_3(table, row) for row in rows))
+
+
+def _of_version_3(table: str, row: tuple[Any, ...]) -> tuple[Any, ...]:
+    """A row of version 3 without its checksum, in this version. Its age begins now: the clock of its time may have been
+    set.
+    """
+    if table == "sweep":
+        unit, log_id, log_sequence, start_ns, *others = row
+        return unit, log_id, log_sequence, "", start_ns, 0.0, *others
+    if table == "set_aside":
+        log_id, log_sequence, unit, _, *others = row
+        return log_id, log_sequence, unit, 0.0, *others
+    return row
+
+
+def _insert(database: sqlite3.Connection, table: str, rows: Iterable[tuple[Any, ...]]) -> int:
+    """Insert rows that have no checksum yet, but those that are there already; how many."""
+    added = 0
+    for row in map(sealed, rows):
+        marks = ", ".join("?" * len(row))
+        added += database.execute(f"INSERT OR IGNORE INTO {table} VALUES ({marks})", row).rowcount
+    return added
 
 
 def _rows(database: sqlite3.Connection, table: str) -> Iterator[tuple[Any, ...] | None]:
@@ -140,7 +193,7 @@ def _rows(database: sqlite3.Connection, table: str) -> Iterator[tuple[Any, ...] 
         yield row if checksum(*row[:-1]) == row[-1] else None
 
 
-def _rebuild(path: Path, damage: str, now_s: int) -> str:
+def _rebuild(path: Path, damage: str, now: Instant) -> str:
     """Set the store aside and put a fresh one in its place, with what is sound; what was done, for the operator."""
     new, folder = Path(f"{path}-new"), _folder(path)
     for suffix in ("", "-journal", "-wal", "-shm"):
@@ -150,7 +203,7 @@ def _rebuild(path: Path, damage: str, now_s: int) -> str:
         if (file := Path(f"{path}{suffix}")).exists():
             shutil.copy2(file, folder / file.name)
     with closing(sqlite3.connect(new, isolation_level=None)) as target:
-        taken = _copy(path, target, now_s)
+        taken = _copy(path, target, now, rebuilds=int(folder.suffix.removeprefix(".")))
     for suffix in _SUFFIXES[:-1]:
         Path(f"{path}{suffix}").unlink(missing_ok=True)
     new.replace(path)
@@ -167,32 +220,33 @@ def _folder(path: Path) -> Path:
     return folder
 
 
-def _copy(path: Path, target: sqlite3.Connection, now_s: int) -> int:
+def _copy(path: Path, target: sqlite3.Connection, now: Instant, rebuilds: int) -> int:
     """Copy the sound rows of all but the cursors; how many sweeps. No contour bears a number for a second time."""
-    taken = 0
-    version = now_s  # far above what any mapper has counted to
-    target.executescript(_SCHEMA)
-    with target:
-        target.execute("BEGIN IMMEDIATE")
-        for table in ("sweep", "set_aside", "contour"):
-            for row in _sound(path, table):
-                if table == "contour":
-                    version = row[0]
-                    continue
-                marks = ", ".join("?" * len(row))
-                added = target.execute(f"INSERT OR IGNORE INTO {table} VALUES ({marks})", row).rowcount
-                taken += added if table == "sweep" else 0
-        target.execute("INSERT INTO contour VALUES (?, ?)", sealed((version,)))
-        target.execute(f"PRAGMA user_version = {VERSION}")
+    with _writing(target):
+        _create(target)
+        taken = _insert(target, "sweep", _sound(path, "sweep"))
+        _insert(target, "set_aside", _sound(path, "set_aside"))
+        # Far above all that any mapper has counted to, though the clock may be wrong or the set-aside folder emptied.
+        far_above = rebuilds * 2**32 + int(now.utc_s)
+        _insert(target, "contour", list(_sound(path, "contour"))[:1] or [(far_above,)])
+        _insert(target, "elapsed", list(_sound(path, "elapsed"))[:1] or [astuple(_counted_at_least(target).at(now))])
     return taken
 
 
+def _counted_at_least(database: sqlite3.Connection) -> Elapsed:
+    """A count where it was lost: that of the last row which entered."""
+    (last_s,) = database.execute("SELECT max(entered_elapsed_s) FROM sweep").fetchone()
+    return Elapsed(last_s or 0.0, "", 0.0)
+
+
 def _sound(path: Path, table: str) -> Iterator[tuple[Any, ...]]:
-    """The sound rows of a table of the damaged file, as far as they can be read."""
+    """The sound rows of a table of the damaged file without their checksums, as far as they can be read."""
     if not path.exists() or path.stat().st_size < _HEADER_BYTES:
         return
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as source:
-            yield from filter(None, _rows(source, table))
+            columns = {name for _, name, *_ in source.execute("PRAGMA table_info(sweep)")}
+            for row in filter(None, _rows(source, table)):
+                yield row[:-1] if "entered_elapsed_s" in columns else _of_version_3(table, row[:-1])
     except SQLITE_ERRORS:
         return

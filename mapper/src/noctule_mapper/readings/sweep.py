@@ -71,6 +71,7 @@ class SweepReadings:
     face_offset_m: float = 0.0  # from the axis to the sensor's face, along the beam: ranges have it in them
     face_offset_sigma_m: float = 0.0
     sigma_scale: float = 0.0  # of the speed of sound as a share of it, where nobody has measured the air
+    clock_epoch: str = ""  # only times of one epoch can be compared; "" where its gateway does not name one
 
     def __post_init__(self) -> None:
         name, readings = _name(self.identity, self.unit), len(self.bearing_rad)
@@ -135,6 +136,7 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
         identity=identity_of(sweep),
         unit=sweep.unit,
         time_s=sweep.start.seconds + sweep.start.nanos * 1e-9,
+        clock_epoch=sweep.clock_epoch,
         x_m=sweep.pose.x_m,
         y_m=sweep.pose.y_m,
         heading_rad=sweep.pose.heading_rad,

@@ -12,6 +12,7 @@ from noctule.cli.joining import DEFAULT_CONNECT, SHORT_PATIENCE_S, Connect, Tls
 from noctule.doctor import clock, configuration, data_folder, joining, serial_ports
 from noctule.doctor.finding import Finding, Level, exit_status
 from noctule.doctor.host import Host
+from noctule.kernel_clock import kernel_clock
 
 DataFolders = Annotated[
     list[Path] | None, typer.Option("--data", metavar="FOLDER", help="A gateway's or mapper's data.")
@@ -61,6 +62,6 @@ def _findings(
 def _clock(files: list[Path]) -> Iterator[Finding]:
     newest_s = max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
     try:
-        yield from clock.check(clock.kernel_clock(), time.time(), newest_s)
+        yield from clock.check(kernel_clock(), time.time(), newest_s)
     except OSError as error:
         yield Finding(Level.WARNING, "clock", f"the kernel does not say whether it is synchronised ({error.strerror})")

@@ -1,6 +1,6 @@
-"""Time that has passed, whatever the wall clock is set to: a log's age goes by it.
+"""Time that has passed, whatever the wall clock is set to: the age of what a log or a store keeps goes by it.
 
-It advances by CLOCK_BOOTTIME while one boot of the kernel lasts, also across restarts of the gateway. How long the
+It advances by CLOCK_BOOTTIME while one boot of the kernel lasts, also across restarts of the service. How long the
 machine was off between two boots only a wall clock could tell, so that time does not count: records are kept longer
 than their age says, never shorter.
 """
@@ -33,7 +33,7 @@ def _kernel_boot() -> str:
 
 @dataclass(frozen=True)
 class Elapsed:
-    """Seconds that a log has counted since its birth, and the clock by which it counted last."""
+    """Seconds that a log or a store has counted since its birth, and the clock by which it counted last."""
 
     seconds: float
     kernel_boot: str
