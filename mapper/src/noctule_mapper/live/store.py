@@ -26,7 +26,6 @@ SELECT log_id, log_sequence, unit, :elapsed_s, :reason, record FROM sweep
 WHERE log_id = :log_id AND log_sequence = :log_sequence
 """
 _IS_SET_ASIDE = "SELECT 1 FROM set_aside WHERE log_id = ? AND log_sequence = ?"
-_SET_ASIDE = "SELECT unit, log_id, log_sequence, reason FROM set_aside ORDER BY at_elapsed_s, rowid"
 _TAKE_OUT = "DELETE FROM sweep WHERE log_id = :log_id AND log_sequence = :log_sequence"
 _FORGET = """
 DELETE FROM set_aside WHERE at_elapsed_s < :elapsed_s - :max_age_s OR rowid NOT IN (
