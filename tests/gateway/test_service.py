@@ -1,7 +1,9 @@
 """The gateway whole: model units over TCP on one side, a real Zenoh router and client on the other."""
 
 import math
+import os
 import shutil
+import signal
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -411,6 +413,49 @@ def test_a_gateway_that_can_not_begin_says_why_and_ends(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("gateway", "noctule-gateway", "run", str(tmp_path / "none.toml"), "--data", str(tmp_path))
         wait_until(lambda: "none.toml can't be read" in started.log("gateway"), "no reason was given", 30)
+
+
+def test_a_status_says_since_when_a_unit_has_answered_and_since_when_it_has_not(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        begun_s = time.time()
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            connected_s = time.time()
+            up_s = unit_status(client).since.ToMilliseconds() / 1000
+            assert begun_s - 0.001 <= up_s <= connected_s
+            line.close()
+            wait_until(lambda: not connected(client), "the unit is still shown", 20)
+            down_s = unit_status(client).since.ToMilliseconds() / 1000
+            assert connected_s - 0.001 <= down_s <= time.time()
+            reported = unit_status(client).time
+            wait_until(lambda: unit_status(client).time != reported, "no further status", 20)
+            assert unit_status(client).since.ToMilliseconds() / 1000 == pytest.approx(down_s, abs=0.1)
+
+
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_ghosts_of_a_gateway_that_is_killed_or_hangs_are_gone_within_the_lease(
+    tmp_path: Path, stop: signal.Signals
+) -> None:
+    lease_s = 2.0
+    config = tmp_path / "zenoh.json5"
+    config.write_text(f"{{ transport: {{ link: {{ tx: {{ lease: {1000 * lease_s:.0f} }} }} }} }}")
+    (port,) = free_ports(1)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))
+    with (
+        bus.open_session(listen=[endpoint]) as router,
+        Client(SITE, session=router) as client,
+        programs(tmp_path) as started,
+    ):
+        command = ("noctule-gateway", "run", str(path), "--data", str(tmp_path / "data"), "--connect", endpoint)
+        started.start("gateway", *command, env={bus.CONFIG_VARIABLE: str(config)})
+        wait_until(lambda: client.units() and client.unit_statuses(), "the unit did not come", 30)
+        os.kill(started.pid("gateway"), stop)
+        wait_until(lambda: not client.units(), "the unit is still shown", lease_s + 1.0)
+        assert client.unit_statuses() == []
 
 
 def test_a_host_whose_clock_is_set_by_forty_days_keeps_its_sweeps_and_says_that_it_was_set(

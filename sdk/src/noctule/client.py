@@ -152,8 +152,12 @@ class Client:
         return max(contours, key=lambda contour: contour.time.ToNanoseconds(), default=None)
 
     def unit_statuses(self) -> list[UnitStatus]:
-        """The last status of every unit that a gateway serves. Raises BusError."""
+        """The last status of every unit from each gateway that serves it. Raises BusError."""
         return self._ask_all(keys.unit_status(self.site, keys.ANY), UnitStatus)
+
+    def service_statuses(self) -> list[ServiceStatus]:
+        """The last status of every service. Raises BusError."""
+        return self._ask_all(keys.service_status(self.site, keys.ANY), ServiceStatus)
 
     def units(self) -> set[str]:
         """The names of the units that a gateway serves at this moment."""

@@ -140,7 +140,10 @@ class UnitReader:
         for sweep in sweeps:
             self._count_lost(before, sweep.log_sequence, refused, gaps)
             before = sweep.log_sequence
-        self.cursor = self._at(sweeps[-1].log_id, before)
+        last = sweeps[-1]
+        self.cursor = self._at(last.log_id, before)
+        if last.HasField("start"):
+            self.cursor.time.CopyFrom(last.start)
         self._counts["delivered"] += len(sweeps)
 
     def _at(self, log_id: str, log_sequence: int) -> Cursor:
