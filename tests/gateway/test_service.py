@@ -409,6 +409,19 @@ def test_units_are_served_before_any_router_answers(tmp_path: Path) -> None:
             assert started.end("gateway") == 0
 
 
+def test_a_gateway_says_as_long_as_no_router_has_answered(tmp_path: Path, router: zenoh.Session) -> None:
+    gateway = Gateway(load(site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))), tmp_path)
+    try:
+        gateway.start()
+        gateway.report()
+        assert "not on the bus yet: no router has answered" in gateway.summary
+        gateway.join(router)
+        gateway.report()
+        assert "not on the bus" not in gateway.summary
+    finally:
+        gateway.close()
+
+
 def test_a_gateway_that_can_not_begin_says_why_and_ends(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("gateway", "noctule-gateway", "run", str(tmp_path / "none.toml"), "--data", str(tmp_path))

@@ -174,6 +174,7 @@ class Gateway:
                 filter(
                     None,
                     (
+                        "" if self._status else "not on the bus yet: no router has answered (see the log)",
                         self._watch.detail() if self._watch else "",
                         _listed("not connected", away),
                         _listed("being updated", updating),
