@@ -1,10 +1,12 @@
 """The gateway whole: model units over TCP on one side, a real Zenoh router and client on the other."""
 
+import contextlib
 import math
 import os
 import shutil
 import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -156,6 +158,51 @@ def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router
         assert status.state == UnitStatus.STATE_DISCONNECTED
         assert status.log_head == 0
         assert len(unit.ring) == 1
+
+
+@contextmanager
+def wrong_device(answer: Callable[[bytes], bytes]) -> Iterator[str]:
+    """The address of a device that is no unit: it answers each piece that it gets."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):  # shut down below
+                while True:
+                    connection, _ = listening.accept()
+                    with connection:
+                        while piece := connection.recv(1000):
+                            connection.sendall(answer(piece))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield f"socket://127.0.0.1:{listening.getsockname()[1]}"
+        listening.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def test_no_answer_and_what_can_not_be_read_and_a_line_that_sends_all_back_are_three_things(
+    tmp_path: Path, router: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        wrong_device(lambda _: b"") as silent,
+        wrong_device(lambda piece: bytes(0x80 | byte for byte in piece)) as garbled,
+        wrong_device(lambda piece: piece) as looped,
+    ):
+        told = {
+            "u1": f"no answer on {silent}",
+            "u2": f"what comes on {garbled} can't be read: another device, or another baud rate?",
+            "u3": f"no answer on {looped}, though frames come: check the wire to the unit, and whether the line sends "
+            "back what it is sent",
+        }
+        units = [
+            (name, 7 + n, each, FIXED)
+            for n, (name, each) in enumerate(zip(told, (silent, garbled, looped), strict=True))
+        ]
+        with running(site_file(tmp_path, *units), tmp_path, router), Client(SITE, session=router) as client:
+            for name, detail in told.items():
+                wait_until(lambda: unit_status(client, name).detail == detail, f"{name} is not told", 20)  # noqa: B023
+    for name, detail in told.items():
+        assert f"{name}: {detail}" in caplog.text
 
 
 def test_a_connection_that_has_gone_mute_is_opened_again_though_it_was_never_closed(
