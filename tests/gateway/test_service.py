@@ -371,6 +371,27 @@ def test_a_moving_unit_takes_its_pose_from_the_key_and_says_when_there_is_none(
         assert got[-1].pose.x_m == 4.0
 
 
+def test_a_command_and_a_pose_with_fields_of_a_newer_version_are_taken_without_them_and_counted(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    newer = b"\xf8\x7f\x07"  # field 2047, a varint
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", 'pose = "key"'))
+    with running(path, tmp_path, router) as gateway:
+        (reply,) = router.get(
+            keys.rpc(SITE, "u1", "hello"), payload=CommandRequest(request_id="a").SerializeToString() + newer
+        )
+        assert reply.ok is not None and CommandReply.FromString(reply.ok.payload.to_bytes()).done
+        router.put(keys.pose(SITE, "u1"), Pose(x_m=1).SerializeToString() + newer)
+
+        def counted() -> int:
+            gateway.report()
+            return next(
+                status.counters["messages_newer"] for status in gateway.statuses() if isinstance(status, ServiceStatus)
+            )
+
+        wait_until(lambda: counted() == 2, "they are not counted", 20)
+
+
 def test_a_trackers_own_time_of_a_pose_counts_and_not_when_it_came(tmp_path: Path, router: zenoh.Session) -> None:
     unit = ModelUnit(7, born_s=time.monotonic())
     with tcp_unit(unit) as line:
