@@ -5,11 +5,14 @@ from math import inf, nan, pi, radians
 
 import pytest
 from gateway.model_unit import ModelUnit
+from hypothesis import given
+from hypothesis import strategies as st
 
 from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
 from noctule_gateway.errors import CommandError
 from noctule_gateway.unit.plans import OWN_PLAN
 from noctule_gateway.wire import frames, orders, settings_message
+from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
 
 CALIBRATION = Calibrate(0, 1_043_397, 0, HomeKind.SWITCH, -27307)
@@ -166,3 +169,39 @@ def test_the_outermost_bearings_are_allowed_in_a_plan_and_to_go_to(bearing_deg: 
     assert isinstance(made, frames.Configure)
     assert made.first_bearing == round(bearing_deg * 65536 / 360)
     assert orders.order("go_to", CommandRequest(bearing_rad=radians(bearing_deg)))
+
+
+NUMBERS = st.none() | st.floats() | st.floats(-10, 5000)
+COUNTS = st.none() | st.integers(0, 2**32 - 1) | st.integers(0, 100)
+
+
+def some(message: type, numbers: tuple[str, ...], counts: tuple[str, ...]) -> st.SearchStrategy:
+    """A message with some of these fields set."""
+    return st.builds(message, **dict.fromkeys(numbers, NUMBERS), **dict.fromkeys(counts, COUNTS))
+
+
+PLAN_NUMBERS = (
+    *("first_bearing_rad", "bearing_step_rad", "ping_interval_s"),
+    *("top_speed_half_steps_s", "ramp_s", "settle_s"),
+)
+
+
+@given(
+    command=st.sampled_from(
+        ["start", "set_waypoint", "go_to", "trim_temperature", "configure", "calibrate", "jump", ""]
+    ),
+    plan=some(SweepPlan, PLAN_NUMBERS, ("count", "pings")),
+    calibration=some(Calibration, ("half_steps_per_turn", "home_bearing_rad"), ("backlash_half_steps",)),
+    numbers=st.fixed_dictionaries({name: NUMBERS for name in ("pause_s", "bearing_rad", "temperature_c")}),
+    waypoint=COUNTS,
+)
+def test_any_command_is_an_order_that_fits_the_wire_or_refused(command, plan, calibration, numbers, waypoint) -> None:
+    request = CommandRequest(plan=plan, calibration=calibration, waypoint=waypoint, **numbers)
+    try:
+        if orders.needs_settings(command):
+            order = orders.order_over(command, request, SETTINGS)
+        else:
+            order = orders.order(command, request)
+    except CommandError:
+        return
+    encode(order)
