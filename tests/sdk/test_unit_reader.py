@@ -143,6 +143,23 @@ def test_live_sweeps_that_came_while_the_log_was_asked_are_neither_lost_nor_doub
     assert counts["lost"] == 0
 
 
+def test_what_a_log_that_went_back_took_again_before_it_was_where_it_had_been_counts_as_lost(caplog):
+    """Its sequences 4 to 9 stand for other sweeps now than those that were delivered."""
+    delivered = []
+    log = Log(head=3)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=9))
+    for head in (3, 5):
+        log.head = head
+        with pytest.raises(BusError, match="ends at"):
+            unit.ask_log()
+        assert unit.take([log.sweep(head)])
+    log.head = 12
+    read_to_head(unit)
+    assert sequences(delivered) == [10, 11, 12]
+    assert counts["lost"] == 6
+    assert "sweeps 4 to 9 of its log were not read: others were delivered with their sequences before" in caplog.text
+
+
 def test_a_log_that_went_back_is_told_and_nothing_is_delivered():
     delivered = []
     unit, _ = reader(Log(head=3), delivered, Cursor(unit="u1", log_id="a", log_sequence=9))
