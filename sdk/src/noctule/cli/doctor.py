@@ -12,6 +12,7 @@ from noctule.cli.joining import DEFAULT_CONNECT, SHORT_PATIENCE_S, Connect, Tls
 from noctule.doctor import clock, configuration, data_folder, joining, serial_ports
 from noctule.doctor.finding import Finding, Level, exit_status
 from noctule.doctor.host import Host
+from noctule.plain_text import plain
 
 DataFolders = Annotated[
     list[Path] | None, typer.Option("--data", metavar="FOLDER", help="A gateway's or mapper's data.")
@@ -31,7 +32,7 @@ def doctor(
     """
     findings = []
     for finding in _findings(site_file, data or [], fleet, connect, tls):
-        typer.echo(f"{finding.level.value:<8} {finding.about}: {finding.text}")
+        typer.echo(plain(f"{finding.level.value:<8} {finding.about}: {finding.text}"))
         findings.append(finding)
     raise typer.Exit(exit_status(findings))
 
