@@ -4,6 +4,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -39,7 +40,9 @@ def units(
     name = site if file is None else file.name
     with joined(name, connect, tls) as client:
         alive = client.units()
-        rows = unit_list.rows(alive, _told(client.unit_statuses), _told(client.service_statuses), file)
+        with ThreadPoolExecutor() as pool:  # at once, for a gateway that hangs lets each question run out of time
+            statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
+        rows = unit_list.rows(alive, statuses.result(), services.result(), file)
     table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
     for row in rows:
         table.add_row(*(Text(plain(cell)) for cell in (row.unit, *_cells(row), row.detail)))
@@ -86,16 +89,11 @@ def _cells(row: UnitRow) -> list[str]:
     status = row.status
     if status is None:
         return ["?" if row.served else "none", "?" if row.served else "not served", since, *[""] * 5]
-    return [
-        status.gateway,
-        _state(status),
-        since,
-        f"{status.log_tail}-{status.log_head}" if status.log_head else "empty",
-        status.firmware,
-        str(status.serial),
-        str(status.boot),
-        f"{status.clock_error_s * 1e3:.2f} ms",
-    ]
+    log = f"{status.log_tail}-{status.log_head}" if status.log_head else "empty"
+    shown = [status.gateway, _state(status), since, log]
+    if not status.firmware:
+        return [*shown, "", str(status.serial or ""), "", ""]  # it has not said HELLO to this gateway yet
+    return [*shown, status.firmware, str(status.serial), str(status.boot), f"{status.clock_error_s * 1e3:.2f} ms"]
 
 
 def _show_json(key: str, message: Message) -> None:
