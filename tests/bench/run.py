@@ -4,7 +4,7 @@ failed here.
 
 from collections.abc import Callable, Sequence
 
-from bench import belief, fleet, idle_relay, large_map, live, loading, range_grid, shapes, simulator
+from bench import belief, fleet, idle_relay, large_map, live, loading, neighbours, range_grid, shapes, simulator
 
 
 def _numbers() -> list[str]:
@@ -32,6 +32,7 @@ SECTIONS: Sequence[tuple[str, Callable[[], list[str]]]] = (
     ("Lines and circles in feature points, ten walks through the paper's room: time, mean error", shapes.table),
     ("The live mapper after a long history", _live),
     ("The relay while nobody draws or watches", idle_relay.table),
+    ("From a healthy unit to a reader's store, beside sick neighbours", neighbours.table),
     ("From a command to its answer, processor time", _loading),
 )
 

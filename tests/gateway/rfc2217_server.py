@@ -38,7 +38,7 @@ def _serve(listening: socket.socket, behave: Behave) -> None:
             behave(connection)
 
 
-def negotiate(connection: socket.socket) -> None:
+def negotiate(connection: socket.socket, each_answer_after_s: float = 0.0) -> None:
     """Answer the client as RFC 2217 says until its line is open: the purge of the output buffer is its last request."""
     looped = serial.serial_for_url("loop://", timeout=0)
     asked = bytearray()
@@ -53,5 +53,6 @@ def negotiate(connection: socket.socket) -> None:
         if not received:
             raise ConnectionResetError("the client has left")
         asked += received
+        threading.Event().wait(each_answer_after_s)
         for _ in manager.filter(received):
             pass

@@ -101,6 +101,24 @@ def test_a_changed_missing_or_moved_record_is_a_gap_with_its_reason_and_all_othe
         assert "the old files are in set-aside/u1.1" in log.state.damage
 
 
+@pytest.mark.parametrize("table", ["log", "sweeps", "gaps"])
+@pytest.mark.parametrize("fault", ["DELETE FROM {}", "DROP TABLE {}"])
+def test_an_empty_or_a_missing_table_stops_no_log_and_its_sweeps_are_served_or_stated_as_lost(
+    tmp_path: Path, table: str, fault: str
+) -> None:
+    path = tmp_path / "u1.sqlite"
+    log_id = written(path)
+    spoiled(path, fault.format(table))
+    with opened(path) as log:
+        assert isinstance(append(log, arrival(50))[0], Committed)
+        held = [sweep.log_sequence for sweep in read(log)]
+        stated = [n for gap in log.read(1, 10_000, 2**30).gaps for n in range(gap.first, gap.last + 1)]
+        begun_anew = log.state.log_id != log_id
+        assert begun_anew or {*held, *stated} >= set(range(1, 11))
+        if table == "sweeps":
+            assert log.state.damage or begun_anew
+
+
 def test_a_row_that_is_sound_by_itself_and_not_the_one_that_was_logged_there_is_found_by_its_neighbours(
     tmp_path: Path,
 ) -> None:

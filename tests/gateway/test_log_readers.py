@@ -1,7 +1,9 @@
 """A client that takes no answers holds up nobody else, and what it asks meanwhile has a limit."""
 
 import threading
+import time
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 
@@ -63,3 +65,29 @@ def test_an_answer_that_fails_does_not_end_its_clients_turn(readers: LogReaders)
     readers.submit("one", lambda: 1 // 0)
     readers.submit("one", answered.set)
     assert answered.wait(PATIENCE_S)
+
+
+def test_a_client_that_asks_for_much_at_once_leaves_the_gateway_time_for_others(readers: LogReaders) -> None:
+    """A client that flooded doubled the latency of every sweep: it kept a thread of Python busy without end."""
+    takes_s = 0.01
+    spans_s: list[tuple[float, float]] = []
+    begin, done = threading.Event(), threading.Event()
+    asked = log_readers.CROWD + 8
+
+    def answer() -> None:
+        begin.wait(PATIENCE_S)
+        begun_s = time.monotonic()
+        threading.Event().wait(takes_s)
+        spans_s.append((begun_s, time.monotonic()))
+        if len(spans_s) == asked:
+            done.set()
+
+    for _ in range(asked):
+        assert readers.submit("flood", answer)
+    begin.set()
+    assert done.wait(PATIENCE_S)
+    rests_s = [following - ended for (_, ended), (following, _) in pairwise(spans_s)]
+    # The first answer takes long, for it waits; those of the last CROWD that wait are given one after another.
+    crowded_s = rests_s[1 : asked - log_readers.CROWD]
+    assert min(crowded_s) >= log_readers.REST * takes_s
+    assert min(rests_s[asked - log_readers.CROWD :]) < log_readers.REST * takes_s

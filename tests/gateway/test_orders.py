@@ -1,15 +1,18 @@
 """Commands of the bus to orders, and settings back: expected figures are firmware/README.md's definitions."""
 
 from dataclasses import replace
-from math import inf, nan, pi
+from math import inf, nan, pi, radians
 
 import pytest
 from gateway.model_unit import ModelUnit
+from hypothesis import given
+from hypothesis import strategies as st
 
 from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
 from noctule_gateway.errors import CommandError
 from noctule_gateway.unit.plans import OWN_PLAN
 from noctule_gateway.wire import frames, orders, settings_message
+from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
 
 CALIBRATION = Calibrate(0, 1_043_397, 0, HomeKind.SWITCH, -27307)
@@ -20,8 +23,8 @@ SETTINGS = Settings(
 
 
 def test_a_plan_keeps_the_present_value_of_what_it_leaves_out() -> None:
-    plan = orders.configure(SweepPlan(first_bearing_rad=-pi / 2, ping_interval_s=0.05, ramp_s=0.2), OWN_PLAN)
-    assert plan == replace(OWN_PLAN, first_bearing=-16384, ping_interval_ms=50, ramp_ms=200)
+    plan = orders.configure(SweepPlan(first_bearing_rad=-0.8 * pi, ping_interval_s=0.05, ramp_s=0.2), OWN_PLAN)
+    assert plan == replace(OWN_PLAN, first_bearing=-26214, ping_interval_ms=50, ramp_ms=200)
     assert orders.configure(SweepPlan(pings=5), OWN_PLAN) == replace(OWN_PLAN, pings=5)
 
 
@@ -107,3 +110,98 @@ def test_settings_that_do_not_fit_the_wire_are_refused_before_they_are_sent(
 def test_what_does_not_fit_the_wire_is_refused_before_it_is_sent(name: str, request_: CommandRequest) -> None:
     with pytest.raises(CommandError):
         orders.order(name, request_)
+
+
+@pytest.mark.parametrize(
+    ("command", "request_", "told"),
+    [
+        *(
+            ("configure", CommandRequest(plan=plan), told)
+            for plan, told in (
+                (SweepPlan(first_bearing_rad=radians(150)), "first_bearing_deg is 150: give -148 to 148 degrees"),
+                (SweepPlan(bearing_step_rad=radians(-5)), "bearing_step_deg is -5: give 0.00549316 to 360 degrees"),
+                (SweepPlan(count=65), "count is 65: give 1 to 64"),
+                (SweepPlan(count=0), "count is 0: give 1 to 64"),
+                (SweepPlan(ping_interval_s=0.01), "ping_interval_s is 0.01: give 0.029 to 1 s (in seconds)"),
+                (
+                    SweepPlan(top_speed_half_steps_s=2000),
+                    "top_speed_half_steps_s is 2000: give 50 to 1000 half steps/s",
+                ),
+                (SweepPlan(settle_s=nan), "settle_s is nan: give 0 to 1 s (in seconds)"),
+                (SweepPlan(pings=2), "pings is 2: give 1, 3, 5"),
+                (
+                    SweepPlan(first_bearing_rad=0.0, bearing_step_rad=radians(22.5), count=8),
+                    "the last bearing, first_bearing_deg + (count - 1) * bearing_step_deg, is 0 + 7 * 22.5 = 157.5: "
+                    "give fewer or closer bearings, up to 148 degrees",
+                ),
+            )
+        ),
+        *(
+            ("calibrate", CommandRequest(calibration=calibration), told)
+            for calibration, told in (
+                (Calibration(half_steps_per_turn=2048), "half_steps_per_turn is 2048: give 3800 to 4400"),
+                (Calibration(backlash_half_steps=65), "backlash_half_steps is 65: give 0 to 64"),
+                (Calibration(home_bearing_rad=0.0), "home_bearing_deg is 0: give -180 to -148 degrees"),
+            )
+        ),
+        ("go_to", CommandRequest(bearing_rad=radians(149)), "bearing_deg is 149: give -148 to 148 degrees"),
+        ("trim_temperature", CommandRequest(temperature_c=294), "temperature_c is 294: give -40 to 85 degrees C"),
+        ("start", CommandRequest(pause_s=66), "pause_s is 66: give 0 to 65.535 s (in seconds)"),
+        ("set_waypoint", CommandRequest(waypoint=0xFFFF), "waypoint is 65535: give 0 to 65534"),
+    ],
+)
+def test_what_a_unit_would_refuse_is_refused_by_its_field_in_the_operators_units(
+    command: str, request_: CommandRequest, told: str
+) -> None:
+    """The limits: firmware/README.md, "Host to unit". 0xFFFF is no waypoint."""
+    with pytest.raises(CommandError) as refusal:
+        if orders.needs_settings(command):
+            orders.order_over(command, request_, SETTINGS)
+        else:
+            orders.order(command, request_)
+    assert str(refusal.value) == f"out of range: {told}"
+
+
+@pytest.mark.parametrize("bearing_deg", [-148, 148])
+def test_the_outermost_bearings_are_allowed_in_a_plan_and_to_go_to(bearing_deg: int) -> None:
+    plan = SweepPlan(first_bearing_rad=radians(bearing_deg), count=1)
+    made = orders.order_over("configure", CommandRequest(plan=plan), SETTINGS)
+    assert isinstance(made, frames.Configure)
+    assert made.first_bearing == round(bearing_deg * 65536 / 360)
+    assert orders.order("go_to", CommandRequest(bearing_rad=radians(bearing_deg)))
+
+
+NUMBERS = st.none() | st.floats() | st.floats(-10, 5000)
+COUNTS = st.none() | st.integers(0, 2**32 - 1) | st.integers(0, 100)
+
+
+def some(message: type, numbers: tuple[str, ...], counts: tuple[str, ...]) -> st.SearchStrategy:
+    """A message with some of these fields set."""
+    return st.builds(message, **dict.fromkeys(numbers, NUMBERS), **dict.fromkeys(counts, COUNTS))
+
+
+PLAN_NUMBERS = (
+    *("first_bearing_rad", "bearing_step_rad", "ping_interval_s"),
+    *("top_speed_half_steps_s", "ramp_s", "settle_s"),
+)
+
+
+@given(
+    command=st.sampled_from(
+        ["start", "set_waypoint", "go_to", "trim_temperature", "configure", "calibrate", "jump", ""]
+    ),
+    plan=some(SweepPlan, PLAN_NUMBERS, ("count", "pings")),
+    calibration=some(Calibration, ("half_steps_per_turn", "home_bearing_rad"), ("backlash_half_steps",)),
+    numbers=st.fixed_dictionaries({name: NUMBERS for name in ("pause_s", "bearing_rad", "temperature_c")}),
+    waypoint=COUNTS,
+)
+def test_any_command_is_an_order_that_fits_the_wire_or_refused(command, plan, calibration, numbers, waypoint) -> None:
+    request = CommandRequest(plan=plan, calibration=calibration, waypoint=waypoint, **numbers)
+    try:
+        if orders.needs_settings(command):
+            order = orders.order_over(command, request, SETTINGS)
+        else:
+            order = orders.order(command, request)
+    except CommandError:
+        return
+    encode(order)

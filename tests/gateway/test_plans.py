@@ -46,11 +46,11 @@ def test_how_a_fixed_unit_pings_and_turns_may_be_said_without_its_bearings(tmp_p
     assert plan == replace(FIXED_PLAN, pings=3, ramp_ms=200)
 
 
-@pytest.mark.parametrize("given", ["first_bearing_deg = -90", "bearing_step_deg = 10", "count = 7"])
+@pytest.mark.parametrize("given", ["first_bearing_deg = -140", "bearing_step_deg = 10", "count = 7"])
 def test_bearings_that_a_fixed_units_file_gives_in_part_are_completed_by_the_units_own(
     given: str, tmp_path: Path
 ) -> None:
-    values = {"first_bearing": radians(-90), "bearing_step": radians(10), "count": 7 * BEARING_RAD}
+    values = {"first_bearing": radians(-140), "bearing_step": radians(10), "count": 7 * BEARING_RAD}
     name = next(name for name in values if name in given)
     plan = wanted(tmp_path, FIXED, f"sweep = {{ {given} }}")
     assert plan == replace(OWN_PLAN, **{name: round(values[name] / BEARING_RAD)})

@@ -120,6 +120,21 @@ def test_a_server_that_never_answers_is_given_up_in_seconds() -> None:
 
 
 @pytest.mark.usefixtures("failed_threads")
+def test_a_server_that_answers_each_step_late_is_given_up_as_one_that_says_nothing() -> None:
+    step_s = 0.5
+
+    def dawdle(connection: socket.socket) -> None:
+        negotiate(connection, each_answer_after_s=0.4 * step_s)
+
+    with server(dawdle, timeout_s=step_s) as address:
+        begun_s = time.monotonic()
+        with pytest.raises(LineError, match="can't open rfc2217://"):
+            open_port(address)
+        # Two steps, and 0.3 s for the server to notice that it is over (pyserial).
+        assert time.monotonic() - begun_s < 2 * step_s + 0.3 + 0.3
+
+
+@pytest.mark.usefixtures("failed_threads")
 def test_a_server_that_floods_is_made_to_wait_and_all_that_it_sent_is_read() -> None:
     sent_bytes: list[int] = []
     at_rest = threading.Event()

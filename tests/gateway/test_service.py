@@ -1,8 +1,12 @@
 """The gateway whole: model units over TCP on one side, a real Zenoh router and client on the other."""
 
+import contextlib
 import math
+import os
 import shutil
+import signal
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -158,6 +162,51 @@ def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router
         assert status.state == UnitStatus.STATE_DISCONNECTED
         assert status.log_head == 0
         assert len(unit.ring) == 1
+
+
+@contextmanager
+def wrong_device(answer: Callable[[bytes], bytes]) -> Iterator[str]:
+    """The address of a device that is no unit: it answers each piece that it gets."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):  # shut down below
+                while True:
+                    connection, _ = listening.accept()
+                    with connection:
+                        while piece := connection.recv(1000):
+                            connection.sendall(answer(piece))
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield f"socket://127.0.0.1:{listening.getsockname()[1]}"
+        listening.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def test_no_answer_and_what_can_not_be_read_and_a_line_that_sends_all_back_are_three_things(
+    tmp_path: Path, router: zenoh.Session, caplog: pytest.LogCaptureFixture
+) -> None:
+    with (
+        wrong_device(lambda _: b"") as silent,
+        wrong_device(lambda piece: bytes(0x80 | byte for byte in piece)) as garbled,
+        wrong_device(lambda piece: piece) as looped,
+    ):
+        told = {
+            "u1": f"no answer on {silent}",
+            "u2": f"what comes on {garbled} can't be read: another device, or another baud rate?",
+            "u3": f"no answer on {looped}, though frames come: check the wire to the unit, and whether the line sends "
+            "back what it is sent",
+        }
+        units = [
+            (name, 7 + n, each, FIXED)
+            for n, (name, each) in enumerate(zip(told, (silent, garbled, looped), strict=True))
+        ]
+        with running(site_file(tmp_path, *units), tmp_path, router), Client(SITE, session=router) as client:
+            for name, detail in told.items():
+                wait_until(lambda: unit_status(client, name).detail == detail, f"{name} is not told", 20)  # noqa: B023
+    for name, detail in told.items():
+        assert f"{name}: {detail}" in caplog.text
 
 
 def test_a_connection_that_has_gone_mute_is_opened_again_though_it_was_never_closed(
@@ -326,6 +375,27 @@ def test_a_moving_unit_takes_its_pose_from_the_key_and_says_when_there_is_none(
         assert got[-1].pose.x_m == 4.0
 
 
+def test_a_command_and_a_pose_with_fields_of_a_newer_version_are_taken_without_them_and_counted(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    newer = b"\xf8\x7f\x07"  # field 2047, a varint
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", 'pose = "key"'))
+    with running(path, tmp_path, router) as gateway:
+        (reply,) = router.get(
+            keys.rpc(SITE, "u1", "hello"), payload=CommandRequest(request_id="a").SerializeToString() + newer
+        )
+        assert reply.ok is not None and CommandReply.FromString(reply.ok.payload.to_bytes()).done
+        router.put(keys.pose(SITE, "u1"), Pose(x_m=1).SerializeToString() + newer)
+
+        def counted() -> int:
+            gateway.report()
+            return next(
+                status.counters["messages_newer"] for status in gateway.statuses() if isinstance(status, ServiceStatus)
+            )
+
+        wait_until(lambda: counted() == 2, "they are not counted", 20)
+
+
 def test_a_trackers_own_time_of_a_pose_counts_and_not_when_it_came(tmp_path: Path, router: zenoh.Session) -> None:
     unit = ModelUnit(7, born_s=time.monotonic())
     with tcp_unit(unit) as line:
@@ -411,10 +481,66 @@ def test_units_are_served_before_any_router_answers(tmp_path: Path) -> None:
             assert started.end("gateway") == 0
 
 
+def test_a_gateway_says_as_long_as_no_router_has_answered(tmp_path: Path, router: zenoh.Session) -> None:
+    gateway = Gateway(load(site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))), tmp_path)
+    try:
+        gateway.start()
+        gateway.report()
+        assert "not on the bus yet: no router has answered" in gateway.summary
+        gateway.join(router)
+        gateway.report()
+        assert "not on the bus" not in gateway.summary
+    finally:
+        gateway.close()
+
+
 def test_a_gateway_that_can_not_begin_says_why_and_ends(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("gateway", "noctule-gateway", "run", str(tmp_path / "none.toml"), "--data", str(tmp_path))
         wait_until(lambda: "none.toml can't be read" in started.log("gateway"), "no reason was given", 30)
+
+
+def test_a_status_says_since_when_a_unit_has_answered_and_since_when_it_has_not(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        begun_s = time.time()
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            connected_s = time.time()
+            up_s = unit_status(client).since.ToMilliseconds() / 1000
+            assert begun_s - 0.001 <= up_s <= connected_s
+            line.close()
+            wait_until(lambda: not connected(client), "the unit is still shown", 20)
+            down_s = unit_status(client).since.ToMilliseconds() / 1000
+            assert connected_s - 0.001 <= down_s <= time.time()
+            reported = unit_status(client).time
+            wait_until(lambda: unit_status(client).time != reported, "no further status", 20)
+            assert unit_status(client).since.ToMilliseconds() / 1000 == pytest.approx(down_s, abs=0.1)
+
+
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_ghosts_of_a_gateway_that_is_killed_or_hangs_are_gone_within_the_lease(
+    tmp_path: Path, stop: signal.Signals
+) -> None:
+    lease_s = 2.0
+    config = tmp_path / "zenoh.json5"
+    config.write_text(f"{{ transport: {{ link: {{ tx: {{ lease: {1000 * lease_s:.0f} }} }} }} }}")
+    (port,) = free_ports(1)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))
+    with (
+        bus.open_session(listen=[endpoint]) as router,
+        Client(SITE, session=router) as client,
+        programs(tmp_path) as started,
+    ):
+        command = ("noctule-gateway", "run", str(path), "--data", str(tmp_path / "data"), "--connect", endpoint)
+        started.start("gateway", *command, env={bus.CONFIG_VARIABLE: str(config)})
+        wait_until(lambda: client.units() and client.unit_statuses(), "the unit did not come", 30)
+        os.kill(started.pid("gateway"), stop)
+        wait_until(lambda: not client.units(), "the unit is still shown", lease_s + 1.0)
+        assert client.unit_statuses() == []
 
 
 def test_a_host_whose_clock_is_set_by_forty_days_keeps_its_sweeps_and_says_that_it_was_set(

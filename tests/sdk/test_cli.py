@@ -25,6 +25,7 @@ from noctule.messages_pb2 import (
     SweepPlan,
     Touch,
     UnitPose,
+    UnitStatus,
     Wall,
 )
 from noctule.replay import Replay
@@ -71,7 +72,7 @@ def start(endpoint):
     running = []
 
     def start(*command):
-        environment = os.environ | {"NOCTULE_CONNECT": endpoint, "COLUMNS": "150", "PYTHONUNBUFFERED": "1"}
+        environment = os.environ | {"NOCTULE_CONNECT": endpoint, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
         running.append(
             subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         )
@@ -106,7 +107,30 @@ def test_units_shows_who_is_alive_and_how_long_its_log_is(noctule):
     code, out, err = finish(noctule("units", "room"))
     assert (code, err) == (0, "")
     row = next(line for line in out.splitlines() if "u1" in line)
-    assert "yes" in row and "sweeping" in row and "1-3" in row
+    assert "replay" in row and "sweeping" in row and "1-3" in row and time.strftime("%Y-%m-%d") in row
+
+
+def test_units_shows_what_a_gateway_says_as_text_whatever_it_holds(noctule, far, open_session, known):
+    status = bus.StatePublisher(far.session, keys.unit_status("room", "u1"), UnitStatus)
+    status.put(UnitStatus(site="room", unit="u1", detail="no answer on [fe80::1] [/b] \x1b[31m"))
+    known(open_session(), status.key)
+    code, out, err = finish(noctule("units", "room"))
+    assert (code, err) == (0, "")
+    assert "[fe80::1]" in out and "[/b]" in out and "\\x1b[31m" in out and "\x1b" not in out
+    process = noctule("watch", "room")
+    assert line_with(process, "[fe80::1]").rstrip().endswith("[/b] \\x1b[31m")
+
+
+@pytest.mark.usefixtures("site")
+def test_units_of_a_site_file_shows_those_that_nobody_serves(noctule, tmp_path):
+    path = tmp_path / "room.toml"
+    unit = '[[unit]]\nname = "u{0}"\nserial = {0}\naddress = "socket://127.0.0.1:{0}"\npose = "key"\n'
+    path.write_text('site = "room"\n' + unit.format(1) + unit.format(7))
+    code, out, _ = finish(noctule("units", path))
+    assert code == 0
+    assert "sweeping" in next(line for line in out.splitlines() if "u1" in line)
+    missing = next(line for line in out.splitlines() if "u7" in line)
+    assert "none" in missing and "not served" in missing
 
 
 @pytest.mark.usefixtures("router")

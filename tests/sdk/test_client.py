@@ -68,7 +68,7 @@ def test_what_finds_the_queue_full_is_dropped_and_counted(open_session, far, col
         go_on.set()
         collected.wait_for(lambda came: len(came) == 4)
     assert collected == [0, 1, 2, 3]
-    assert client.counters() == {"delivered": 4, "dropped": 7, "failed": 0, "refused": 0}
+    assert client.counters() == {"delivered": 4, "dropped": 7, "failed": 0, "refused": 0, "newer": 0}
 
 
 def test_a_callback_that_raises_is_counted_and_the_next_message_comes(client, far, collected, caplog):
@@ -117,11 +117,27 @@ def test_a_message_that_can_not_be_true_is_counted_and_told_once_and_the_next_co
     far.publish(U1, good[1])
     collected.wait_for(lambda came: len(came) == 2)
     assert collected == good
-    assert client.counters() == {"delivered": 2, "dropped": 0, "failed": 0, "refused": 3}
+    assert client.counters() == {"delivered": 2, "dropped": 0, "failed": 0, "refused": 3, "newer": 0}
     assert [record.message for record in caplog.records if key in record.message and told in record.message] == [
         record.message for record in caplog.records
     ]
     assert len(caplog.records) == 1
+
+
+def test_fields_of_a_newer_version_are_ignored_counted_told_once_and_kept(client, far, collected, caplog):
+    newer = b"\xf8\x7f\x07"  # field 2047, a varint
+    reading = Reading(bearing_rad=1).SerializeToString() + newer
+    of_newer = Sweep(unit="u1", boot=1).SerializeToString() + bytes([13 << 3 | 2, len(reading)]) + reading
+    known = Sweep(unit="u1", boot=2).SerializeToString()
+    client.on_sweep(collected.add)
+    far.publish(keys.sweep("room", "u1"), *(Sweep.FromString(payload) for payload in (of_newer, known, of_newer)))
+    collected.wait_for(lambda came: len(came) == 3)
+    assert [(sweep.boot, len(sweep.readings)) for sweep in collected] == [(1, 1), (2, 0), (1, 1)]
+    assert collected[0].SerializeToString() == of_newer
+    assert client.counters()["newer"] == 2
+    assert [record.getMessage() for record in caplog.records] == [
+        "Sweep messages have fields of a newer version, which are ignored: update this program"
+    ]
 
 
 def test_made_up_keys_without_number_fill_neither_log_nor_memory(client, far, collected, caplog):

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from datetime import UTC, datetime
 
-from noctule.logs import JsonFormatter
+from noctule.logs import JsonFormatter, TextFormatter
 
 
 def line(message: str, *arguments: object, **extra: object) -> dict[str, str]:
@@ -48,3 +48,8 @@ warnings.warn("old")
     failed, warned = [json.loads(each) for each in done.stderr.splitlines()]
     assert failed["message"] == "failed" and failed["exception"].endswith("ValueError: the door\nis open")
     assert warned["level"] == "WARNING" and "UserWarning: old" in warned["message"]
+
+
+def test_a_message_of_a_text_log_is_one_line_that_no_terminal_obeys() -> None:
+    record = logging.makeLogRecord({"msg": "unit %s: °C", "args": ("\x1b[2Ju1\nERROR all is lost",)})
+    assert TextFormatter("%(message)s").format(record) == "unit \\x1b[2Ju1\\nERROR all is lost: °C"

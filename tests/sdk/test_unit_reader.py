@@ -143,6 +143,23 @@ def test_live_sweeps_that_came_while_the_log_was_asked_are_neither_lost_nor_doub
     assert counts["lost"] == 0
 
 
+def test_what_a_log_that_went_back_took_again_before_it_was_where_it_had_been_counts_as_lost(caplog):
+    """Its sequences 4 to 9 stand for other sweeps now than those that were delivered."""
+    delivered = []
+    log = Log(head=3)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=9))
+    for head in (3, 5):
+        log.head = head
+        with pytest.raises(BusError, match="ends at"):
+            unit.ask_log()
+        assert unit.take([log.sweep(head)])
+    log.head = 12
+    read_to_head(unit)
+    assert sequences(delivered) == [10, 11, 12]
+    assert counts["lost"] == 6
+    assert "sweeps 4 to 9 of its log were not read: others were delivered with their sequences before" in caplog.text
+
+
 def test_a_log_that_went_back_is_told_and_nothing_is_delivered():
     delivered = []
     unit, _ = reader(Log(head=3), delivered, Cursor(unit="u1", log_id="a", log_sequence=9))
@@ -267,3 +284,48 @@ def test_delivered_and_lost_make_up_the_whole_log_in_order(data):
     assert read == sorted(set(read))
     assert len(read) + counts["lost"] == log.head == unit.cursor.log_sequence
     assert counts["delivered"] == len(read)
+
+
+SEQUENCES = st.integers(0, 12) | st.sampled_from([2**53 - 1, 2**53 - 2])
+IDS = st.sampled_from(["a", "b", ""])
+REPLIES = st.builds(
+    LogRecords,
+    log_id=IDS,
+    head=SEQUENCES,
+    tail=SEQUENCES,
+    sweeps=st.lists(
+        st.builds(Sweep, unit=st.sampled_from(["u1", "u1", "u2"]), log_id=IDS, log_sequence=SEQUENCES), max_size=6
+    ),
+    gaps=st.lists(st.builds(LogGap, first=SEQUENCES, last=SEQUENCES, damaged=st.booleans()), max_size=3),
+)
+
+
+@given(replies=st.lists(REPLIES, min_size=1, max_size=8))
+def test_whatever_a_log_replies_a_reader_goes_on_or_waits_and_skips_nothing_uncounted(replies):
+    """True asks again at once: without progress that would be for ever."""
+    delivered = []
+    unit, counts = reader(None, delivered)
+    for reply in replies:
+        before, counted = unit.cursor, counts.copy()
+        try:
+            more = unit.read(reply, before)
+        except BusError:
+            more = False  # asked again later and later
+        after = unit.cursor
+        assert not more or after != before
+        if after.log_id != before.log_id:
+            continue
+        assert before.log_sequence <= after.log_sequence <= max(reply.head, before.log_sequence)
+        unused = {
+            sequence
+            for gap in reply.gaps
+            if not gap.damaged
+            for sequence in range(max(gap.first, before.log_sequence + 1), min(gap.last, after.log_sequence, 20) + 1)
+        }
+        passed = after.log_sequence - before.log_sequence
+        told = sum((counts - counted)[name] for name in ("delivered", "lost", "damaged", "refused"))
+        assert told >= passed - len(unused) or after.log_sequence > 20
+    by_log = {}
+    for sweep in delivered:
+        assert sweep.log_sequence > by_log.get(sweep.log_id, 0)
+        by_log[sweep.log_id] = sweep.log_sequence

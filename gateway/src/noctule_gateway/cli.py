@@ -101,7 +101,7 @@ def update(
         with Bars(console) as bars:
             updates = update_units(units, image, force, bars.show)
     except (NoctuleError, OSError) as error:
-        Console(stderr=True).print(str(error), style="red", soft_wrap=True)
+        Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error
     except KeyboardInterrupt as stop:
         console.print("stopped: units that were under way go on where they were when they are updated again")

@@ -17,6 +17,7 @@ from noctule.elapsed import Instant
 from noctule.folder_lock import FolderLock, Owner
 from noctule.kernel_clock import KernelClock, kernel_clock
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
+from noctule.newer_fields import NewerFields
 from noctule.site import Site, Unit
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
@@ -94,6 +95,7 @@ class Gateway:
         self._served = [_Served(site, unit, data, retention, self._name, now, self._clock_watch) for unit in site.units]
         self._outbox = Outbox()
         self._readers = LogReaders()
+        self._newer = NewerFields()
         self._status: bus.StatePublisher | None = None
         self._watch: BusWatch | None = None
         self._latest: ServiceStatus | None = None
@@ -111,7 +113,9 @@ class Gateway:
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
-            served.on_bus = UnitOnBus(session, served.kept, served.server.command, self._outbox, self._readers)
+            served.on_bus = UnitOnBus(
+                session, served.kept, served.server.command, self._outbox, self._readers, self._newer
+            )
         if watch is not None:
             self._watch = watch
             watch.begin(self._states)
@@ -178,6 +182,7 @@ class Gateway:
                 filter(
                     None,
                     (
+                        "" if self._status else "not on the bus yet: no router has answered (see the log)",
                         self._watch.detail() if self._watch else "",
                         _listed("not connected", away),
                         _listed("being updated", updating),
@@ -196,6 +201,7 @@ class Gateway:
                 "puts_dropped": self._outbox.dropped,
                 "log_queries_refused": self._readers.refused,
                 "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
+                "messages_newer": self._newer.count,
                 "clock_sets": self._clock_watch.sets,
                 **self._synchronisation.counters,
             },

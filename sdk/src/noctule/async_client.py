@@ -151,6 +151,10 @@ class AsyncClient:
         """As Client.unit_statuses()."""
         return await self.in_thread(self.client.unit_statuses)
 
+    async def service_statuses(self) -> list[ServiceStatus]:
+        """As Client.service_statuses()."""
+        return await self.in_thread(self.client.service_statuses)
+
     async def units(self) -> set[str]:
         """As Client.units()."""
         return await self.in_thread(self.client.units)

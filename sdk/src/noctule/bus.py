@@ -10,7 +10,7 @@ import zenoh
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
-from noctule import bus_config, endpoints, keys, messages_pb2, reachability, tls
+from noctule import bus_config, endpoints, keys, messages_pb2, own_addresses, reachability, tls
 from noctule.bus_config import CONFIG_VARIABLE, DEFAULT_ROUTER
 from noctule.errors import BusError
 
@@ -35,6 +35,7 @@ def open_session(
     settings are read from the Zenoh configuration file that ZENOH_CONFIG names.
     A client waits for its first router, for ever or for ``patience_s``; after that the session reconnects by itself.
     ``while_waiting`` is called after each attempt, so about once a second; what it raises ends the wait.
+    A router begins without the addresses that this host does not have yet, and listens on each when it is there.
     The caller must close the session, or the process does not end.
     Raises BusError: no router in time, or an endpoint that can't be listened on; BusConfigError: one that is none;
     TlsError: a folder that can't be used.
@@ -53,6 +54,9 @@ def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.S
             "anybody who reaches %s can command and flash the units: listen on loopback, or give --tls FOLDER",
             endpoints.shown(open_to_all),
         )
+    if missing := [endpoint for endpoint in listen if own_addresses.is_missing(endpoint)]:
+        _log.warning("this host does not have the address of %s yet: waiting for it", endpoints.shown(missing))
+        bus_config.wait_for_addresses(config)
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:

@@ -28,6 +28,11 @@ _SETTINGS = {
     "connect/exit_on_failure": False,
     "connect/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
 }
+_WAIT_FOR_ADDRESSES = {
+    "listen/exit_on_failure": False,
+    "listen/timeout_ms": -1,
+    "listen/retry": {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2},
+}
 
 
 def is_router(config: zenoh.Config) -> bool:
@@ -61,6 +66,12 @@ def config(connect: Sequence[str], listen: Sequence[str], identity: tls.Identity
     if identity is not None:
         _check_secured(made, identity)
     return made
+
+
+def wait_for_addresses(config: zenoh.Config) -> None:
+    """Have a router begin without the addresses that its host does not have yet, and try them again by and by."""
+    for key, value in _WAIT_FOR_ADDRESSES.items():
+        config.insert_json5(key, json.dumps(value))
 
 
 def _read_config(path: Path, whose: str) -> zenoh.Config:

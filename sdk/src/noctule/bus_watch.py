@@ -16,6 +16,7 @@ import zenoh
 
 from noctule import bus, bus_config, endpoints, keys, reachability, tls
 from noctule.bus import StatePublisher
+from noctule.endpoint_watch import EndpointWatch
 from noctule.errors import BusError
 
 LOOK_EVERY_S = 0.5
@@ -33,7 +34,7 @@ class BusWatch:
     """Watches the session of a service from begin() to close(); detail() is for the service's status.
 
     ``connect``, ``listen`` and ``tls_folder`` are what the session was opened with. Where the service is the router
-    itself, only the certificate's expiry is watched.
+    itself, only its endpoints and the certificate's expiry are watched.
     """
 
     def __init__(
@@ -49,6 +50,8 @@ class BusWatch:
         config = bus_config.config(connect, listen, self._identity)
         self._routers = bus_config.endpoints_of(config, "connect")
         self._is_router = bus_config.is_router(config)
+        listen_on = bus_config.endpoints_of(config, "listen") if self._is_router else []
+        self._endpoints = EndpointWatch(self._routers, listen_on, self._is_router)
         self._publishers: Callable[[], Sequence[StatePublisher]] = tuple
         self._trouble = self._expiry = ""
         self.looked = threading.Event()  # set once the way was looked at
@@ -58,6 +61,7 @@ class BusWatch:
     def begin(self, publishers: Callable[[], Sequence[StatePublisher]]) -> None:
         """Watch what ``publishers`` gives: the states that the service publishes each second or so."""
         self._publishers = publishers
+        self._endpoints.begin()
         if not self._is_router:
             self._thread.start()
 
@@ -67,11 +71,12 @@ class BusWatch:
         if alarm and alarm != self._expiry:
             _log.warning("%s", alarm)
         self._expiry = alarm
-        return "; ".join(filter(None, (self._trouble, alarm)))
+        return "; ".join(filter(None, (self._trouble, self._endpoints.detail(), alarm)))
 
     def close(self) -> None:
         """Watch no more."""
         self._closed.set()
+        self._endpoints.close()
         if self._thread.is_alive():
             self._thread.join()
 

@@ -28,6 +28,7 @@ from noctule.messages_pb2 import (
     Sweep,
     UnitStatus,
 )
+from noctule.newer_fields import NewerFields
 from noctule.refusals import Refusals
 from noctule.states import StateReader
 from noctule.subscription import Declared, Subscription
@@ -69,6 +70,7 @@ class Client:
         self._name = str(self.session.zid())  # by which a gateway tells its clients apart, to serve each in its turn
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()
+        self._newer = NewerFields()
         self._subscriptions: dict[Subscription, None] = {}  # in the order of their making
         self._pose_publishers: dict[str, zenoh.Publisher] = {}
 
@@ -92,8 +94,11 @@ class Client:
             self.session.close()
 
     def counters(self) -> dict[str, int]:
-        """How many messages were ``delivered``, ``refused``, ``dropped`` (callbacks were slow) or ``failed`` in one."""
-        return self._delivery.counters() | {"refused": self._refusals.count}
+        """How many messages were ``delivered``, ``refused``, ``dropped`` (callbacks were slow) or ``failed`` in one.
+
+        ``newer`` had fields of a newer version, which were ignored.
+        """
+        return self._delivery.counters() | {"refused": self._refusals.count, "newer": self._newer.count}
 
     # ---- Messages as they come ------------------------------------------------------------------------------------
 
@@ -152,8 +157,12 @@ class Client:
         return max(contours, key=lambda contour: contour.time.ToNanoseconds(), default=None)
 
     def unit_statuses(self) -> list[UnitStatus]:
-        """The last status of every unit that a gateway serves. Raises BusError."""
+        """The last status of every unit from each gateway that serves it. Raises BusError."""
         return self._ask_all(keys.unit_status(self.site, keys.ANY), UnitStatus)
+
+    def service_statuses(self) -> list[ServiceStatus]:
+        """The last status of every service. Raises BusError."""
+        return self._ask_all(keys.service_status(self.site, keys.ANY), ServiceStatus)
 
     def units(self) -> set[str]:
         """The names of the units that a gateway serves at this moment."""
@@ -181,7 +190,7 @@ class Client:
     def unsifted_log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
         """The same with all records as they came, unchecked, so that a LogFollower knows which ones it passes over."""
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
-        return next((_decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
+        return next((self._decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
 
     def history(self, unit: str, from_sequence: int = 1) -> Iterator[Sweep]:
         """A unit's log in order, from the log sequence ``from_sequence`` or the oldest record held, to its head.
@@ -224,7 +233,7 @@ class Client:
             if unit in self.units():
                 raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
             raise self._not_served(unit)
-        return _decode(CommandReply, reply)
+        return self._decode(CommandReply, reply)
 
     def publish_pose(self, unit: str, pose: Pose) -> None:
         """Publish where a tracked unit is."""
@@ -276,10 +285,22 @@ class Client:
 
     def _accepted(self, message_type: type[M], sample: zenoh.Sample) -> M | None:
         try:
-            return _decode(message_type, sample)
+            return self._decode(message_type, sample)
         except (BusError, KeyFormatError) as error:
             self._refusals.note(str(sample.key_expr), error)
             return None
+
+    def _decode(self, message_type: type[M], sample: zenoh.Sample, but: Collection[str] = ()) -> M:
+        """The message; raises BusError where it does not fit the bounds or the key that it came on."""
+        payload = sample.payload.to_bytes()
+        try:
+            message = bounds.decode(message_type, payload, but)
+        except BoundsError as error:
+            raise BusError(f"{sample.key_expr}: {error}") from error
+        if isinstance(message, Sweep | UnitStatus):
+            _check_identity(message, keys.parse_unit(str(sample.key_expr)))
+        self._newer.note(message, payload)
+        return message
 
     def _alive_unit(self, sample: zenoh.Sample) -> str | None:
         try:
@@ -324,17 +345,6 @@ class Client:
                 error = reply.err.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
         if error is not None and not answered:
             raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
-
-
-def _decode(message_type: type[M], sample: zenoh.Sample, but: Collection[str] = ()) -> M:
-    """The message; raises BusError where it does not fit the bounds or the key that it came on."""
-    try:
-        message = bounds.decode(message_type, sample.payload.to_bytes(), but)
-    except BoundsError as error:
-        raise BusError(f"{sample.key_expr}: {error}") from error
-    if isinstance(message, Sweep | UnitStatus):
-        _check_identity(message, keys.parse_unit(str(sample.key_expr)))
-    return message
 
 
 def _check_identity(message: Sweep | UnitStatus, key: keys.UnitKey) -> None:

@@ -5,6 +5,8 @@ import logging
 from datetime import UTC, datetime
 from enum import StrEnum
 
+from noctule.plain_text import plain
+
 FORMAT_VARIABLE = "NOCTULE_LOG_FORMAT"
 
 
@@ -39,6 +41,15 @@ class JsonFormatter(logging.Formatter):
         return json.dumps(line)
 
 
+class TextFormatter(logging.Formatter):
+    """Text for people. A message is one line: it may hold what a stranger has put on the bus."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
+        """The record as text, without its traceback."""
+        record.message = plain(record.message)
+        return super().formatMessage(record)
+
+
 def set_up(log_format: LogFormat, prefix: str = "") -> None:
     """Write the log of this process from INFO on, with Python's warnings. Call it once, when the program starts.
 
@@ -46,6 +57,6 @@ def set_up(log_format: LogFormat, prefix: str = "") -> None:
     """
     handler = logging.StreamHandler()
     text = f"%(asctime)s %(levelname)s %(name)s: {prefix}%(message)s"
-    handler.setFormatter(JsonFormatter(prefix) if log_format is LogFormat.JSON else logging.Formatter(text))
+    handler.setFormatter(JsonFormatter(prefix) if log_format is LogFormat.JSON else TextFormatter(text))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.captureWarnings(True)

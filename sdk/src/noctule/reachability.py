@@ -29,10 +29,28 @@ def _knock(endpoint: str, identity: tls.Identity | None) -> str:
             return _greet(connection, place[0], identity) if endpoints.protocol(endpoint) == "tls" else _PLAIN
     except ConnectionRefusedError:
         return _NOTHING_THERE
-    except socket.gaierror:
-        return f"no host is known by the name {place[0]}"
-    except OSError as error:
-        return f"can't be reached ({error.strerror or 'no answer'})"
+    except (OSError, UnicodeError) as error:
+        return _why_unreachable(error, place[0])
+
+
+def unreachable(endpoint: str) -> str:
+    """Why no connection to ``endpoint`` comes about; empty where one does, or where it is not one of TCP."""
+    place = endpoints.host_and_port(endpoint)
+    if place is None or endpoints.protocol(endpoint) not in ("tcp", "tls", "ws"):
+        return ""
+    try:
+        socket.create_connection(place, _KNOCK_S).close()
+    except ConnectionRefusedError:
+        return "nothing listens there"
+    except (OSError, UnicodeError) as error:
+        return _why_unreachable(error, place[0])
+    return ""
+
+
+def _why_unreachable(error: OSError | UnicodeError, host: str) -> str:
+    if isinstance(error, socket.gaierror | UnicodeError):
+        return f"no host is known by the name {host}"
+    return f"can't be reached ({error.strerror or 'no answer'})"
 
 
 _PLAIN = "something listens, but takes no plain connection: if the router wants a certificate, give --tls FOLDER"

@@ -7,6 +7,7 @@ from importlib.metadata import version
 from time import monotonic
 
 import zenoh
+from google.protobuf.timestamp_pb2 import Timestamp
 
 from noctule import bounds, bus, keys
 from noctule.client import Client
@@ -35,6 +36,8 @@ class ReplayedUnit:
         self._unit = unit
         self._log_id = uuid.uuid4().hex
         self._log: list[Sweep] = []
+        self._since = Timestamp()
+        self._since.GetCurrentTime()
         self._log_key = keys.log(site, unit)
         self._publisher = bus.declare_publisher(session, keys.sweep(site, unit), Sweep)
         self._status = bus.StatePublisher(session, keys.unit_status(site, unit), UnitStatus)
@@ -86,6 +89,7 @@ class ReplayedUnit:
             gateway_version=version("noctule"),
         )
         status.time.GetCurrentTime()
+        status.since.CopyFrom(self._since)
         if self._log:
             status.boot = self._log[-1].boot
         return status

@@ -32,6 +32,7 @@ class UnitReader:
         self._deliver = deliver
         self._counts = counts
         self._left: dict[str, Cursor] = {}  # where other logs of this unit were left, should one come back
+        self._taken_before = range(0)  # sequences that were delivered, and that the log then had still to give
         self._turns = 0  # to another log, since one last gave what was asked of it
 
     def is_behind(self, log_id: str, head: int) -> bool:
@@ -62,12 +63,15 @@ class UnitReader:
             self._turn_to(records)
             return True
         if records.head < asked.log_sequence and asked.log_id == at.log_id:
+            first = min(records.head + 1, self._taken_before[0]) if self._taken_before else records.head + 1
+            self._taken_before = range(first, asked.log_sequence + 1)
             raise BusError(
                 f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to "
                 f"{asked.log_sequence}: was it restored from a copy? Begin a new one: "
                 f"noctule-gateway repair DATA --unit {self.unit}"
             )
         self._turns = 0
+        self._count_taken_before()
         if records.head < at.log_sequence:
             return False
         sifted = sift(records, self.unit, at.log_sequence)
@@ -87,6 +91,7 @@ class UnitReader:
         Raises BusError where each reply is of another log, so that the next question waits.
         """
         self._turns += 1
+        self._taken_before = range(0)
         if self.cursor.log_id:
             _log.warning("unit %s has log %s instead of %s", self.unit, records.log_id, self.cursor.log_id)
             self._left[self.cursor.log_id] = self.cursor
@@ -96,6 +101,18 @@ class UnitReader:
             del self._left[next(iter(self._left))]
         if self._turns > 1:
             raise BusError(f"unit {self.unit!r} answers with one log and then with another: do two gateways serve it?")
+
+    def _count_taken_before(self) -> None:
+        """The log has got as far again as it was read when it went back. What it took meanwhile was never read."""
+        taken, self._taken_before = self._taken_before, range(0)
+        if taken:
+            self._counts["lost"] += len(taken)
+            _log.error(
+                "unit %s: sweeps %d to %d of its log were not read: others were delivered with their sequences before",
+                self.unit,
+                taken[0],
+                taken[-1],
+            )
 
     def _pass_over(self, records: LogRecords) -> None:
         """All that was still to be read has been removed."""
@@ -140,7 +157,10 @@ class UnitReader:
         for sweep in sweeps:
             self._count_lost(before, sweep.log_sequence, refused, gaps)
             before = sweep.log_sequence
-        self.cursor = self._at(sweeps[-1].log_id, before)
+        last = sweeps[-1]
+        self.cursor = self._at(last.log_id, before)
+        if last.HasField("start"):
+            self.cursor.time.CopyFrom(last.start)
         self._counts["delivered"] += len(sweeps)
 
     def _at(self, log_id: str, log_sequence: int) -> Cursor:

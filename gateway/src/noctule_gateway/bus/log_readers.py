@@ -8,9 +8,13 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from time import monotonic
 
 MAX_CLIENTS = 64  # that wait for answers at once
 MAX_WAITING = 64  # queries of one client
+CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
+REST = 4.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
 THREADS = 8
 LONGEST_NAME = 64
 
@@ -63,6 +67,7 @@ class LogReaders:
     def _answer_next(self, client: str) -> None:
         with self._lock:
             answer = self._waiting[client].popleft()
+        begun_s = monotonic()
         try:
             answer()
         except Exception:
@@ -73,7 +78,14 @@ class LogReaders:
                 self._cut_off.pop(client, None)
                 self._full = False
                 return
-        try:
+            rest_s = REST * (monotonic() - begun_s) if len(self._waiting[client]) >= CROWD else 0.0
+        if rest_s:
+            later = threading.Timer(rest_s, self._go_on, (client,))
+            later.daemon = True
+            later.start()
+        else:
+            self._go_on(client)
+
+    def _go_on(self, client: str) -> None:
+        with suppress(RuntimeError):  # closed meanwhile
             self._threads.submit(self._answer_next, client)
-        except RuntimeError:  # closed meanwhile
-            return

@@ -9,6 +9,7 @@ import zenoh
 from noctule import bounds, bus, keys
 from noctule.errors import BoundsError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
+from noctule.newer_fields import NewerFields
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Server
@@ -37,10 +38,12 @@ class UnitOnBus:
         server: Server,
         outbox: Outbox,
         readers: LogReaders,
+        newer: NewerFields,
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
         self._outbox, self._readers = outbox, readers
         site, unit = served.site.name, served.unit
+        self._newer = newer
         self._commands = CommandCache(server)
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
@@ -69,11 +72,13 @@ class UnitOnBus:
         return self._commands.refused
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
+        payload = sample.payload.to_bytes()
         try:
-            pose = bounds.decode(Pose, sample.payload.to_bytes())
+            pose = bounds.decode(Pose, payload)
         except BoundsError:
             self._track.refused += 1
         else:
+            self._newer.note(pose, payload)
             utc_s = _time_of(pose, sample)
             now_s = time.monotonic()
             time_s = now_s if utc_s is None else utc_s - self._clock.look().utc_offset_s
@@ -98,12 +103,14 @@ class UnitOnBus:
                 query.reply(self._log_key, records.SerializeToString(), encoding=bus.encoding(LogRecords))
 
     def _on_command(self, query: zenoh.Query) -> None:
+        payload = query.payload.to_bytes() if query.payload else b""
         try:
             name = keys.parse_rpc(str(query.key_expr))  # a wildcard commands nobody
-            request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
+            request = bounds.decode(CommandRequest, payload)
         except (BoundsError, KeyFormatError) as error:
             query.reply_err(str(error))
             return
+        self._newer.note(request, payload)
         reply = self._commands.carry_out(name, request)
         reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))
 

@@ -19,6 +19,7 @@ from noctule_gateway.line.keepalive import watch_far_end
 _LOOK_EVERY_S = 0.01
 _CHUNK_BYTES = 1024
 _MOST_WAITING_BYTES = 65536  # more than the line brings during the longest step of the negotiation, 3 s
+_NEGOTIATION_STEPS = 2  # the whole negotiation, in the time that one step may take (3 s): there are six
 _MOST_SUBOPTION_BYTES = 1024  # RFC 2217 has no longer one than a signature of 255 characters
 
 
@@ -26,13 +27,14 @@ class Rfc2217Port:
     """As port.Port, open from the start. It has no file descriptor to wait on: it looks every 10 ms."""
 
     def __init__(self, address: str, baud: int) -> None:
-        """Raises LineError where nobody answers, or not as RFC 2217 says; a silent server takes 3 s."""
+        """Raises LineError where nobody answers, or not as RFC 2217 says; a silent server takes 3 s, a slow one 6 s."""
         self._address = address
         self._awake = False
         self._line = _BoundedSerial(baud)
         self._line.port = address
         try:
             self._line.open()
+            self._line.is_negotiated()
             self._line.watch_far_end()
         except (OSError, ValueError, KeyError) as error:  # pyserial's own errors are OSErrors
             raise LineError(f"can't open {address}: {self._line.failure or error}") from error
@@ -74,7 +76,27 @@ class _BoundedSerial(rfc2217.Serial):
         self.failure = ""
         self._bytes_received = self._bytes_read = 0  # each counted by one thread
         self._suboption: bytearray | None = None
+        self._step_s = 0.0
+        self._give_up_s: float | None = None  # on the negotiation, once it has begun
+        self._negotiated = False
         super().__init__(baudrate=baud)
+
+    @property
+    def _network_timeout(self) -> float:
+        """In place of pyserial's own, which allows as much for each step of the negotiation, however many there are."""
+        if self._negotiated:
+            return self._step_s
+        if self._give_up_s is None:
+            self._give_up_s = time.monotonic() + _NEGOTIATION_STEPS * self._step_s
+        return max(0.0, min(self._step_s, self._give_up_s - time.monotonic()))
+
+    @_network_timeout.setter
+    def _network_timeout(self, step_s: float) -> None:
+        self._step_s = step_s
+
+    def is_negotiated(self) -> None:
+        """The line is open: what is asked of the server from now on has time of its own."""
+        self._negotiated = True
 
     def watch_far_end(self) -> None:
         """As keepalive.watch_far_end(), of the socket beneath."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from noctule.messages_pb2 import SweepPlan
 from noctule.site import FixedPose, Unit
+from noctule_gateway.errors import CommandError
 from noctule_gateway.wire import orders
 from noctule_gateway.wire.frames import Configure
 
@@ -32,9 +33,12 @@ def wanted_plan(unit: Unit) -> Configure | None:
     """What the gateway gives ``unit``; None leaves the unit the plan that it has.
 
     A fixed unit whose site file names no bearings gets FIXED_PLAN under what else the file says. Bearings that the file
-    gives in part are completed by OWN_PLAN. Raises CommandError if the file's plan does not fit the frame.
+    gives in part are completed by OWN_PLAN. Raises CommandError if a unit would not take the file's plan.
     """
     given = unit.plan or SweepPlan()
-    if isinstance(unit.pose, FixedPose) and not any(map(given.HasField, _BEARINGS)):
-        return orders.configure(given, FIXED_PLAN)
-    return orders.configure(given, OWN_PLAN) if unit.plan else None
+    try:
+        if isinstance(unit.pose, FixedPose) and not any(map(given.HasField, _BEARINGS)):
+            return orders.configure(given, FIXED_PLAN)
+        return orders.configure(given, OWN_PLAN) if unit.plan else None
+    except CommandError as error:
+        raise CommandError(f"the site file's plan of unit {unit.name}: {error}") from error

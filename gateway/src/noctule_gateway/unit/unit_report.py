@@ -23,6 +23,7 @@ class UnitReport:
         self._link, self._intake = link, intake
         self._line_quality = LineQuality()
         self._told = UnitState().trouble
+        self._answers, self._since_s = False, time.monotonic()
 
     def each_second(self, state: UnitState) -> UnitStatus:
         """The status that is due each second; what has changed for the operator goes to the log."""
@@ -45,9 +46,17 @@ class UnitReport:
         message = unit_status.message(known, self._served.unit)
         message.site = self._served.site.name
         message.time.FromNanoseconds(time.time_ns())
+        message.since.FromMilliseconds(round(1000 * self._since_utc_s(answers=not known.trouble)))
         message.clock_error_s, message.clock_drift = self._intake.clock_error_s, self._intake.clock_drift
         message.counters.update(self._counters(known))
         return message
+
+    def _since_utc_s(self, answers: bool) -> float:
+        """Since when the unit has answered, or has not, by the clock as it is now: it may have been wrong then."""
+        now_s = time.monotonic()
+        if answers != self._answers:
+            self._answers, self._since_s = answers, now_s
+        return time.time() - (now_s - self._since_s)
 
     def _counters(self, state: UnitState) -> dict[str, int]:
         intake = self._intake

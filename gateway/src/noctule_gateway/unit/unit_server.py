@@ -25,6 +25,7 @@ from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status import reset_causes, unit_status
+from noctule_gateway.status.hearing import Hearing
 from noctule_gateway.status.unit_state import UnitState
 from noctule_gateway.unit.command_runner import BEING_UPDATED, CommandRunner
 from noctule_gateway.unit.plans import wanted_plan
@@ -69,7 +70,7 @@ class UnitServer:
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = False
         self._report_due_s = 0.0
-        self._heard_s = 0.0  # when something last came, or the line was opened
+        self._hearing = Hearing(unit.address)
 
     def start(self) -> None:
         """Begin to serve the unit."""
@@ -121,7 +122,7 @@ class UnitServer:
     def opened(self, now_s: float) -> None:
         """Greet whoever is there."""
         self._line_is_open = True
-        self._heard_s = now_s
+        self._hearing.opened(now_s)
         self._state = self._state.line_opened()
         self._greet(now_s)
         if self._updater is not None:
@@ -137,7 +138,7 @@ class UnitServer:
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Hand what has come to the link, or to the update."""
-        self._heard_s = now_s
+        self._hearing.heard(now_s)
         if self._updater is None:
             self._handle(self._link.receive(data, now_s))
         else:
@@ -152,11 +153,12 @@ class UnitServer:
             self._advance_update(self._updater, now_s)
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
+            self._state = self._hearing.up_to_date(self._state, self._link.counts)
             self._report(self._unit_report.each_second(self._state))
 
     def _give_up_silent_line(self, now_s: float) -> None:
-        if self._line_is_open and not self._link.identified and now_s - self._heard_s >= REOPEN_AFTER_S:
-            raise LineError(f"no answer on {self._unit.address}")
+        if self._line_is_open and not self._link.identified and self._hearing.silent_s(now_s) >= REOPEN_AFTER_S:
+            raise LineError(self._hearing.words(self._link.counts))
 
     def output(self, now_s: float) -> bytes:
         """What the link, or the update, has to say."""
@@ -167,7 +169,7 @@ class UnitServer:
 
     def _greet(self, now_s: float) -> None:
         self._handle(self._link.connected(now_s))
-        self._lose(f"no answer on {self._unit.address}")
+        self._lose(self._hearing.begin(self._link.counts))
         self._report_due_s = now_s + REPORT_EVERY_S  # most units answer before that needs telling
 
     # ---- What the link tells ----
@@ -182,7 +184,7 @@ class UnitServer:
                 case InLoader(loader):
                     self._lose(unit_status.in_loader(loader, self._unit, self._site.name), loader)
                 case Silent():
-                    self._lose(f"no answer on {self._unit.address}")
+                    self._lose(self._hearing.begin(self._link.counts))
                 case ClockRead(exchange):
                     self._intake.clock_read(exchange)
                 case StatusRead(read):

@@ -6,7 +6,9 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
+from noctule.plain_text import plain
 from noctule_gateway.errors import GatewayError, LineError
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Updated, describe
@@ -52,7 +54,7 @@ def report(console: Console, updates: Sequence[UnitUpdate], image: Image) -> boo
     """Say what became of each unit; whether all have the image now."""
     table = Table("unit", "outcome", "")
     for update in updates:
-        table.add_row(update.unit.name, _word(update), _detail(update, image))
+        table.add_row(update.unit.name, _word(update), Text(plain(_detail(update, image))))
     console.print(table)
     return not any(map(_failed, updates))
 

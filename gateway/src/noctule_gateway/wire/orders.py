@@ -4,8 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
 
+from noctule.bounds import Number
 from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
 from noctule_gateway.errors import CommandError, FrameError
+from noctule_gateway.wire import limits
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import (
     NO_WAYPOINT,
@@ -30,12 +32,17 @@ T = TypeVar("T", bound=Order)
 
 
 def configure(plan: SweepPlan, present: Configure) -> Configure:
-    """``plan`` over the ``present`` one. Raises CommandError if a value does not fit the frame."""
-    return _fitting(replace(present, **_given(plan, PLAN)))
+    """``plan`` over the ``present`` one. Raises CommandError, which names the field, if a unit would not take it."""
+    limits.check_fields(plan, limits.PLAN)
+    order = _fitting(replace(present, **_given(plan, PLAN)))
+    if plan.ListFields():
+        limits.check_last_bearing(order)
+    return order
 
 
 def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
-    """``calibration`` over the ``present`` one. Raises CommandError if a value does not fit the frame."""
+    """``calibration`` over the ``present`` one. Raises CommandError, which names the field, if a unit won't take it."""
+    limits.check_fields(calibration, limits.CALIBRATION)
     given = _given(calibration, CALIBRATION)
     if calibration.HasField("home"):
         kinds = {home: kind for kind, home in HOMES.items()}
@@ -47,19 +54,23 @@ def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
 
 def start(pause_s: float) -> Start:
     """Sweep until told to stop, with ``pause_s`` between two sweeps. Raises CommandError if that does not fit."""
+    limits.check("pause_s", pause_s, limits.PAUSE_S)
     return _fitting(Start(0, _integer("pause_s", pause_s, PER_SECOND)))
 
 
 def _set_waypoint(request: CommandRequest) -> SetWaypoint:
-    return _fitting(SetWaypoint(0, request.waypoint if request.HasField("waypoint") else NO_WAYPOINT))
+    if not request.HasField("waypoint"):
+        return SetWaypoint(0, NO_WAYPOINT)
+    limits.check("waypoint", request.waypoint, limits.WAYPOINT)
+    return SetWaypoint(0, request.waypoint)
 
 
 def _go_to(request: CommandRequest) -> GoTo:
-    return _fitting(GoTo(0, _needed(request, "bearing_rad", PER_RADIAN)))
+    return _fitting(GoTo(0, _needed(request, "bearing_rad", PER_RADIAN, limits.BEARING_RAD)))
 
 
 def _trim_temperature(request: CommandRequest) -> TrimTemperature:
-    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", PER_KELVIN)))
+    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", PER_KELVIN, limits.AIR_C)))
 
 
 _SIMPLE: dict[str, Callable[[CommandRequest], Order]] = {
@@ -107,9 +118,10 @@ def _given(message: SweepPlan | Calibration, scales: dict[str, Scale]) -> dict[s
     }
 
 
-def _needed(request: CommandRequest, name: str, scale: float) -> int:
+def _needed(request: CommandRequest, name: str, scale: float, bound: Number) -> int:
     if not request.HasField(name):
         raise CommandError(f"{name} is not set: give it")
+    limits.check(name, getattr(request, name), bound)
     return _integer(name, getattr(request, name), scale)
 
 

@@ -31,6 +31,7 @@ def survey(
 ) -> None:
     """Show where the units of a site are by what they hear, and write it into the site file on request."""
     from noctule import site as site_file
+    from noctule.plain_text import plain
     from noctule_mapper.calibration.site_edit import write_edits
     from noctule_mapper.calibration.unit_survey import edits, unit_verdicts
 
@@ -38,7 +39,7 @@ def survey(
     contour = _running(loaded.name, connect, tls) if sweeps is None else _fitted(sweeps, sensor)
     verdicts = unit_verdicts(contour, loaded, site, unit or ())
     for verdict in verdicts:
-        print(f"{verdict.unit}: {verdict.said}")
+        print(plain(f"{verdict.unit}: {verdict.said}"))
         if verdict.fields:
             print(f"    pose = {{ {', '.join(f'{key} = {value:g}' for key, value in verdict.fields.items())} }}")
     changes = edits(verdicts, site)

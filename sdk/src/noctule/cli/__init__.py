@@ -13,6 +13,8 @@ except ModuleNotFoundError as error:
 from noctule import threads
 from noctule.cli import ask, command, doctor, import_scan, record, replay, show
 from noctule.errors import NoctuleError
+from noctule.logs import TextFormatter
+from noctule.plain_text import plain
 
 commands = typer.Typer(
     help="Look at a Noctule site, record and replay it, ask its units.",
@@ -28,13 +30,15 @@ commands.add_typer(command.rpc, name="rpc")
 
 def app() -> None:
     """Run the command line; what went wrong stands in one line."""
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(TextFormatter("%(levelname)s %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     threads.end_process_when_one_fails()
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         commands()
     except NoctuleError as error:
-        sys.exit(f"noctule: {error}")
+        sys.exit(f"noctule: {plain(str(error))}")
     except BrokenPipeError:
         sys.stderr.close()  # the reader of our output has left, and so do we; nothing is left to flush to
 

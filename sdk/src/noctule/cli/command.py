@@ -11,12 +11,14 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from noctule import survey
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined
 from noctule.client import Client
 from noctule.errors import BusError
 from noctule.messages_pb2 import Calibration, CommandReply, CommandRequest, SweepPlan, UnitStatus
+from noctule.plain_text import plain
 
 MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0
@@ -200,7 +202,7 @@ def update(
 
         def show(status: UnitStatus) -> None:
             if status.unit == unit:
-                shown.update(f"{unit}: {status.detail}")
+                shown.update(Text(plain(f"{unit}: {status.detail}")))
 
         client.on_unit_status(show)
         _ask(context, client, CommandRequest(image=image.read_bytes(), force=force), timeout_s)

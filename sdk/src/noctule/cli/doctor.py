@@ -13,6 +13,7 @@ from noctule.doctor import clock, configuration, data_folder, joining, serial_po
 from noctule.doctor.finding import Finding, Level, exit_status
 from noctule.doctor.host import Host
 from noctule.kernel_clock import kernel_clock
+from noctule.plain_text import plain
 
 DataFolders = Annotated[
     list[Path] | None, typer.Option("--data", metavar="FOLDER", help="A gateway's or mapper's data.")
@@ -32,7 +33,7 @@ def doctor(
     """
     findings = []
     for finding in _findings(site_file, data or [], fleet, connect, tls):
-        typer.echo(f"{finding.level.value:<8} {finding.about}: {finding.text}")
+        typer.echo(plain(f"{finding.level.value:<8} {finding.about}: {finding.text}"))
         findings.append(finding)
     raise typer.Exit(exit_status(findings))
 

@@ -3,30 +3,53 @@
 import os
 import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from typing import Annotated
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, TypeVar
 
 import typer
 from google.protobuf.message import Message
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from noctule import keys, poses, survey
+from noctule import keys, poses, survey, unit_list
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, may_read
+from noctule.errors import BusError
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
+from noctule.plain_text import plain
+from noctule.site import load
+from noctule.unit_list import UnitRow
+
+M = TypeVar("M", bound=Message)
 
 
-def units(site: SiteName, connect: Connect = DEFAULT_CONNECT, tls: Tls = None) -> None:
-    """Show a site's units: who is alive, in which state, how long its log is, how good its clock."""
-    with joined(site, connect, tls) as client:
+def units(
+    site: Annotated[str, typer.Argument(metavar="SITE|SITE.toml", help="The site's name, or its site file.")],
+    connect: Connect = DEFAULT_CONNECT,
+    tls: Tls = None,
+) -> None:
+    """Show a site's units: which gateway serves them, in which state and since when, how long their logs are.
+
+    With the site file, its units that are missing are shown too; without, those that a service has read before.
+    """
+    file = load(Path(site)) if site.endswith(".toml") else None
+    name = site if file is None else file.name
+    with joined(name, connect, tls) as client:
         alive = client.units()
-        statuses = {status.unit: status for status in client.unit_statuses()}
-    table = Table("unit", "alive", "state", "firmware", "serial", "boot", "log", "clock error", "detail")
-    for name in sorted(alive | statuses.keys()):
-        table.add_row(name, "yes" if name in alive else "no", *_status_cells(statuses.get(name)))
-    Console().print(
-        table if table.rows else f"site {site!r} has no units on the bus: is its gateway up?{may_read(tls)}"
-    )
+        with ThreadPoolExecutor() as pool:  # at once, for a gateway that hangs lets each question run out of time
+            statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
+        rows = unit_list.rows(alive, statuses.result(), services.result(), file)
+    table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
+    for row in rows:
+        table.add_row(*(Text(plain(cell)) for cell in (row.unit, *_cells(row), row.detail)))
+    if rows:
+        Console().print(table)
+    else:
+        typer.echo(f"site {name!r} has no units on the bus: is its gateway up?{may_read(tls)}")
 
 
 def watch(
@@ -53,18 +76,24 @@ def watch(
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python complains of the pipe as it ends
 
 
-def _status_cells(status: UnitStatus | None) -> list[str]:
+def _told(ask: Callable[[], list[M]]) -> list[M]:
+    """What was replied; nothing where the only one who could reply hangs, which its row shows."""
+    try:
+        return ask()
+    except BusError:
+        return []
+
+
+def _cells(row: UnitRow) -> list[str]:
+    since = "" if row.since_ns is None else f"{datetime.fromtimestamp(row.since_ns // 10**9):%Y-%m-%d %H:%M:%S}"
+    status = row.status
     if status is None:
-        return ["?"] * 6 + ["its gateway gives no status"]
-    return [
-        _state(status),
-        status.firmware,
-        str(status.serial),
-        str(status.boot),
-        f"{status.log_tail}-{status.log_head}" if status.log_head else "empty",
-        f"{status.clock_error_s * 1e3:.2f} ms",
-        status.detail,
-    ]
+        return ["?" if row.served else "none", "?" if row.served else "not served", since, *[""] * 5]
+    log = f"{status.log_tail}-{status.log_head}" if status.log_head else "empty"
+    shown = [status.gateway, _state(status), since, log]
+    if not status.firmware:
+        return [*shown, "", str(status.serial or ""), "", ""]  # it has not said HELLO to this gateway yet
+    return [*shown, status.firmware, str(status.serial), str(status.boot), f"{status.clock_error_s * 1e3:.2f} ms"]
 
 
 def _show_json(key: str, message: Message) -> None:
@@ -77,11 +106,12 @@ def _show_line(_key: str, message: Message) -> None:
         case Sweep():
             typer.echo(_sweep_line(message))
         case UnitStatus():
-            typer.echo(f"{message.unit:<8} {_state(message)}, log at {message.log_head} {message.detail}".rstrip())
+            told = f"{message.unit:<8} {_state(message)}, log at {message.log_head} {message.detail}"
+            typer.echo(plain(told.rstrip()))
         case Contour():
             typer.echo(_contour_line(message))
             for pose in poses.remarkable(message):
-                typer.echo(f"{pose.unit:<8} {poses.words(pose)}")
+                typer.echo(plain(f"{pose.unit:<8} {poses.words(pose)}"))
 
 
 def _sweep_line(sweep: Sweep) -> str:

@@ -1,0 +1,58 @@
+"""What a unit takes of each quantity: firmware/README.md, CONFIGURE, CALIBRATE, GO_TO, START and TRIM_TEMPERATURE.
+
+A unit only answers that something is out of range. So the gateway says first what is, in the operator's units.
+"""
+
+from math import degrees, radians
+
+from noctule.bounds import UNIT_PAUSE_S, UNIT_PLAN, Number
+from noctule.messages_pb2 import Calibration, SweepPlan
+from noctule.site import PINGS
+from noctule_gateway.errors import CommandError
+from noctule_gateway.wire.frames import Configure
+from noctule_gateway.wire.units import PER_RADIAN
+
+PLAN = UNIT_PLAN | {"pings": Number(PINGS[0], PINGS[-1])}
+CALIBRATION = {
+    "half_steps_per_turn": Number(3800, 4400),
+    "backlash_half_steps": Number(0, 64),
+    "home_bearing_rad": Number(-radians(180), -radians(148), "rad"),
+}
+PAUSE_S = UNIT_PAUSE_S
+BEARING_RAD = UNIT_PLAN["first_bearing_rad"]
+WAYPOINT = Number(0, 0xFFFE)
+AIR_C = Number(-40, 85, "degrees C")
+
+_ROUNDING = 1e-6  # of a quantity that went through other units
+_OUTERMOST = round(BEARING_RAD.most * PER_RADIAN)
+
+
+def check(field: str, value: float, bound: Number) -> None:
+    """Raise CommandError where ``value`` is beyond ``bound``; angles are named and given in degrees."""
+    if bound.least - _ROUNDING <= value <= bound.most + _ROUNDING:  # False for NaN
+        return
+    if bound.unit == "rad":
+        named = f"{field.removesuffix('_rad')}_deg is {degrees(value):.6g}"
+        raise CommandError(f"out of range: {named}: {bound.allowed(degrees(1), 'degrees')}")
+    raise CommandError(f"out of range: {field} is {value:.6g}: {bound.allowed()}")
+
+
+def check_fields(message: SweepPlan | Calibration, bounds: dict[str, Number]) -> None:
+    """Raise CommandError at the first field of ``message`` that is set and beyond its bound."""
+    for field, bound in bounds.items():
+        if message.HasField(field):
+            check(field, getattr(message, field), bound)
+    if isinstance(message, SweepPlan) and message.HasField("pings") and message.pings not in PINGS:
+        raise CommandError(f"out of range: pings is {message.pings}: give {', '.join(map(str, PINGS))}")
+
+
+def check_last_bearing(plan: Configure) -> None:
+    """Raise CommandError where ``plan`` leads beyond what a unit can look at."""
+    last = plan.first_bearing + plan.bearing_step * (plan.count - 1)
+    if last > _OUTERMOST:
+        raise CommandError(
+            "out of range: the last bearing, first_bearing_deg + (count - 1) * bearing_step_deg, is "
+            f"{degrees(plan.first_bearing / PER_RADIAN):.6g} + {plan.count - 1} * "
+            f"{degrees(plan.bearing_step / PER_RADIAN):.6g} = {degrees(last / PER_RADIAN):.6g}: "
+            f"give fewer or closer bearings, up to {degrees(BEARING_RAD.most):.6g} degrees"
+        )

@@ -1,0 +1,84 @@
+"""Endpoints that are not there: own addresses that come later, routers that are dead."""
+
+import logging
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+from sdk.conftest import Router
+from system.processes import free_ports
+
+from noctule import bus
+from noctule.bus_watch import BusWatch
+
+# In a network of its own, where it may give itself an address.
+ADDRESS_COMES_LATER = """
+import logging, subprocess, time
+from noctule import bus
+from noctule.bus_watch import BusWatch
+
+def ip(*arguments):
+    subprocess.run(["ip", *arguments], check=True)
+
+def wait_until(condition):
+    deadline_s = time.monotonic() + 20
+    while not condition():
+        assert time.monotonic() < deadline_s, watch.detail()
+        time.sleep(0.05)
+
+logging.basicConfig(level=logging.INFO)
+ip("link", "set", "lo", "up")
+endpoints = ["tcp/10.9.9.9:7447", "tcp/127.0.0.1:7447"]
+with bus.open_session(listen=endpoints) as router:
+    bus.open_session(endpoints[1:], patience_s=5).close()
+    watch = BusWatch(router, listen=endpoints)
+    watch.begin(tuple)
+    wait_until(lambda: watch.detail() == "not listening on tcp/10.9.9.9:7447: this host does not have that address yet")
+    ip("addr", "add", "10.9.9.9/24", "dev", "lo")
+    bus.open_session(endpoints[:1], patience_s=5).close()
+    wait_until(lambda: watch.detail() == "")
+    watch.close()
+"""
+
+
+def test_an_address_that_comes_later_is_listened_on_then_and_the_others_at_once() -> None:
+    command = ["unshare", "--map-root-user", "--net", sys.executable, "-c", ADDRESS_COMES_LATER]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "this host does not have the address of tcp/10.9.9.9:7447 yet: waiting for it" in done.stderr
+
+
+@contextmanager
+def watched(connect: list[str], listen: list[str]) -> Iterator[Callable[[str], None]]:
+    """A function that waits until the watch of a session says just what is given."""
+    with bus.open_session(connect, listen) as session:
+        watch = BusWatch(session, connect, listen)
+        watch.begin(tuple)
+
+        def wait_for(detail: str) -> None:
+            deadline_s = time.monotonic() + 20.0
+            while watch.detail() != detail:
+                assert time.monotonic() < deadline_s, watch.detail()
+                time.sleep(0.05)
+
+        try:
+            yield wait_for
+        finally:
+            watch.close()
+
+
+@pytest.mark.parametrize("listen", [["tcp/127.0.0.1:0"], []])
+def test_a_dead_router_is_named_in_status_and_log_until_it_answers(
+    router: Router, listen: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    dead = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    told = f"router {dead}: nothing listens there; start it, or name another"
+    with caplog.at_level(logging.INFO), watched([dead, router.endpoint], listen) as wait_for:
+        wait_for(told)
+        assert told in caplog.text
+        other = Router(dead)
+        wait_for("")
+        other.stop()

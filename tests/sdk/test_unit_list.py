@@ -1,0 +1,73 @@
+"""Which rows `noctule units` shows, from what is on the bus and from the site file."""
+
+from pathlib import Path
+
+import pytest
+
+from noctule.messages_pb2 import Cursor, ServiceStatus, UnitStatus
+from noctule.site import Site, load
+from noctule.unit_list import NO_STATUS, rows
+
+SITE = """
+site = "room"
+[[unit]]
+name = "u1"
+serial = 1
+address = "socket://127.0.0.1:1"
+pose = { x_m = 0.0, y_m = 0.0, heading_deg = 0 }
+[[unit]]
+name = "u2"
+serial = 2
+address = "socket://127.0.0.1:2"
+pose = { x_m = 0.0, y_m = 0.0, heading_deg = 0 }
+"""
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    path = tmp_path / "site.toml"
+    path.write_text(SITE)
+    return load(path)
+
+
+def status(unit: str, gateway: str, detail: str = "") -> UnitStatus:
+    return UnitStatus(site="room", unit=unit, gateway=gateway, detail=detail)
+
+
+def test_a_unit_that_two_gateways_serve_has_a_row_for_each() -> None:
+    found = rows({"u1"}, [status("u1", "west"), status("u1", "east")], [], None)
+    assert [(row.unit, row.status and row.status.gateway) for row in found] == [("u1", "east"), ("u1", "west")]
+
+
+def test_a_unit_of_the_site_file_that_nobody_serves_is_shown(site: Site) -> None:
+    served, missing = rows({"u1"}, [status("u1", "east")], [], site)
+    assert (served.unit, served.served, served.detail) == ("u1", True, "")
+    assert (missing.unit, missing.served, missing.detail) == ("u2", False, "no gateway serves it")
+
+
+def test_a_unit_that_is_not_in_the_site_file_is_said_to_be_a_stranger(site: Site) -> None:
+    found = {row.unit: row.detail for row in rows({"u9"}, [status("u9", "east", detail="no answer")], [], site)}
+    assert found["u9"] == "not in the site file; no answer"
+
+
+def test_a_unit_that_was_there_before_is_shown_with_its_last_sweep() -> None:
+    late = Cursor(unit="u3", log_id="a", log_sequence=17)
+    late.time.FromSeconds(1_000_000)
+    early = Cursor(unit="u3", log_id="a", log_sequence=16)
+    early.time.FromSeconds(900_000)
+    services = [ServiceStatus(name="mapper", cursors=[late]), ServiceStatus(name="archive", cursors=[early])]
+    (row,) = rows(set(), [], services, None)
+    assert (row.unit, row.served, row.since_ns) == ("u3", False, 1_000_000 * 10**9)
+    assert row.detail == "no gateway serves it any more; mapper has read its log to 17"
+
+
+def test_a_unit_whose_gateway_gives_no_status_is_served_all_the_same() -> None:
+    (row,) = rows({"u1"}, [], [], None)
+    assert (row.served, row.status, row.detail) == (True, None, NO_STATUS)
+
+
+def test_a_status_says_since_when_the_unit_answers() -> None:
+    told = status("u1", "east")
+    told.since.FromSeconds(5)
+    (row,) = rows({"u1"}, [told], [], None)
+    assert row.since_ns == 5 * 10**9
