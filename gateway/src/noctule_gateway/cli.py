@@ -9,7 +9,7 @@ import typer
 import zenoh
 from rich.console import Console
 
-from noctule import bus, logs, metrics, metrics_server, site, tls
+from noctule import bus, bus_config, firmware_rules, logs, metrics, metrics_server, site, tls
 from noctule.backup import copy_databases
 from noctule.bus_watch import BusWatch
 from noctule.ending import Ending
@@ -22,7 +22,7 @@ from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.look import Look, look_at_all
 from noctule_gateway.log.repair import repair as repair_logs
 from noctule_gateway.service import Gateway
-from noctule_gateway.update.image import load
+from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.report import Bars, report
 from noctule_gateway.update.site import update_units
 
@@ -30,6 +30,24 @@ DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 _REPORT_EVERY_S = 1.0
 
 _log = logging.getLogger(__name__)
+FirmwareFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--firmware",
+        metavar="FIRMWARE.toml",
+        help=f"The keys that images are to be signed with; {firmware_rules.FILE} of the --tls folder if left out.",
+    ),
+]
+TlsFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--tls",
+        envvar=tls.FOLDER_VARIABLE,
+        metavar="FOLDER",
+        help="Certificate and key: a folder that noctule-deploy made. It also names the routers.",
+    ),
+]
+
 app = typer.Typer(add_completion=False, help="Serial scanner units to Zenoh.")
 
 
@@ -47,15 +65,8 @@ def run(
         list[str] | None,
         typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."),
     ] = None,
-    tls_folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--tls",
-            envvar=tls.FOLDER_VARIABLE,
-            metavar="FOLDER",
-            help="Certificate and key: a folder that noctule-deploy made. It also names the routers.",
-        ),
-    ] = None,
+    tls_folder: TlsFolder = None,
+    firmware: FirmwareFile = None,
     name: Annotated[
         str | None,
         typer.Option(help="Its name among the site's services; its certificate's, or 'gateway', if left out."),
@@ -77,7 +88,7 @@ def run(
     retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
     try:
         default = [] if connect or tls_folder else [DEFAULT_LISTEN]
-        access = _Access(connect or [], listen or default, tls_folder, metrics_at)
+        access = _Access(connect or [], listen or default, tls_folder, firmware, metrics_at)
         _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
@@ -90,13 +101,17 @@ def update(
     image_file: Annotated[Path, typer.Option("--image", help="build/update.hex of the firmware.")],
     unit: Annotated[list[str] | None, typer.Option(help="Only this unit; give more for several.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
+    tls_folder: TlsFolder = None,
+    firmware: FirmwareFile = None,
 ) -> None:
     """Update the firmware of a site's units, over their lines: stop the gateway that holds these first."""
     end_process_when_one_fails()
     console = Console()
     try:
         known = site.load(site_file)
-        image = load(image_file)
+        has_no_bus = tls.chosen(tls_folder) is None
+        image = Admission(firmware_rules.chosen(firmware, tls_folder), takes_unsigned=has_no_bus).load(image_file)
+        console.print(f"{image_file} {image.version_text}: {image.signer}")
         units = [known.unit(name) for name in dict.fromkeys(unit)] if unit else known.units
         with Bars(console) as bars:
             updates = update_units(units, image, force, bars.show)
@@ -169,14 +184,22 @@ class _Access:
     connect: list[str]
     listen: list[str]
     tls_folder: Path | None
+    firmware: Path | None
     metrics_at: str | None
+
+
+def _admission(access: _Access) -> Admission:
+    is_local = bus_config.is_local(access.connect, access.listen, access.tls_folder)
+    admission = Admission(firmware_rules.chosen(access.firmware, access.tls_folder), takes_unsigned=is_local)
+    _log.log(logging.INFO if admission.rules or is_local else logging.WARNING, "firmware: %s", admission)
+    return admission
 
 
 def _serve(site_file: Path, data: Path, name: str, retention: Retention, access: _Access, ending: Ending) -> None:
     served = site.load(site_file)
     if warning := allow_files(len(served.units)):
         _log.warning("%s", warning)
-    gateway = Gateway(served, data, name, retention)
+    gateway = Gateway(served, data, name, retention, admission=_admission(access))
     manager = ServiceManager()
     session: zenoh.Session | None = None
 

@@ -27,6 +27,10 @@ class ImageError(GatewayError):
     """A file is not an image that a unit can be updated with."""
 
 
+class RefusedImageError(ImageError):
+    """A sound image that this gateway's rules do not allow: who signed it, or its version."""
+
+
 class UpdateError(GatewayError):
     """A unit could not be updated. It has its old application, the new one, or waits in its loader for another try."""
 

@@ -28,6 +28,7 @@ from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.unit.unit_server import UnitServer
+from noctule_gateway.update.admission import Admission
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
@@ -45,7 +46,15 @@ class _Served:
     """One unit: its log, its server, and what it has on the bus, once there is one."""
 
     def __init__(
-        self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock, clock: ClockWatch
+        self,
+        site: Site,
+        unit: Unit,
+        data: Path,
+        retention: Retention,
+        gateway: str,
+        now: Clock,
+        clock: ClockWatch,
+        admission: Admission,
     ) -> None:
         self.unit = unit
         self.on_bus: UnitOnBus | None = None
@@ -54,7 +63,7 @@ class _Served:
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock)
-        self.server = UnitServer(self.kept, self._publish, self._report)
+        self.server = UnitServer(self.kept, self._publish, self._report, admission)
 
     def close(self, by_s: float) -> None:
         self.server.join(by_s)
@@ -74,6 +83,7 @@ class _Served:
 class Gateway:
     """Serves the units of ``site`` from start() to close(), with their logs in the folder ``data``.
 
+    ``admission`` says which firmware images the units get; left out, none.
     Raises FolderError if the folder can't be used or another process holds it, CommandError if a plan of the site file
     does not fit a unit.
     """
@@ -86,12 +96,15 @@ class Gateway:
         retention: Retention | None = None,
         now: Clock = elapsed.now,
         kernel_clock: Callable[[], KernelClock] = kernel_clock,
+        admission: Admission | None = None,
     ) -> None:
         self._site, self._name = site, keys.name(name, "gateway name")
         self._folder = FolderLock(data, Owner("gateway", site.name, self._name))
         self._clock_watch, self._synchronisation = ClockWatch(data / _EPOCH_FILE, now), Synchronisation(kernel_clock)
-        retention = retention or Retention()
-        self._served = [_Served(site, unit, data, retention, self._name, now, self._clock_watch) for unit in site.units]
+        retention, admission = retention or Retention(), admission or Admission()
+        self._served = [
+            _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission) for unit in site.units
+        ]
         self._outbox = Outbox()
         self._readers = LogReaders()
         self._status: bus.StatePublisher | None = None
