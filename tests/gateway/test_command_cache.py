@@ -67,3 +67,26 @@ def test_a_stop_goes_before_all_orders_that_wait() -> None:
         queue.add(frames.Home(number))
     queue.add(frames.Stop(16))
     assert isinstance(queue.give(), frames.Stop)
+
+
+def test_an_id_that_was_used_for_another_command_is_refused_and_not_answered_with_that_ones_result() -> None:
+    """`stop` under the id of an earlier `start` was answered "done", and the unit went on."""
+    unit = Slow()
+    cache = CommandCache(unit)
+    start = CommandRequest(request_id="mine", pause_s=2.0)
+    first = cache.carry_out("start", start)
+    first.set_result(CommandReply(request_id="mine", done=True))
+    for name, other in (("stop", CommandRequest(request_id="mine")), ("start", CommandRequest(request_id="mine"))):
+        refused = cache.carry_out(name, other).result(0)
+        assert (refused.request_id, refused.done) == ("mine", False)
+        assert refused.error == "its request_id was used for another command (start): give each command its own"
+    assert cache.carry_out("start", CommandRequest(request_id="mine", pause_s=2.0)) is first
+    assert len(unit.begun) == 1
+    assert cache.refused == 2
+
+
+def test_an_update_that_is_asked_for_again_is_the_same_one_only_with_the_same_image() -> None:
+    cache = CommandCache(Slow())
+    first = cache.carry_out("update", request(1, b":one"))
+    assert cache.carry_out("update", request(1, b":one")) is first
+    assert "was used for another command (update)" in cache.carry_out("update", request(1, b":two")).result(0).error
