@@ -55,6 +55,10 @@ class TlsError(BusConfigError):
     """A folder of certificate and key that can't be used; the message never holds a part of a key."""
 
 
+class CallerError(NoctuleError):
+    """A command that does not say who gives it, where it must, or says it falsely."""
+
+
 class FirmwareKeyError(NoctuleError):
     """A key of firmware images, or a file of such keys, that can't be used."""
 
