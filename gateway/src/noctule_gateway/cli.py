@@ -17,6 +17,7 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.systemd import ServiceManager
 from noctule.threads import end_process_when_one_fails
+from noctule_gateway.audit.look import AuditLook, copy_audit, look_at_audit
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.look import Look, look_at_all
@@ -148,9 +149,9 @@ def repair(
 def check(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a gateway, which may be running.")],
 ) -> None:
-    """Read every record of every log and say what is damaged; exit status 1 if anything is. Changes nothing."""
+    """Read every record of every log and say what was damaged or altered; exit status 1 if so. Changes nothing."""
     try:
-        _tell(look_at_all(data))
+        _tell([*look_at_all(data), *look_at_audit(data)])
     except NoctuleError as error:
         Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error
@@ -164,13 +165,14 @@ def backup(
     """Copy every log into OUT, each as it is at one moment, and check the copies; exit status 1 if one is damaged."""
     try:
         copy_databases(data, out)
-        _tell(look_at_all(out))
+        copy_audit(data, out)
+        _tell([*look_at_all(out), *look_at_audit(out)])
     except NoctuleError as error:
         Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error
 
 
-def _tell(looks: list[Look]) -> None:
+def _tell(looks: list[Look | AuditLook]) -> None:
     for each in looks:
         typer.echo(str(each))
     if any(each.trouble for each in looks):
@@ -215,7 +217,8 @@ def _serve(site_file: Path, data: Path, name: str, retention: Retention, access:
             session = bus.open_session(
                 access.connect, access.listen, tls_folder=access.tls_folder, while_waiting=look_after
             )
-            gateway.join(session, BusWatch(session, access.connect, access.listen, access.tls_folder))
+            watch = BusWatch(session, access.connect, access.listen, access.tls_folder)
+            gateway.join(session, watch, access.tls_folder)
             where = access.listen or access.connect or [f"as {access.tls_folder} says"]
             _log.info("on the bus: %s", f"the router at {', '.join(where)}" if access.listen else ", ".join(where))
             while True:

@@ -57,3 +57,7 @@ class DamagedError(LogError):
     def __init__(self, log: object, reason: str) -> None:
         super().__init__(f"log {log} is damaged: {reason}")
         self.reason = reason
+
+
+class AuditError(GatewayError):
+    """What was commanded can't be recorded, or a line of the audit log is not what was written."""

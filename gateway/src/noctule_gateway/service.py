@@ -13,13 +13,16 @@ import zenoh
 
 from noctule import bus, elapsed, keys
 from noctule.bus_watch import BusWatch
+from noctule.caller import Callers
 from noctule.elapsed import Instant
 from noctule.folder_lock import FolderLock, Owner
 from noctule.kernel_clock import KernelClock, kernel_clock
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.site import Site, Unit
+from noctule_gateway.audit.audit_log import AuditLog
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
+from noctule_gateway.bus.recorded_commands import RecordedCommands
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
 from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.clock.synchronisation import Synchronisation
@@ -105,6 +108,7 @@ class Gateway:
         self._served = [
             _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission) for unit in site.units
         ]
+        self._audit = AuditLog(data, {"site": site.name, "gateway": self._name, "version": VERSION})
         self._outbox = Outbox()
         self._readers = LogReaders()
         self._status: bus.StatePublisher | None = None
@@ -116,15 +120,18 @@ class Gateway:
         for served in self._served:
             served.server.start()
 
-    def join(self, session: zenoh.Session, watch: BusWatch | None = None) -> None:
+    def join(self, session: zenoh.Session, watch: BusWatch | None = None, tls_folder: Path | None = None) -> None:
         """Put the units on the bus, and begin to ``watch`` that others can read them.
 
-        The caller closes ``session``, after close().
+        Commands are to be signed where there is a ``tls_folder`` (``tls.chosen``). The caller closes ``session``, after
+        close(). Raises TlsError.
         """
+        callers = Callers(tls_folder)
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
-            served.on_bus = UnitOnBus(session, served.kept, served.server.command, self._outbox, self._readers)
+            commands = RecordedCommands(served.server.command, self._audit, served.unit.name)
+            served.on_bus = UnitOnBus(session, served.kept, commands.carry_out, self._outbox, self._readers, callers)
         if watch is not None:
             self._watch = watch
             watch.begin(self._states)
@@ -135,6 +142,7 @@ class Gateway:
         Raises FolderError if another process has got hold of the folder.
         """
         self._folder.keep()
+        self._audit.keep()
         self._clock_watch.keep()
         self._synchronisation.look()
         self._latest = message = self._status_message()
@@ -169,6 +177,7 @@ class Gateway:
         for served in self._served:
             served.close(by_s)
         self._readers.close()
+        self._audit.close()
         self._outbox.close()
         self._folder.close()
 
@@ -195,6 +204,7 @@ class Gateway:
                         _listed("not connected", away),
                         _listed("being updated", updating),
                         _listed("served late", late),
+                        self._audit.detail,
                         self._clock_watch.detail,
                         self._synchronisation.detail if self._site.clock == "utc" else "",
                         self._readers.cut_off(),
@@ -209,6 +219,8 @@ class Gateway:
                 "puts_dropped": self._outbox.dropped,
                 "log_queries_refused": self._readers.refused,
                 "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
+                "commands_recorded": self._audit.recorded,
+                "commands_not_recorded": self._audit.lost,
                 "clock_sets": self._clock_watch.sets,
                 **self._synchronisation.counters,
             },

@@ -10,6 +10,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from hashlib import sha256
 
+from noctule.caller import Who
 from noctule.messages_pb2 import CommandReply, CommandRequest
 
 MAX_UNDER_WAY = 16  # commands to one unit
@@ -18,7 +19,7 @@ STOP, UPDATE = "stop", "update"
 
 _REMEMBERED = 100
 
-Server = Callable[[str, CommandRequest], "Future[CommandReply]"]
+Server = Callable[[str, CommandRequest, Who], "Future[CommandReply]"]
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class CommandCache:
         self._known: OrderedDict[str, _Known] = OrderedDict()
         self._under_way: dict[str, list[Future[CommandReply]]] = {STOP: [], UPDATE: [], "": []}
 
-    def carry_out(self, name: str, request: CommandRequest) -> "Future[CommandReply]":
+    def carry_out(self, name: str, request: CommandRequest, who: Who) -> "Future[CommandReply]":
         """The reply to come: of this request, or of the same one that came before under its request_id."""
         if not request.request_id:
             return _refusal(request, "request_id is empty: give each command one of its own")
@@ -56,16 +57,16 @@ class CommandCache:
             if why := _used_for(known) if known else self._too_many(name):
                 self.refused += 1
                 return _refusal(request, why)
-            reply = self._begin(name, request)
+            reply = self._begin(name, request, who)
             self._known[request.request_id] = _Known(name, digest, reply)
             if len(self._known) > _REMEMBERED:
                 self._known.popitem(last=False)
             return reply
 
-    def _begin(self, name: str, request: CommandRequest) -> "Future[CommandReply]":
+    def _begin(self, name: str, request: CommandRequest, who: Who) -> "Future[CommandReply]":
         if name != UPDATE:
             request.ClearField("image")  # nobody reads it
-        reply = self._server(name, request)
+        reply = self._server(name, request, who)
         self._kind(name).append(reply)
         return reply
 

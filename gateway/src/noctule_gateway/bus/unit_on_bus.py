@@ -7,8 +7,10 @@ from concurrent.futures import Future
 import zenoh
 
 from noctule import bounds, bus, keys
-from noctule.errors import BoundsError, KeyFormatError
+from noctule.caller import Callers
+from noctule.errors import BoundsError, CallerError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
+from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Server
@@ -37,11 +39,13 @@ class UnitOnBus:
         server: Server,
         outbox: Outbox,
         readers: LogReaders,
+        callers: Callers,
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
         self._outbox, self._readers = outbox, readers
         site, unit = served.site.name, served.unit
-        self._commands = CommandCache(server)
+        self._commands, self._callers = CommandCache(server), callers
+        self._forged = Refusals()
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
         self.status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)
@@ -65,8 +69,8 @@ class UnitOnBus:
 
     @property
     def commands_refused(self) -> int:
-        """Commands that found too many under way."""
-        return self._commands.refused
+        """Commands that found too many under way, had another one's request_id, or did not say who gives them."""
+        return self._commands.refused + self._forged.count
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
         try:
@@ -100,11 +104,16 @@ class UnitOnBus:
     def _on_command(self, query: zenoh.Query) -> None:
         try:
             name = keys.parse_rpc(str(query.key_expr))  # a wildcard commands nobody
-            request = bounds.decode(CommandRequest, query.payload.to_bytes() if query.payload else b"")
-        except (BoundsError, KeyFormatError) as error:
+            payload = query.payload.to_bytes() if query.payload else b""
+            request = bounds.decode(CommandRequest, payload)
+            attached = query.attachment.to_bytes() if query.attachment else b""
+            who = self._callers.who(attached, str(query.key_expr), payload)
+        except (BoundsError, CallerError, KeyFormatError) as error:
+            if isinstance(error, CallerError):
+                self._forged.note(str(query.key_expr), error)
             query.reply_err(str(error))
             return
-        reply = self._commands.carry_out(name, request)
+        reply = self._commands.carry_out(name, request, who)
         reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))
 
 
