@@ -142,7 +142,6 @@ class Gateway:
         Raises FolderError if another process has got hold of the folder.
         """
         self._folder.keep()
-        self._audit.keep()
         self._clock_watch.keep()
         self._synchronisation.look()
         self._latest = message = self._status_message()

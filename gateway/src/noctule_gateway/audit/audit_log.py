@@ -1,9 +1,13 @@
-"""Writes the audit log, on a thread of its own: a disk may hang, and Zenoh's threads and the units' must not wait."""
+"""Writes the audit log, on a thread of its own: a disk may hang, and Zenoh's threads and the units' must not wait.
+
+A second thread, which never touches the disk, ends the wait of commands for one that hangs.
+"""
 
 import logging
 import queue
 import threading
 from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -19,6 +23,7 @@ MAX_BYTES = 64_000_000
 MAX_FILES = 1000  # each run of the gateway that records a command begins one
 WAIT_S = 2.0  # for a disk that hangs; after that commands are carried out all the same
 
+_LOOK_EVERY_S = 0.2
 _MAX_WAITING = 10_000
 _MAX_AT_ONCE = 256
 
@@ -46,10 +51,12 @@ class AuditLog:
         self._trouble = ""
         self._file: AuditFile | None = None
         self._lock = threading.Lock()
-        self._overdue: deque[tuple[float, Future[None]]] = deque()
+        self._waited_for: deque[tuple[float, Future[None]]] = deque()
         self._waiting: queue.Queue[tuple[Facts, Future[None]] | None] = queue.Queue(_MAX_WAITING)
         self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
         self._thread.start()
+        self._closed = threading.Event()
+        threading.Thread(target=self._lose_patience, name="audit patience", daemon=True).start()
 
     def append(self, facts: Facts) -> "Future[None]":
         """Record ``facts`` and the time. Never waits; the result comes when they are on the disk.
@@ -58,23 +65,13 @@ class AuditLog:
         """
         future: Future[None] = Future()
         with self._lock:
-            self._overdue.append((monotonic() + WAIT_S, future))
+            self._waited_for.append((monotonic() + WAIT_S, future))
         try:
             self._waiting.put_nowait(({"time": datetime.now(UTC).isoformat(timespec="milliseconds")} | facts, future))
         except queue.Full:
-            self._settle(future, AuditError("too much waits to be written"))
+            full = "too much waits to be written"
+            self._settle([future], AuditError(full), f"commands are not recorded: {full}")
         return future
-
-    def keep(self) -> None:
-        """Have nobody wait longer for a disk that hangs; to be called each second."""
-        while True:
-            with self._lock:
-                while self._overdue and self._overdue[0][1].done():
-                    self._overdue.popleft()
-                if not self._overdue or self._overdue[0][0] > monotonic():
-                    return
-                _, future = self._overdue.popleft()
-            self._settle(future, AuditError(f"the disk of {self._folder} has not answered for {WAIT_S:g} s"))
 
     @property
     def detail(self) -> str:
@@ -86,6 +83,7 @@ class AuditLog:
         with suppress(queue.Full):
             self._waiting.put_nowait(None)
         self._thread.join(within_s)
+        self._closed.set()
         if self._thread.is_alive():
             _log.warning("the disk of %s hangs: the last commands may not be in the audit log", self._folder)
 
@@ -108,16 +106,14 @@ class AuditLog:
     def _write(self, batch: list[tuple[Facts, "Future[None]"]]) -> None:
         if not batch:
             return
-        error = None
+        error, trouble = None, ""
         try:
             self._put([facts for facts, _ in batch])
-            self._tell("")
         except OSError as failed:
             self._leave_file()
             error = AuditError(f"{self._folder}: {failed.strerror or failed}")
-            self._tell(f"commands are not recorded ({error}): make room there, and see that it can be written to")
-        for _, future in batch:
-            self._settle(future, error)
+            trouble = f"commands are not recorded ({error}): make room there, and see that it can be written to"
+        self._settle([future for _, future in batch], error, trouble)
 
     def _put(self, batch: list[Facts]) -> None:
         if self._file is not None and (self._file.size_bytes > self._max_file_bytes or not self._file.is_there()):
@@ -138,16 +134,31 @@ class AuditLog:
             path.unlink()
             total -= size
 
-    def _settle(self, future: "Future[None]", error: AuditError | None) -> None:
+    def _lose_patience(self) -> None:
+        late = f"the disk of {self._folder} has not answered for {WAIT_S:g} s"
+        while not self._closed.wait(_LOOK_EVERY_S):
+            now_s = monotonic()
+            with self._lock:
+                overdue = []
+                while self._waited_for and self._waited_for[0][0] <= now_s:
+                    overdue.append(self._waited_for.popleft()[1])
+            if any(not future.done() for future in overdue):
+                self._settle(overdue, AuditError(late), f"commands are recorded late, if at all: {late}")
+
+    def _settle(self, futures: Sequence["Future[None]"], error: AuditError | None, trouble: str) -> None:
+        """End what still waits of ``futures``: with ``trouble`` in one step, because two threads do this."""
         with self._lock:
-            if future.running() or future.done():
-                return
-            future.set_running_or_notify_cancel()  # so that only one thread sets it; callbacks are called without lock
-            self.lost += error is not None
-        if error is None:
-            future.set_result(None)
-        else:
-            future.set_exception(error)
+            waiting = [future for future in futures if not (future.running() or future.done())]
+            for future in waiting:
+                future.set_running_or_notify_cancel()  # it is this thread's now; callbacks are called without the lock
+            self.lost += len(waiting) if error else 0
+            if waiting or not trouble:
+                self._tell(trouble)
+        for future in waiting:
+            if error is None:
+                future.set_result(None)
+            else:
+                future.set_exception(error)
 
     def _tell(self, trouble: str) -> None:
         if trouble and trouble != self._trouble:

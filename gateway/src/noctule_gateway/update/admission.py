@@ -57,4 +57,4 @@ NO_KEYS = (
     "there are no firmware keys. Add them to the fleet file (noctule-deploy firmware-key), render it and copy "
     "this gateway's folder again; without TLS, name a file of keys (--firmware)"
 )
-UNSIGNED = "signatures are not checked, because there are no firmware keys and the bus is this host's own"
+UNSIGNED = "signatures are not checked, because there are no firmware keys"
