@@ -97,9 +97,9 @@ def test_whatever_is_attached_names_nobody_falsely(made: SecuredFleet, callers: 
 def test_without_certificates_a_command_is_its_sessions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(tls.FOLDER_VARIABLE, raising=False)
     said = caller.attachment("abc", None, KEY, PAYLOAD)
-    assert Callers().who(said, KEY, PAYLOAD) == Who("abc", signed=False)
-    assert Callers().who(b"", KEY, PAYLOAD) == Who("?", signed=False)
-    assert Callers().who(b"\xff", KEY, PAYLOAD) == Who("?", signed=False)
+    assert Callers().who(said, KEY, PAYLOAD) == Who("session abc", signed=False)
+    assert Callers().who(b"", KEY, PAYLOAD) == Who("session ?", signed=False)
+    assert Callers().who(b"\xff", KEY, PAYLOAD) == Who("session ?", signed=False)
 
 
 def _der(certificate: x509.Certificate) -> bytes:

@@ -1,6 +1,7 @@
 """The audit log: nothing in it can be altered without a trace, and no disk keeps a command from its unit."""
 
 import json
+import logging
 import resource
 import shutil
 import threading
@@ -232,6 +233,23 @@ def test_a_command_is_recorded_before_it_is_begun_with_who_gave_it_and_then_with
     }
     assert (outcome["event"], outcome["request_id"]) == ("failed", "r1")
     assert outcome["error"] == "the image was not taken: it is not signed"
+
+
+def test_what_a_client_has_made_up_begins_no_line_of_the_programs_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    reply: Future[CommandReply] = Future()
+    reply.set_result(CommandReply(done=True))
+    log = AuditLog(tmp_path, {})
+    forged = Who("session x\nERROR all is lost", signed=False)
+    with caplog.at_level(logging.INFO):
+        given = RecordedCommands(lambda *_: reply, log, "u1").carry_out(
+            "stop", CommandRequest(request_id="r\nERROR too"), forged
+        )
+        assert given.result(10).done
+    log.close()
+    assert not any(line.startswith("ERROR") for line in caplog.text.splitlines())
+    assert (look(tmp_path).sound, look(tmp_path).trouble) == (3, "")
 
 
 def test_check_reads_the_audit_log_too_and_ends_with_status_1_where_it_was_altered(tmp_path: Path) -> None:

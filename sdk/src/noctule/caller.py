@@ -24,7 +24,7 @@ _CONTEXT = b"noctule command 1\n"  # so that a signature of anything else is non
 
 @dataclass(frozen=True)
 class Who:
-    """Who gave a command: ``name`` is a certificate's, checked, or else a session's id, ``signed`` False."""
+    """Who gave a command: ``name`` is a certificate's, checked, or ``session ID`` as it says itself, not signed."""
 
     name: str
     signed: bool
@@ -54,12 +54,16 @@ class Callers:
         except BoundsError as error:
             if self._authority is not None:
                 raise CallerError(f"the command does not say who gives it: {error}") from error
-            return Who("?", signed=False)
+            return _session("")
         if self._authority is None:
-            return Who(caller.session or "?", signed=False)
+            return _session(caller.session)
         if not caller.certificate:
             raise CallerError("the command is not signed: give it by noctule or its client, with --tls FOLDER")
         return Who(_checked(caller, self._authority, key, payload), signed=True)
+
+
+def _session(said: str) -> Who:
+    return Who(f"session {said or '?'}", signed=False)
 
 
 def _checked(caller: Caller, authority: "Certificate", key: str, payload: bytes) -> str:

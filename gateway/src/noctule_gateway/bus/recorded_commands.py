@@ -32,7 +32,8 @@ class RecordedCommands:
         """The reply to come."""
         if name in CHANGE_NOTHING:
             return self._server(name, request)
-        _log.info("%s: %s by %s, request %s", self._unit, name, who.name, request.request_id)
+        # What a client has made up is quoted: a line feed in it would begin a line of the log.
+        _log.info("%s: %s by %r, request %r", self._unit, name, who.name, request.request_id)
         reply: Future[CommandReply] = Future()
         command = {"unit": self._unit, "command": name, "request_id": request.request_id}
 
