@@ -44,6 +44,8 @@ def test_a_signed_image_passes_the_rules_that_a_gateway_gets(tmp_path: Path) -> 
     image.write_text(IMAGE)
     rules = firmware_rules.load(made.folder("gateway.attic.g1") / firmware_rules.FILE)
     assert rules.oldest == (0, 9, 0)
+    assert firmware_rules.chosen(None, made.folder("gateway.attic.g1")) == rules
+    assert firmware_rules.chosen(None, made.folder("operator.anna.g1")) is None
     assert deploy("firmware-sign", image, "--key", key) == f"{image} is signed by key {rules.keys[0].id}\n"
     assert firmware_signature.check(image.read_bytes(), rules.keys).name == "release-1"
 

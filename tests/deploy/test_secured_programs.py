@@ -129,6 +129,8 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
         wait_until(lambda: client.units() == {"u1", "u2"}, "the mapper sees no units", 20)
         wait_until(lambda: line.unit.carried_out, "the unit was not connected", 20)
 
+        assert "firmware: no image is taken: there are no firmware keys. Add them to" in running.log("gateway")
+
         rpc = ("rpc", "house", "u1", "single")
         assert "the routers let only operators command units" in noctule(secured.folder("viewer.screen.g1"), *rpc)
         with line.lock:
