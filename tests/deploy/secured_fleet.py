@@ -1,5 +1,6 @@
 """A fleet on this host as noctule-deploy renders it: its routers run, and whoever has a folder can join."""
 
+import os
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -8,11 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import zenoh
+from system.processes import listens, programs, wait_until
 
-from noctule import bus
+from noctule import bus, tls
 from noctule_deploy import fleet, render
 from noctule_deploy.render import Place
 
+FOLDER = "/nowhere/bus"
+ZENOHD_VARIABLE = "NOCTULE_ZENOHD"  # a path of zenohd: the same tests against the real program
 FLEET = """
 folder = "/nowhere/bus"
 {top}
@@ -96,10 +100,25 @@ def rendered(folder: Path, top: str = "", now: datetime | None = None) -> Secure
 
 
 @contextmanager
-def running_routers(secured: SecuredFleet) -> Iterator[list[zenoh.Session]]:
-    """Both routers, linked, as their folders say."""
+def running_routers(secured: SecuredFleet) -> Iterator[None]:
+    """Both routers, linked, as their folders say: in this process, or the program that NOCTULE_ZENOHD names."""
+    zenohd = os.environ.get(ZENOHD_VARIABLE)
     with ExitStack() as closing:
-        yield [
-            closing.enter_context(bus.open_session(tls_folder=secured.folder(f"router.{name}.g1")))
-            for name in ("one", "two")
-        ]
+        if zenohd:
+            started = closing.enter_context(programs(secured.file.parent))
+            for number, name in enumerate(("one", "two")):
+                started.start(f"zenohd-{name}", zenohd, "-c", str(_with_files_here(secured, name)))
+                wait_until(lambda number=number: listens(secured.ports[number]), "zenohd does not listen", 20)
+                started.check()
+        else:
+            for name in ("one", "two"):
+                closing.enter_context(bus.open_session(tls_folder=secured.folder(f"router.{name}.g1")))
+        yield
+
+
+def _with_files_here(secured: SecuredFleet, name: str) -> Path:
+    """The router's configuration with the paths of its folder on this host."""
+    folder = secured.folder(f"router.{name}.g1")
+    copy = secured.file.parent / f"zenohd-{name}.json5"
+    copy.write_text((folder / tls.CONFIG).read_text().replace(FOLDER, str(folder)))
+    return copy

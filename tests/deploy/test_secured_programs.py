@@ -1,5 +1,6 @@
 """The programs on a secured bus: a real gateway with a unit, and those who read and command it."""
 
+import json
 import logging
 import threading
 import time
@@ -20,7 +21,7 @@ from noctule.bus_watch import BusWatch
 from noctule.cli import commands
 from noctule.client import Client
 from noctule.log_follower import LogFollower
-from noctule.messages_pb2 import ServiceStatus, Sweep
+from noctule.messages_pb2 import Caller, CommandRequest, ServiceStatus, Sweep
 from noctule.site import load
 from noctule_gateway.service import Gateway
 
@@ -82,7 +83,7 @@ def gateway(folder: Path, tls_folder: Path, **units: str) -> Iterator[None]:
     reporting = threading.Thread(target=report)
     served.start()
     with bus.open_session(tls_folder=tls_folder) as session:
-        served.join(session, BusWatch(session, tls_folder=tls_folder))
+        served.join(session, BusWatch(session, tls_folder=tls_folder), tls_folder)
         reporting.start()
         try:
             yield
@@ -97,6 +98,15 @@ def details(client: Client) -> dict[str, str]:
     replies = client.session.get(keys.service_status("house", keys.ANY), consolidation=zenoh.ConsolidationMode.NONE)
     statuses = [ServiceStatus.FromString(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
     return {status.name: status.detail for status in statuses}
+
+
+def unsigned(operator: zenoh.Session) -> str:
+    """Why a command is refused that only says that it is anna's."""
+    said = Caller(session="operator.anna.g1").SerializeToString()
+    request = CommandRequest(request_id="operator.anna.g1").SerializeToString()
+    (reply,) = operator.get(keys.rpc("house", "u1", "home"), payload=request, attachment=said)
+    assert reply.err is not None
+    return reply.err.payload.to_string()
 
 
 def noctule(folder: Path, *arguments: str) -> str:
@@ -119,12 +129,19 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
         wait_until(lambda: client.units() == {"u1", "u2"}, "the mapper sees no units", 20)
         wait_until(lambda: line.unit.carried_out, "the unit was not connected", 20)
 
+        assert "firmware: no image is taken: there are no firmware keys. Add them to" in running.log("gateway")
+
         rpc = ("rpc", "house", "u1", "single")
         assert "the routers let only operators command units" in noctule(secured.folder("viewer.screen.g1"), *rpc)
         with line.lock:
             assert len(line.unit.carried_out) == 1  # the plan that every fixed unit gets
         assert '"done": true' in noctule(secured.folder("operator.anna.g1"), *rpc)
+        recorded = [json.loads(each) for each in (tmp_path / "data" / "audit-1.jsonl").read_text().splitlines()]
+        assert [each.get("who") for each in recorded] == [None, "operator.anna.g1", None]  # file begun, given, done
+        assert recorded[1]["signed"] and recorded[2]["event"] == "done"
+        assert "the command is not signed" in unsigned(closing.enter_context(secured.join("operator.anna.g1")))
         with line.lock:
+            assert len(line.unit.carried_out) == 2
             line.unit.make_sweep(time.monotonic())
         wait_until(lambda: got, "the sweep did not come to the mapper", 20)
         assert '"log_sequence": "1"' in noctule(secured.folder("viewer.screen.g1"), "log", "house", "u1")

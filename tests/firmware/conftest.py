@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from firmware.images import newer_version
 
-from noctule_gateway.update.image import Image, load
+from noctule_gateway.update.admission import Admission
+from noctule_gateway.update.image import Image
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PURE = [
@@ -74,4 +75,4 @@ def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModul
 @pytest.fixture(scope="session")
 def new_image(tmp_path_factory: pytest.TempPathFactory) -> Image:
     """The update to version 0.9.0."""
-    return load(newer_version(tmp_path_factory.mktemp("new")))
+    return Admission(takes_unsigned=True).load(newer_version(tmp_path_factory.mktemp("new")))

@@ -13,7 +13,8 @@ from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import SERIAL, staged, update
 
 from noctule_gateway.errors import FlashError, HardwareError, UpdateError
-from noctule_gateway.update.image import PAGES, Image, load
+from noctule_gateway.update.admission import Admission
+from noctule_gateway.update.image import PAGES, Image
 from noctule_gateway.update.outcome import Current, Updated
 from noctule_gateway.wire.frames import (
     AskHello,
@@ -51,7 +52,7 @@ def hanging(tmp_path_factory) -> Image:
     image = built_with_fault(
         folder, "src/main.c", ("        watchdog_feed();\n", "        while (stack_is_sound())\n            ;\n")
     )
-    return load(image.with_name("update.hex"))
+    return Admission(takes_unsigned=True).load(image.with_name("update.hex"))
 
 
 def spoiled(place: Path, *addresses: int) -> Path:
@@ -102,7 +103,7 @@ def test_the_application_of_an_update_says_that_the_loader_started_it(new_image)
 
 
 def test_a_unit_that_has_the_version_is_left_alone_unless_it_is_to_be_updated_again():
-    image = load(IMAGE.with_name("update.hex"))
+    image = Admission(takes_unsigned=True).load(IMAGE.with_name("update.hex"))
     with stepped_unit("--laps", "0") as unit:
         boot = unit.greet().boot
         assert update(unit, image) == Current()

@@ -20,6 +20,7 @@ from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.unit.unit_server import UnitServer
+from noctule_gateway.update.admission import Admission
 
 VECTORS = json.loads((Path(__file__).parents[1] / "firmware" / "vectors" / "frames.json").read_text())
 CONTENTS = [bytes.fromhex(vector["content"]) for vector in VECTORS]
@@ -56,7 +57,7 @@ class Desk:
         self.told: list[UnitStatus] = []
         self.published: list[bytes] = []
         kept = ServedUnit(Site("s", (unit,), None, "utc"), unit, log, PoseTrack(), ClockWatch(folder / "clock.json"))
-        self.server = UnitServer(kept, self.published.append, self.told.append)
+        self.server = UnitServer(kept, self.published.append, self.told.append, Admission())
         self.now_s = time.monotonic()
         self.unit = ModelUnit(7, born_s=self.now_s)
         self.server.opened(self.now_s)

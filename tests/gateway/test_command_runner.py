@@ -10,6 +10,7 @@ from noctule_gateway.link.events import OrderSettled, SettingsRead
 from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
 from noctule_gateway.unit.command_runner import CommandRunner
+from noctule_gateway.update.admission import Admission
 from noctule_gateway.wire import frames
 
 STEP_S = 0.002
@@ -25,7 +26,7 @@ class Desk:
     def __init__(self, unit: ModelUnit, wanted: Wanted = AT_REST) -> None:
         self.unit = unit
         self.link = Link(unit.serial, wanted, first_request=0)
-        self.commands = CommandRunner(self.link, UnitStatus, lambda _image, _again: None)
+        self.commands = CommandRunner(self.link, UnitStatus, lambda _image, _again: None, Admission())
         self.now_s = 100.0
         self.link.connected(self.now_s)
 

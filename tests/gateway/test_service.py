@@ -1,6 +1,7 @@
 """The gateway whole: model units over TCP on one side, a real Zenoh router and client on the other."""
 
 import contextlib
+import json
 import math
 import os
 import shutil
@@ -288,6 +289,21 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
             hello = command("hello", CommandRequest(request_id="e"))
             assert (hello.done, hello.status.serial, hello.status.firmware) == (True, 7, "0.1.0")
             assert "no command 'jump'" in command("jump", CommandRequest(request_id="f")).error
+            recorded = [json.loads(line) for line in (tmp_path / "audit-1.jsonl").read_text().splitlines()[1:]]
+            assert {each["who"] for each in recorded if each["event"] == "given"} == {f"session {router.zid()}"}
+            assert [(each["event"], each["command"], each["request_id"]) for each in recorded] == [
+                (event, name, request)
+                for name, request, outcome in (
+                    ("configure", "a", "done"),
+                    ("set_waypoint", "b", "done"),
+                    ("single", "c", "done"),  # the second one was the same
+                    ("configure", "d", "failed"),
+                    ("calibrate", "g", "done"),
+                    ("trim_temperature", "h", "done"),
+                    ("jump", "f", "failed"),  # the others only ask
+                )
+                for event in ("given", outcome)
+            ]
     _, configure, waypoint, single, *_ = unit.carried_out  # first the plan that every fixed unit gets
     assert isinstance(configure, frames.Configure)
     assert (configure.first_bearing, configure.bearing_step, configure.count) == (-24576, 8192, 7)

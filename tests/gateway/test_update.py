@@ -12,7 +12,8 @@ from firmware.update_rig import staged
 from gateway.bad_line import BadLine, Faults
 
 from noctule_gateway.errors import HardwareError, LineError, UnitGoneError, UpdateError, WrongUnitError
-from noctule_gateway.update.image import Image, load
+from noctule_gateway.update.admission import Admission
+from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Step, Updated
 from noctule_gateway.update.steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS
 from noctule_gateway.update.updater import GONE_AFTER_S, Updater
@@ -29,14 +30,16 @@ LOADER = Loader(0, 2, SERIAL, 1, 1, Stay.ASKED, 0, 2, 0)
 @pytest.fixture(scope="module")
 def image(tmp_path_factory) -> Image:
     """The update to version 0.9.0."""
-    return load(newer_version(tmp_path_factory.mktemp("newer")))
+    return Admission(takes_unsigned=True).load(newer_version(tmp_path_factory.mktemp("newer")))
 
 
 @pytest.fixture(scope="module")
 def dead(tmp_path_factory) -> Image:
     """An image that stands still before it has started its watchdog."""
     standing = ("    stack_start();\n", "    while (reset_note() != 99)\n        ;\n    stack_start();\n")
-    return load(built_with_fault(tmp_path_factory.mktemp("dead"), "src/main.c", standing).with_name("update.hex"))
+    return Admission(takes_unsigned=True).load(
+        built_with_fault(tmp_path_factory.mktemp("dead"), "src/main.c", standing).with_name("update.hex")
+    )
 
 
 class Rig:

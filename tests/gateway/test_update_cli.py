@@ -9,8 +9,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from firmware.images import newer_version
 from firmware.stepped_unit import IMAGE
+
+from noctule.firmware_rules import FirmwareRules, to_toml
+from noctule.firmware_signature import PublicKey, sign
 
 UNITS = 3
 SPEED = "10"
@@ -84,6 +88,20 @@ def test_a_unit_whose_line_is_held_fails_alone_and_the_others_are_updated(bench)
     told = outcomes(run)
     assert [told[unit][0] for unit in ("u1", "u2", "u3")] == ["failed", "updated", "updated"]
     assert "A gateway may hold the line: have it do the update, noctule rpc SITE u1 update" in told["u1"][1]
+
+
+def test_where_there_are_keys_only_a_signed_image_is_sent(bench, tmp_path):
+    key = Ed25519PrivateKey.generate()
+    rules = tmp_path / "firmware.toml"
+    public = PublicKey("release", key.public_key().public_bytes_raw())
+    rules.write_text(to_toml(FirmwareRules((public,))))
+    refused = update(bench, "--unit", "u1", "--firmware", str(rules))
+    assert (refused.returncode, refused.stdout) == (1, "")
+    assert "was not taken: it is not signed: sign it (noctule-deploy firmware-sign)" in refused.stderr
+    bench.image.with_name("signed.hex").write_bytes(sign(bench.image.read_bytes(), key))
+    signed = update(bench._replace(image=bench.image.with_name("signed.hex")), "--unit", "u1", "--firmware", str(rules))
+    assert outcomes(signed) == {"u1": ("updated", "0.2.0 -> 0.9.0")}
+    assert f"0.9.0: signed by {public}" in signed.stdout
 
 
 def test_what_is_no_image_ends_before_any_line_is_opened(bench):

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from noctule_gateway.errors import ImageError
-from noctule_gateway.update.image import PAGE_BYTES, PAGES, load
+from noctule_gateway.update.admission import Admission
+from noctule_gateway.update.image import PAGE_BYTES, PAGES
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 END = ":00000001FF\n"
@@ -25,7 +26,7 @@ def record(address: int, data: bytes, kind: int = 0) -> str:
 
 
 def test_the_firmware_is_read_with_its_version_and_pages(built):
-    image = load(built / "update.hex")
+    image = Admission(takes_unsigned=True).load(built / "update.hex")
     numbers = re.findall(r"#define VERSION_\w+ (\d+)", (FIRMWARE / "src" / "version.h").read_text())
     assert image.version_text == ".".join(numbers)
     assert image.hardware == 1
@@ -54,26 +55,26 @@ def test_what_is_no_image_is_refused_by_file_and_line(tmp_path, text, complaint)
     path = tmp_path / "image.hex"
     path.write_text(text)
     with pytest.raises(ImageError, match=f"image.hex.*{complaint}"):
-        load(path)
+        Admission(takes_unsigned=True).load(path)
 
 
 def test_an_image_that_was_changed_is_refused(built, tmp_path):
     path = tmp_path / "image.hex"
     path.write_text(record(0x1234, b"\xaa\x55\xaa").join(["", (built / "update.hex").read_text()]))
-    load(path)  # what comes later in a file holds
+    Admission(takes_unsigned=True).load(path)  # what comes later in a file holds
     path.write_text((built / "update.hex").read_text().replace(END, record(0x1234, b"\xaa\x55\xaa") + END))
     with pytest.raises(ImageError, match="not what it says of itself"):
-        load(path)
+        Admission(takes_unsigned=True).load(path)
 
 
 def test_the_image_for_a_programmer_is_told_from_that_of_an_update(built):
     with pytest.raises(ImageError, match=r"update takes build/update\.hex"):
-        load(built / "noctule.ihx")
+        Admission(takes_unsigned=True).load(built / "noctule.ihx")
 
 
 def test_a_file_that_is_not_there_or_not_text_is_named(tmp_path):
     with pytest.raises(ImageError, match=r"none\.hex can't be read"):
-        load(tmp_path / "none.hex")
+        Admission(takes_unsigned=True).load(tmp_path / "none.hex")
     (tmp_path / "noise.hex").write_bytes(bytes(range(256)))
     with pytest.raises(ImageError, match=r"noise\.hex is not an Intel HEX file"):
-        load(tmp_path / "noise.hex")
+        Admission(takes_unsigned=True).load(tmp_path / "noise.hex")

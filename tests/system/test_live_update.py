@@ -9,14 +9,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from firmware.images import newer_version
 from firmware.stepped_unit import IMAGE
 from system.processes import Programs, free_ports, programs, wait_until
 
 from noctule.client import Client
+from noctule.firmware_rules import FirmwareRules, to_toml
+from noctule.firmware_signature import PublicKey, sign
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 
 SITE = "bench"
+KEY = Ed25519PrivateKey.generate()
 SPEED = 4  # an update takes 8 s of the unit's time
 WITHIN_S = 60.0
 # One sweep takes some 25 s of the unit's time, so that an update finds it in the midst of one.
@@ -25,8 +29,10 @@ LONG_SWEEP = "sweep = { first_bearing_deg = -120, bearing_step_deg = 3.8, count 
 
 @pytest.fixture(scope="module")
 def image(tmp_path_factory) -> Path:
-    """The update to version 0.9.0."""
-    return newer_version(tmp_path_factory.mktemp("newer"))
+    """The update to version 0.9.0, signed."""
+    made = newer_version(tmp_path_factory.mktemp("newer"))
+    made.write_bytes(sign(made.read_bytes(), KEY))
+    return made
 
 
 class Bench:
@@ -45,7 +51,10 @@ class Bench:
         )
         simulator = f"noctule-sim --firmware {IMAGE} --laps 0 --speed {SPEED} --tcp 127.0.0.1:{unit_port}"
         running.start("simulator", *simulator.split())
-        self._gateway = f"noctule-gateway run {site} --data {folder}/data --listen {self.endpoint}".split()
+        rules = folder / "firmware.toml"
+        rules.write_text(to_toml(FirmwareRules((PublicKey("release", KEY.public_key().public_bytes_raw()),))))
+        where = f"--data {folder}/data --listen {self.endpoint} --firmware {rules}"
+        self._gateway = f"noctule-gateway run {site} {where}".split()
         self.start_gateway()
 
     def start_gateway(self) -> None:
@@ -137,6 +146,8 @@ def test_what_is_no_image_is_refused_in_words_and_the_unit_is_left_alone(tmp_pat
         refused = at.rpc("update", "--image", IMAGE)
         assert refused.returncode != 0
         assert "the image, line 1: 0x0000 is outside the application's pages" in refused.stderr
+        unsigned = at.rpc("update", "--image", IMAGE.with_name("update.hex"))
+        assert "the image was not taken: it is not signed: sign it" in unsigned.stderr
         assert "image is empty" in client.command("u1", "update", CommandRequest(), timeout_s=WITHIN_S).error
         assert "give --image build/update.hex" in at.rpc("update").stderr
         assert at.wait_for(UnitStatus.STATE_IDLE).boot == before.boot

@@ -20,8 +20,9 @@ from PIL import Image
 from rerun.experimental import ViewerClient
 from system.processes import Programs, free_ports, listens, programs, wait_until
 
-from noctule import rerun_paths
-from noctule.messages_pb2 import GridTile
+from noctule import bus, rerun_paths
+from noctule.client import Client
+from noctule.messages_pb2 import GridTile, ServiceStatus
 from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer.relay import RERUN, Relay
 
@@ -34,10 +35,10 @@ def running(tmp_path: Path) -> Iterator[Programs]:
         yield made
 
 
-def start_relay(running: Programs) -> Relay:
+def start_relay(running: Programs, *options: str) -> Relay:
     port, web_port = free_ports(2)
     relay = Relay("127.0.0.1", port, web_port, "64MB")
-    running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port))
+    running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *options)
     wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen", within_s=60)
     return relay
 
@@ -110,6 +111,18 @@ def test_one_address_is_printed_and_opens_the_page(running: Programs) -> None:
     running.end("viewer")
     assert not listens(relay.port)
     assert not listens(relay.web_port)
+
+
+def test_the_relay_shows_its_status_on_the_bus_of_a_site_where_it_is_given_one(running: Programs) -> None:
+    (port,) = free_ports(1)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    start_relay(running, "--site", "house", "--connect", endpoint)  # it does not wait for the router
+    with bus.open_session(listen=[endpoint]) as session, Client("house", session=session) as client:
+        got: list[ServiceStatus] = []
+        client.on_service_status(got.append)
+        wait_until(lambda: got, "no status came", within_s=20)
+        assert (got[0].site, got[0].name, got[0].role, got[0].detail) == ("house", "viewer", "viewer", "")
+        running.end("viewer")
 
 
 def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) -> None:

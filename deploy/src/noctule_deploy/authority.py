@@ -1,7 +1,6 @@
 """The fleet's certificate authority, and the certificates that it issues: EC P-256, for servers and clients alike."""
 
 import ipaddress
-import os
 import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from noctule.tls import read_certificate
 from noctule_deploy.errors import RenderError
-from noctule_deploy.files import make_private_folder, write_atomically
+from noctule_deploy.files import make_private_folder, write_atomically, write_new_key
 
 KEY_FILE, CERTIFICATE_FILE = "ca.key", "ca.pem"
 VALID = timedelta(days=20 * 365)
@@ -70,10 +69,7 @@ def ensure_key(path: Path) -> PrivateKey:
     content = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
+    write_new_key(path, content)
     return key
 
 

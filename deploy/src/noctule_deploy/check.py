@@ -6,7 +6,7 @@ from datetime import datetime
 from enum import IntEnum
 from pathlib import Path
 
-from noctule import tls
+from noctule import firmware_rules, tls
 from noctule.errors import TlsError
 from noctule_deploy import authority, generations
 from noctule_deploy.fleet import Fleet
@@ -67,6 +67,9 @@ def _folder(folder: Path, wanted: Wanted, now: datetime) -> Iterator[Finding]:
         yield _wrong(f"{folder} holds a certificate of {identity.common_name}, which is of another name: {_RENDER}")
     if (folder / tls.CONFIG).read_bytes() != wanted.config:
         yield _wrong(f"{folder / tls.CONFIG} does not fit the fleet file and its generations: {_RENDER}")
+    firmware = folder / firmware_rules.FILE
+    if (firmware.read_bytes() if firmware.exists() else None) != wanted.firmware:
+        yield _wrong(f"{firmware} does not fit the fleet file: run noctule-deploy render, copy the folder to its host")
 
 
 def _old_keys(place: Place, fleet: Fleet, known: dict[str, generations.Generations]) -> Iterator[Finding]:

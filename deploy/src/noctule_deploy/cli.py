@@ -1,5 +1,6 @@
 """The command ``noctule-deploy``."""
 
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,7 @@ import typer
 
 from noctule.errors import NoctuleError
 from noctule_deploy import check as checking
+from noctule_deploy import firmware_key as firmware_keys
 from noctule_deploy import fleet
 from noctule_deploy import render as rendering
 from noctule_deploy.render import Place
@@ -84,6 +86,28 @@ def check(fleet_file: FleetFile = DEFAULT_FLEET, out: Out = DEFAULT_OUT, ca: Ca 
     if not findings:
         typer.echo("all is well")
     raise typer.Exit(min((each.severity for each in findings), default=0))
+
+
+@app.command()
+def firmware_key(
+    file: Annotated[Path, typer.Argument(metavar="KEY.pem", help="The new private key; keep it off all hosts.")],
+) -> None:
+    """Make a key that signs firmware images, and print its public half for the fleet file."""
+    with _told(file):
+        public = firmware_keys.make(file)
+    typer.echo(f"{file} is the private key: keep it, and a backup, where nobody else can read it.")
+    typer.echo("Add its public half to the fleet file, render it, copy the gateways' folders and start them again:\n")
+    typer.echo(f'[firmware.keys]\n{re.sub("[^a-z0-9_-]", "-", file.stem.lower())} = "{public}"')
+
+
+@app.command()
+def firmware_sign(
+    image: Annotated[Path, typer.Argument(metavar="UPDATE.hex", help="build/update.hex of the firmware.")],
+    key: Annotated[Path, typer.Option(metavar="KEY.pem", help="What firmware-key made.")],
+) -> None:
+    """Sign a firmware image in its place. An image may be signed by several keys, one after the other."""
+    with _told(image):
+        typer.echo(f"{image} is signed by key {firmware_keys.sign(image, key)}")
 
 
 @contextmanager

@@ -15,6 +15,14 @@ def make_private_folder(folder: Path) -> None:
         raise RenderError(f"the folder {folder} can't be made: {error.strerror}") from error
 
 
+def write_new_key(path: Path, content: bytes) -> None:
+    """A private key in a new file that only its owner can read. Raises FileExistsError."""
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
 def write_atomically(path: Path, content: bytes) -> bool:
     """Give a file this content; False where it has it already, and then nothing is written. Raises RenderError."""
     if path.is_file() and path.read_bytes() == content:

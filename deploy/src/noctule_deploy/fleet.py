@@ -10,8 +10,9 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from noctule import keys
-from noctule.errors import KeyFormatError
+from noctule import firmware_rules, firmware_signature, keys
+from noctule.errors import FirmwareKeyError, KeyFormatError
+from noctule.firmware_rules import FirmwareRules
 from noctule.keys import Role
 from noctule_deploy.errors import FleetFileError
 
@@ -41,6 +42,22 @@ def _address(value: str) -> str:
     except ValueError:
         if not value or any(letter.isspace() or letter in "/:#?" for letter in value):
             raise ValueError("give a host name or an IP address; the port is a key of its own") from None
+    return value
+
+
+def _version(value: str) -> str:
+    try:
+        firmware_rules.version(value)
+    except FirmwareKeyError as error:
+        raise ValueError("write a version as 0.9.0") from error
+    return value
+
+
+def _key(value: str) -> str:
+    try:
+        firmware_signature.public_key("", value)
+    except FirmwareKeyError as error:
+        raise ValueError("copy what noctule-deploy firmware-key printed") from error
     return value
 
 
@@ -90,6 +107,18 @@ class Service(Watcher):
     tracks: list[Tracked] = []
 
 
+class Firmware(_Table):
+    """Which firmware images the gateways give to units: ``keys`` are public ones, by name."""
+
+    oldest: Annotated[str, AfterValidator(_version)] = "0.0.0"
+    keys: dict[Name, Annotated[str, AfterValidator(_key)]] = Field(min_length=1)
+
+    def rules(self) -> FirmwareRules:
+        """The same, as a gateway reads it."""
+        keys = tuple(firmware_signature.public_key(name, text) for name, text in self.keys.items())
+        return FirmwareRules(keys, firmware_rules.version(self.oldest))
+
+
 class Member(BaseModel):
     """One who joins the bus as a client: ``units`` are those on whose keys it may publish, as (site, unit)."""
 
@@ -110,6 +139,7 @@ class Fleet(_Table):
 
     folder: str = Field(default="/etc/noctule/bus", pattern="^/")
     valid_days: int = Field(default=730, ge=1, le=3650)
+    firmware: Firmware | None = None
     router: list[Router] = Field(min_length=1)
     gateway: list[Gateway] = []
     mapper: list[Watcher] = []
@@ -190,7 +220,8 @@ def _words(error: Any, entries: dict[str, Any]) -> str:
         table = table[step]
     if isinstance(key, int):  # an element of a list
         above, key = above[:-1], f"{above[-1]}[{key}]"
-    model = {"gateway": Gateway, "router": Router, "service": Service}.get(str(above[0]), Watcher) if above else Fleet
+    models = {"gateway": Gateway, "router": Router, "service": Service, "firmware": Firmware}
+    model = models.get(str(above[0]), Watcher) if above else Fleet
     where = _place([*above])
     match error["type"]:
         case "extra_forbidden":

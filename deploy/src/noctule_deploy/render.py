@@ -9,7 +9,8 @@ from typing import Any
 
 from cryptography import x509
 
-from noctule import tls
+from noctule import firmware_rules, tls
+from noctule.keys import Role
 from noctule_deploy import authority, generations, zenoh_config
 from noctule_deploy.errors import RenderError
 from noctule_deploy.files import make_private_folder, write_atomically
@@ -32,6 +33,7 @@ class Wanted:
     common_name: str
     addresses: tuple[str, ...]
     config: bytes
+    firmware: bytes | None  # the rules for firmware images; None where the folder has none
 
 
 def render(fleet: Fleet, place: Place, now: datetime) -> list[Path]:
@@ -54,13 +56,16 @@ def revoke(fleet: Fleet, place: Place, subject: str, now: datetime) -> list[Path
 
 def wanted(fleet: Fleet, known: dict[str, Generations]) -> Iterator[Wanted]:
     """What render() makes, routers first."""
+    firmware = firmware_rules.to_toml(fleet.firmware.rules()).encode() if fleet.firmware else None
     for each in fleet.router:
         subject = f"{ROUTER}.{each.name}"
         config = as_json(zenoh_config.router(fleet, each, known))
-        yield Wanted(common_name(subject, known[subject].newest), (each.address,), config)
+        # A gateway of a small site is its own router.
+        yield Wanted(common_name(subject, known[subject].newest), (each.address,), config, firmware)
     config = as_json(zenoh_config.client(fleet))
     for member in fleet.members():
-        yield Wanted(common_name(member.subject, known[member.subject].newest), (), config)
+        own = firmware if member.role is Role.GATEWAY else None
+        yield Wanted(common_name(member.subject, known[member.subject].newest), (), config, own)
 
 
 def as_json(config: dict[str, Any]) -> bytes:
@@ -98,7 +103,16 @@ def _write_one(wanted: Wanted, place: Place, issuer: authority.Authority, now: d
     if not _is_for(folder / tls.CERTIFICATE, wanted):
         certificate = issuer.issue(wanted.common_name, wanted.addresses, key, now, valid)
         touched |= write_atomically(folder / tls.CERTIFICATE, authority.pem(certificate))
-    return write_atomically(folder / tls.CONFIG, wanted.config) or touched
+    touched |= write_atomically(folder / tls.CONFIG, wanted.config)
+    return _write_firmware(folder / firmware_rules.FILE, wanted.firmware) or touched
+
+
+def _write_firmware(path: Path, rules: bytes | None) -> bool:
+    if rules is not None:
+        return write_atomically(path, rules)
+    was_there = path.exists()
+    path.unlink(missing_ok=True)
+    return was_there
 
 
 def _is_for(path: Path, wanted: Wanted) -> bool:

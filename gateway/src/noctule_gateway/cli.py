@@ -9,7 +9,7 @@ import typer
 import zenoh
 from rich.console import Console
 
-from noctule import bus, logs, metrics, metrics_server, site, tls
+from noctule import bus, bus_config, firmware_rules, logs, metrics, metrics_server, site, tls
 from noctule.backup import copy_databases
 from noctule.bus_watch import BusWatch
 from noctule.ending import Ending
@@ -17,12 +17,13 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.systemd import ServiceManager
 from noctule.threads import end_process_when_one_fails
+from noctule_gateway.audit.look import AuditLook, copy_audit, look_at_audit
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.look import Look, look_at_all
 from noctule_gateway.log.repair import repair as repair_logs
 from noctule_gateway.service import Gateway
-from noctule_gateway.update.image import load
+from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.report import Bars, report
 from noctule_gateway.update.site import update_units
 
@@ -30,6 +31,24 @@ DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 _REPORT_EVERY_S = 1.0
 
 _log = logging.getLogger(__name__)
+FirmwareFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--firmware",
+        metavar="FIRMWARE.toml",
+        help=f"The keys that images are to be signed with; {firmware_rules.FILE} of the --tls folder if left out.",
+    ),
+]
+TlsFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--tls",
+        envvar=tls.FOLDER_VARIABLE,
+        metavar="FOLDER",
+        help="Certificate and key: a folder that noctule-deploy made. It also names the routers.",
+    ),
+]
+
 app = typer.Typer(add_completion=False, help="Serial scanner units to Zenoh.")
 
 
@@ -47,15 +66,8 @@ def run(
         list[str] | None,
         typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."),
     ] = None,
-    tls_folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--tls",
-            envvar=tls.FOLDER_VARIABLE,
-            metavar="FOLDER",
-            help="Certificate and key: a folder that noctule-deploy made. It also names the routers.",
-        ),
-    ] = None,
+    tls_folder: TlsFolder = None,
+    firmware: FirmwareFile = None,
     name: Annotated[
         str | None,
         typer.Option(help="Its name among the site's services; its certificate's, or 'gateway', if left out."),
@@ -77,7 +89,7 @@ def run(
     retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
     try:
         default = [] if connect or tls_folder else [DEFAULT_LISTEN]
-        access = _Access(connect or [], listen or default, tls_folder, metrics_at)
+        access = _Access(connect or [], listen or default, tls_folder, firmware, metrics_at)
         _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
@@ -90,13 +102,17 @@ def update(
     image_file: Annotated[Path, typer.Option("--image", help="build/update.hex of the firmware.")],
     unit: Annotated[list[str] | None, typer.Option(help="Only this unit; give more for several.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
+    tls_folder: TlsFolder = None,
+    firmware: FirmwareFile = None,
 ) -> None:
     """Update the firmware of a site's units, over their lines: stop the gateway that holds these first."""
     end_process_when_one_fails()
     console = Console()
     try:
         known = site.load(site_file)
-        image = load(image_file)
+        has_no_bus = tls.chosen(tls_folder) is None
+        image = Admission(firmware_rules.chosen(firmware, tls_folder), takes_unsigned=has_no_bus).load(image_file)
+        console.print(f"{image_file} {image.version_text}: {image.signer}")
         units = [known.unit(name) for name in dict.fromkeys(unit)] if unit else known.units
         with Bars(console) as bars:
             updates = update_units(units, image, force, bars.show)
@@ -133,9 +149,9 @@ def repair(
 def check(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a gateway, which may be running.")],
 ) -> None:
-    """Read every record of every log and say what is damaged; exit status 1 if anything is. Changes nothing."""
+    """Read every record of every log and say what was damaged or altered; exit status 1 if so. Changes nothing."""
     try:
-        _tell(look_at_all(data))
+        _tell([*look_at_all(data), *look_at_audit(data)])
     except NoctuleError as error:
         Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error
@@ -149,13 +165,14 @@ def backup(
     """Copy every log into OUT, each as it is at one moment, and check the copies; exit status 1 if one is damaged."""
     try:
         copy_databases(data, out)
-        _tell(look_at_all(out))
+        copy_audit(data, out)
+        _tell([*look_at_all(out), *look_at_audit(out)])
     except NoctuleError as error:
         Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error
 
 
-def _tell(looks: list[Look]) -> None:
+def _tell(looks: list[Look | AuditLook]) -> None:
     for each in looks:
         typer.echo(str(each))
     if any(each.trouble for each in looks):
@@ -169,14 +186,22 @@ class _Access:
     connect: list[str]
     listen: list[str]
     tls_folder: Path | None
+    firmware: Path | None
     metrics_at: str | None
+
+
+def _admission(access: _Access) -> Admission:
+    is_local = bus_config.is_local(access.connect, access.listen, access.tls_folder)
+    admission = Admission(firmware_rules.chosen(access.firmware, access.tls_folder), takes_unsigned=is_local)
+    _log.log(logging.INFO if admission.rules or is_local else logging.WARNING, "firmware: %s", admission)
+    return admission
 
 
 def _serve(site_file: Path, data: Path, name: str, retention: Retention, access: _Access, ending: Ending) -> None:
     served = site.load(site_file)
     if warning := allow_files(len(served.units)):
         _log.warning("%s", warning)
-    gateway = Gateway(served, data, name, retention)
+    gateway = Gateway(served, data, name, retention, admission=_admission(access))
     manager = ServiceManager()
     session: zenoh.Session | None = None
 
@@ -192,7 +217,8 @@ def _serve(site_file: Path, data: Path, name: str, retention: Retention, access:
             session = bus.open_session(
                 access.connect, access.listen, tls_folder=access.tls_folder, while_waiting=look_after
             )
-            gateway.join(session, BusWatch(session, access.connect, access.listen, access.tls_folder))
+            watch = BusWatch(session, access.connect, access.listen, access.tls_folder)
+            gateway.join(session, watch, access.tls_folder)
             where = access.listen or access.connect or [f"as {access.tls_folder} says"]
             _log.info("on the bus: %s", f"the router at {', '.join(where)}" if access.listen else ", ".join(where))
             while True:

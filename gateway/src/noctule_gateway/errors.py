@@ -27,6 +27,10 @@ class ImageError(GatewayError):
     """A file is not an image that a unit can be updated with."""
 
 
+class RefusedImageError(ImageError):
+    """A sound image that this gateway's rules do not allow: who signed it, or its version."""
+
+
 class UpdateError(GatewayError):
     """A unit could not be updated. It has its old application, the new one, or waits in its loader for another try."""
 
@@ -53,3 +57,7 @@ class DamagedError(LogError):
     def __init__(self, log: object, reason: str) -> None:
         super().__init__(f"log {log} is damaged: {reason}")
         self.reason = reason
+
+
+class AuditError(GatewayError):
+    """What was commanded can't be recorded, or a line of the audit log is not what was written."""

@@ -13,14 +13,17 @@ import zenoh
 
 from noctule import bus, elapsed, keys
 from noctule.bus_watch import BusWatch
+from noctule.caller import Callers
 from noctule.elapsed import Instant
 from noctule.folder_lock import FolderLock, Owner
 from noctule.kernel_clock import KernelClock, kernel_clock
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.newer_fields import NewerFields
 from noctule.site import Site, Unit
+from noctule_gateway.audit.audit_log import AuditLog
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
+from noctule_gateway.bus.recorded_commands import RecordedCommands
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
 from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.clock.synchronisation import Synchronisation
@@ -29,6 +32,7 @@ from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.unit.unit_server import UnitServer
+from noctule_gateway.update.admission import Admission
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
@@ -46,7 +50,15 @@ class _Served:
     """One unit: its log, its server, and what it has on the bus, once there is one."""
 
     def __init__(
-        self, site: Site, unit: Unit, data: Path, retention: Retention, gateway: str, now: Clock, clock: ClockWatch
+        self,
+        site: Site,
+        unit: Unit,
+        data: Path,
+        retention: Retention,
+        gateway: str,
+        now: Clock,
+        clock: ClockWatch,
+        admission: Admission,
     ) -> None:
         self.unit = unit
         self.on_bus: UnitOnBus | None = None
@@ -55,7 +67,7 @@ class _Served:
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock)
-        self.server = UnitServer(self.kept, self._publish, self._report)
+        self.server = UnitServer(self.kept, self._publish, self._report, admission)
 
     def close(self, by_s: float) -> None:
         self.server.join(by_s)
@@ -75,6 +87,7 @@ class _Served:
 class Gateway:
     """Serves the units of ``site`` from start() to close(), with their logs in the folder ``data``.
 
+    ``admission`` says which firmware images the units get; left out, none.
     Raises FolderError if the folder can't be used or another process holds it, CommandError if a plan of the site file
     does not fit a unit.
     """
@@ -87,12 +100,16 @@ class Gateway:
         retention: Retention | None = None,
         now: Clock = elapsed.now,
         kernel_clock: Callable[[], KernelClock] = kernel_clock,
+        admission: Admission | None = None,
     ) -> None:
         self._site, self._name = site, keys.name(name, "gateway name")
         self._folder = FolderLock(data, Owner("gateway", site.name, self._name))
         self._clock_watch, self._synchronisation = ClockWatch(data / _EPOCH_FILE, now), Synchronisation(kernel_clock)
-        retention = retention or Retention()
-        self._served = [_Served(site, unit, data, retention, self._name, now, self._clock_watch) for unit in site.units]
+        retention, admission = retention or Retention(), admission or Admission()
+        self._served = [
+            _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission) for unit in site.units
+        ]
+        self._audit = AuditLog(data, {"site": site.name, "gateway": self._name, "version": VERSION})
         self._outbox = Outbox()
         self._readers = LogReaders()
         self._newer = NewerFields()
@@ -105,17 +122,18 @@ class Gateway:
         for served in self._served:
             served.server.start()
 
-    def join(self, session: zenoh.Session, watch: BusWatch | None = None) -> None:
+    def join(self, session: zenoh.Session, watch: BusWatch | None = None, tls_folder: Path | None = None) -> None:
         """Put the units on the bus, and begin to ``watch`` that others can read them.
 
-        The caller closes ``session``, after close().
+        Commands are to be signed where there is a ``tls_folder`` (``tls.chosen``). The caller closes ``session``, after
+        close(). Raises TlsError.
         """
+        callers = Callers(tls_folder)
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
-            served.on_bus = UnitOnBus(
-                session, served.kept, served.server.command, self._outbox, self._readers, self._newer
-            )
+            commands = RecordedCommands(served.server.command, self._audit, served.unit.name).carry_out
+            served.on_bus = UnitOnBus(session, served.kept, commands, self._outbox, self._readers, self._newer, callers)
         if watch is not None:
             self._watch = watch
             watch.begin(self._states)
@@ -160,6 +178,7 @@ class Gateway:
         for served in self._served:
             served.close(by_s)
         self._readers.close()
+        self._audit.close()
         self._outbox.close()
         self._folder.close()
 
@@ -187,6 +206,7 @@ class Gateway:
                         _listed("not connected", away),
                         _listed("being updated", updating),
                         _listed("served late", late),
+                        self._audit.detail,
                         self._clock_watch.detail,
                         self._synchronisation.detail if self._site.clock == "utc" else "",
                         self._readers.cut_off(),
@@ -202,6 +222,8 @@ class Gateway:
                 "log_queries_refused": self._readers.refused,
                 "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
                 "messages_newer": self._newer.count,
+                "commands_recorded": self._audit.recorded,
+                "commands_not_recorded": self._audit.lost,
                 "clock_sets": self._clock_watch.sets,
                 **self._synchronisation.counters,
             },

@@ -210,7 +210,8 @@ class AsyncClient:
     def _open(self, while_waiting: Callable[[], None]) -> Client:
         if self._given is None:
             self._session = bus.open_session(self._connect, tls_folder=self._tls_folder, while_waiting=while_waiting)
-        return Client(self.site, session=self._given or self._session, queue_length=self._queue_length)
+        session = self._given or self._session
+        return Client(self.site, session=session, queue_length=self._queue_length, tls_folder=self._tls_folder)
 
     def _close(self) -> None:
         if self._client is not None:

@@ -242,6 +242,11 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "temperature_c": _CHIP_C,
         "image": Data(2**20),  # a unit's whole flash is 0.2 MB of Intel HEX
     },
+    "Caller": {
+        "session": _ID,
+        "certificate": Data(2**13),
+        "signature": Data(2**8),  # DER; 72 bytes with P-256
+    },
     "CommandReply": {
         "request_id": _ID,
         "error": _SENTENCES,

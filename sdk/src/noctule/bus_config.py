@@ -118,6 +118,14 @@ def open_to_all(config: zenoh.Config) -> list[str]:
     ]
 
 
+def is_local(connect: Sequence[str], listen: Sequence[str], tls_folder: Path | None) -> bool:
+    """Whether a session without TLS has endpoints on loopback only. Raises BusConfigError, TlsError."""
+    identity = tls.chosen(tls_folder)
+    made = config(connect, listen, identity)
+    places = [each for side in ("connect", "listen") for each in endpoints_of(made, side)]
+    return identity is None and all(map(endpoints.is_loopback, places))
+
+
 def endpoints_of(config: zenoh.Config, side: str) -> list[str]:
     """The endpoints that a session is to ``connect`` to, or to ``listen`` on."""
     named = json.loads(config.get_json(f"{side}/endpoints"))

@@ -12,7 +12,7 @@ from typing import Self, TypeVar
 import zenoh
 from google.protobuf.message import Message
 
-from noctule import bounds, bus, keys
+from noctule import bounds, bus, caller, keys
 from noctule.delivery import Delivery
 from noctule.errors import BoundsError, BusError, KeyFormatError, NotServedError
 from noctule.messages_pb2 import (
@@ -62,11 +62,11 @@ class Client:
     ) -> None:
         """Join ``site`` over the routers ``connect``, waiting until one answers, or over the caller's ``session``.
 
-        ``tls_folder`` is as in ``bus.open_session``.
+        ``tls_folder`` is as in ``bus.open_session``; by its key commands are signed, with the caller's session too.
         """
         self.site = keys.name(site, "site")
         self.session = bus.open_session(connect, tls_folder=tls_folder) if session is None else session
-        self._owns_session = session is None
+        self._owns_session, self._tls_folder = session is None, tls_folder
         self._name = str(self.session.zid())  # by which a gateway tells its clients apart, to serve each in its turn
         self._delivery = Delivery(f"noctule-{site}", queue_length)
         self._refusals = Refusals()
@@ -222,13 +222,15 @@ class Client:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
-        Raises NotServedError: no gateway serves the unit; BusError: there was no reply within ``timeout_s``, or we may
-        not command it; KeyFormatError: a name that is none, or a wildcard.
+        Raises NotServedError: no gateway serves the unit; TlsError: the folder can't be used; BusError: there was no
+        reply within ``timeout_s``, or we may not command it; KeyFormatError: a name that is none, or a wildcard.
         """
         if not request.request_id:
             request.request_id = uuid.uuid4().hex
         key = keys.rpc(self.site, keys.name(unit, "unit"), keys.name(name, "command"))  # never several at once
-        reply = next(self._ask(key, request.SerializeToString(), timeout_s), None)
+        payload = request.SerializeToString()
+        attachment = caller.attachment(self._name, self._tls_folder, key, payload)
+        reply = next(self._ask(key, payload, timeout_s, attachment), None)
         if reply is None:
             if unit in self.units():
                 raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
@@ -325,7 +327,11 @@ class Client:
         return [message for message in accepted if message is not None]
 
     def _ask(
-        self, selector: str, payload: bytes | None = None, timeout_s: float = QUERY_TIMEOUT_S
+        self,
+        selector: str,
+        payload: bytes | None = None,
+        timeout_s: float = QUERY_TIMEOUT_S,
+        attachment: bytes | None = None,
     ) -> Iterator[zenoh.Sample]:
         """The good replies as they come; an error is raised only where there is none, for another service may know."""
         answered, error = False, None
@@ -335,7 +341,7 @@ class Client:
             payload=payload,
             timeout=timeout_s,
             consolidation=zenoh.ConsolidationMode.NONE,
-            attachment=self._name,
+            attachment=attachment or self._name,
         )
         for reply in replies:
             if reply.ok is not None:

@@ -53,3 +53,23 @@ class BusConfigError(BusError):
 
 class TlsError(BusConfigError):
     """A folder of certificate and key that can't be used; the message never holds a part of a key."""
+
+
+class CallerError(NoctuleError):
+    """A command that does not say who gives it, where it must, or says it falsely."""
+
+
+class FirmwareKeyError(NoctuleError):
+    """A key of firmware images, or a file of such keys, that can't be used."""
+
+
+class ImageSignatureError(NoctuleError):
+    """A firmware image that is not what was signed; the message goes on after the image's name."""
+
+
+class NoSignatureError(ImageSignatureError):
+    """A firmware image that nobody has signed."""
+
+
+class UnknownKeyError(ImageSignatureError):
+    """A firmware image signed by none of the known keys."""

@@ -302,6 +302,16 @@ class CommandRequest(_message.Message):
     force: bool
     def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ..., bearing_rad: _Optional[float] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_c: _Optional[float] = ..., image: _Optional[bytes] = ..., force: _Optional[bool] = ...) -> None: ...
 
+class Caller(_message.Message):
+    __slots__ = ("session", "certificate", "signature")
+    SESSION_FIELD_NUMBER: _ClassVar[int]
+    CERTIFICATE_FIELD_NUMBER: _ClassVar[int]
+    SIGNATURE_FIELD_NUMBER: _ClassVar[int]
+    session: str
+    certificate: bytes
+    signature: bytes
+    def __init__(self, session: _Optional[str] = ..., certificate: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
+
 class CommandReply(_message.Message):
     __slots__ = ("request_id", "done", "error", "status", "settings", "detail")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]

@@ -8,10 +8,11 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from noctule import logs
+from noctule import logs, tls
 from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
+from noctule_viewer.presence import Presence
 from noctule_viewer.relay import RERUN, Relay, environment
 
 _log = logging.getLogger(__name__)
@@ -35,6 +36,21 @@ def run(
     memory_limit: Annotated[str, typer.Option(help="How much history to keep for viewers that come later.")] = (
         _DEFAULT.memory_limit
     ),
+    site: Annotated[
+        str | None, typer.Option(help="Show the relay's status among this site's services, on the bus.")
+    ] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
+    ] = None,
+    tls_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--tls",
+            envvar=tls.FOLDER_VARIABLE,
+            metavar="FOLDER",
+            help="With --site: certificate and key, a folder that noctule-deploy render made.",
+        ),
+    ] = None,
     metrics: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")] = None,
     log_format: Annotated[
         LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
@@ -53,7 +69,11 @@ def run(
 
     try:
         relay.check_ports()
-        status = relay.run(announce, metrics, ending)
+        if site is None:
+            status = relay.run(announce, metrics, ending)
+        else:
+            with Presence(site, connect or [], tls_folder) as presence:
+                status = relay.run(announce, metrics, ending, presence.put)
     except NoctuleError as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error

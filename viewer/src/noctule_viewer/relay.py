@@ -78,9 +78,16 @@ class Relay:
                         f"can't listen on {self.bind}:{port} ({error.strerror}): name another port"
                     ) from error
 
-    def run(self, announce: Callable[[], object], metrics_at: str | None, ending: Ending) -> int:
+    def run(
+        self,
+        announce: Callable[[], object],
+        metrics_at: str | None,
+        ending: Ending,
+        show: Callable[[ServiceStatus], object] = lambda _: None,
+    ) -> int:
         """Run the relay and its page, and call ``announce`` once both answer. Returns the relay's exit status.
 
+        ``show`` is given the relay's status each second, and must not wait.
         SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start,
         MetricsError if ``metrics_at`` can't be had.
         """
@@ -92,9 +99,16 @@ class Relay:
             self._send_layout()
             with page.serving((self.bind, self.web_port), (self.bind, files_port), f"http://{self.bind}:{self.port}"):
                 announce()
-                return self._look_after(relay, Pulse(self.bind, files_port), metrics_at, ending)
+                return self._look_after(relay, Pulse(self.bind, files_port), metrics_at, ending, show)
 
-    def _look_after(self, relay: subprocess.Popen[bytes], pulse: Pulse, metrics_at: str | None, ending: Ending) -> int:
+    def _look_after(
+        self,
+        relay: subprocess.Popen[bytes],
+        pulse: Pulse,
+        metrics_at: str | None,
+        ending: Ending,
+        show: Callable[[ServiceStatus], object],
+    ) -> int:
         """Wait for the relay to end by itself; its exit status. Tell systemd and Prometheus how it fares meanwhile."""
         shown = metrics.registry(lambda: [_status(pulse)], child=lambda: relay.pid)
         manager = ServiceManager()
@@ -102,6 +116,7 @@ class Relay:
             try:
                 while relay.poll() is None:
                     pulse.feel()
+                    show(_status(pulse))
                     manager.serving(f"watch the map at {self.page}", pulse.beats)
                     ending.begun.wait(_LOOK_AFTER_EVERY_S)
             finally:
@@ -175,6 +190,7 @@ def _status(pulse: Pulse) -> ServiceStatus:
         name="viewer",
         role="viewer",
         version=version("noctule-viewer"),
+        detail="" if pulse.beats else "the relay does not answer: start it again",
         counters={"relay_looks": pulse.looks, "relay_looks_failed": pulse.failed},
     )
     status.time.GetCurrentTime()

@@ -1,4 +1,4 @@
-"""Commands from the bus, each carried out once: a second one of the same request_id gets the reply of the first.
+"""Commands from the bus, each carried out once: the same one again, by its request_id, gets the reply of the first.
 
 Few may be under way, so that a flood of commands fills no memory, and a stop does not wait behind them.
 """
@@ -7,7 +7,10 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass
+from hashlib import sha256
 
+from noctule.caller import Who
 from noctule.messages_pb2 import CommandReply, CommandRequest
 
 MAX_UNDER_WAY = 16  # commands to one unit
@@ -16,40 +19,54 @@ STOP, UPDATE = "stop", "update"
 
 _REMEMBERED = 100
 
-Server = Callable[[str, CommandRequest], "Future[CommandReply]"]
+Server = Callable[[str, CommandRequest, Who], "Future[CommandReply]"]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A command that was begun: its name, the SHA-256 of its request, and the reply to come."""
+
+    name: str
+    digest: bytes
+    reply: "Future[CommandReply]"
 
 
 class CommandCache:
     """The latest commands to one unit, and what became of them. From any thread.
 
-    ``refused`` counts those that found too many under way. The limit is for stops and for all others apart.
+    ``refused`` counts those that found too many under way, or had another one's request_id. The limit is for stops and
+    for all others apart.
     """
 
     def __init__(self, server: Server) -> None:
         self.refused = 0
         self._server = server
         self._lock = threading.Lock()
-        self._replies: OrderedDict[str, Future[CommandReply]] = OrderedDict()
+        self._known: OrderedDict[str, _Known] = OrderedDict()
         self._under_way: dict[str, list[Future[CommandReply]]] = {STOP: [], UPDATE: [], "": []}
 
-    def carry_out(self, name: str, request: CommandRequest) -> "Future[CommandReply]":
-        """The reply to come: of this request, or of the one that came first under its request_id."""
+    def carry_out(self, name: str, request: CommandRequest, who: Who) -> "Future[CommandReply]":
+        """The reply to come: of this request, or of the same one that came before under its request_id."""
         if not request.request_id:
             return _refusal(request, "request_id is empty: give each command one of its own")
+        digest = sha256(request.SerializeToString(deterministic=True)).digest()
         with self._lock:
-            if request.request_id not in self._replies:
-                if too_many := self._too_many(name):
-                    self.refused += 1
-                    return _refusal(request, too_many)
-                self._replies[request.request_id] = self._begin(name, request)
-                if len(self._replies) > _REMEMBERED:
-                    self._replies.popitem(last=False)
-            return self._replies[request.request_id]
+            known = self._known.get(request.request_id)
+            if known is not None and (known.name, known.digest) == (name, digest):
+                return known.reply
+            if why := _used_for(known) if known else self._too_many(name):
+                self.refused += 1
+                return _refusal(request, why)
+            reply = self._begin(name, request, who)
+            self._known[request.request_id] = _Known(name, digest, reply)
+            if len(self._known) > _REMEMBERED:
+                self._known.popitem(last=False)
+            return reply
 
-    def _begin(self, name: str, request: CommandRequest) -> "Future[CommandReply]":
+    def _begin(self, name: str, request: CommandRequest, who: Who) -> "Future[CommandReply]":
         if name != UPDATE:
             request.ClearField("image")  # nobody reads it
-        reply = self._server(name, request)
+        reply = self._server(name, request, who)
         self._kind(name).append(reply)
         return reply
 
@@ -65,6 +82,10 @@ class CommandCache:
 
     def _kind(self, name: str) -> "list[Future[CommandReply]]":
         return self._under_way[name if name in self._under_way else ""]
+
+
+def _used_for(known: _Known) -> str:
+    return f"its request_id was used for another command ({known.name}): give each command its own"
 
 
 def _refusal(request: CommandRequest, why: str) -> "Future[CommandReply]":

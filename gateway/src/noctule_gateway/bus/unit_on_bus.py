@@ -7,9 +7,11 @@ from concurrent.futures import Future
 import zenoh
 
 from noctule import bounds, bus, keys
-from noctule.errors import BoundsError, KeyFormatError
+from noctule.caller import Callers
+from noctule.errors import BoundsError, CallerError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
 from noctule.newer_fields import NewerFields
+from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Server
@@ -39,12 +41,14 @@ class UnitOnBus:
         outbox: Outbox,
         readers: LogReaders,
         newer: NewerFields,
+        callers: Callers,
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
         self._outbox, self._readers = outbox, readers
         site, unit = served.site.name, served.unit
         self._newer = newer
-        self._commands = CommandCache(server)
+        self._commands, self._callers = CommandCache(server), callers
+        self._forged = Refusals()
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
         self.status = bus.StatePublisher(session, keys.unit_status(site, unit.name), UnitStatus)
@@ -68,8 +72,8 @@ class UnitOnBus:
 
     @property
     def commands_refused(self) -> int:
-        """Commands that found too many under way."""
-        return self._commands.refused
+        """Commands that found too many under way, had another one's request_id, or did not say who gives them."""
+        return self._commands.refused + self._forged.count
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
         payload = sample.payload.to_bytes()
@@ -107,11 +111,15 @@ class UnitOnBus:
         try:
             name = keys.parse_rpc(str(query.key_expr))  # a wildcard commands nobody
             request = bounds.decode(CommandRequest, payload)
-        except (BoundsError, KeyFormatError) as error:
+            attached = query.attachment.to_bytes() if query.attachment else b""
+            who = self._callers.who(attached, str(query.key_expr), payload)
+        except (BoundsError, CallerError, KeyFormatError) as error:
+            if isinstance(error, CallerError):
+                self._forged.note(str(query.key_expr), error)
             query.reply_err(str(error))
             return
         self._newer.note(request, payload)
-        reply = self._commands.carry_out(name, request)
+        reply = self._commands.carry_out(name, request, who)
         reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))
 
 

@@ -12,7 +12,8 @@ from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule_gateway.errors import CommandError, GatewayError
 from noctule_gateway.link.events import OrderSettled
 from noctule_gateway.link.link import Link
-from noctule_gateway.update.image import Image, parse
+from noctule_gateway.update.admission import Admission
+from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Ending, describe
 from noctule_gateway.wire import orders, settings_message
 from noctule_gateway.wire.frames import Settings
@@ -33,11 +34,17 @@ class _Command:
 class CommandRunner:
     """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
 
-    ``update`` gets the image, and whether to send one that the unit has already.
+    ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
     """
 
-    def __init__(self, link: Link, status: Callable[[], UnitStatus], update: Callable[[Image, bool], None]) -> None:
-        self._link, self._status, self._update = link, status, update
+    def __init__(
+        self,
+        link: Link,
+        status: Callable[[], UnitStatus],
+        update: Callable[[Image, bool], None],
+        admission: Admission,
+    ) -> None:
+        self._link, self._status, self._update, self._admission = link, status, update, admission
         self._updating: _Command | None = None
         self._ordered: dict[int, _Command] = {}
         self._await_settings: deque[_Command] = deque()
@@ -98,7 +105,7 @@ class CommandRunner:
     def _begin_update(self, command: _Command) -> None:
         if not command.request.image:
             raise CommandError("image is empty: give what the firmware's build/update.hex holds")
-        self._update(parse(command.request.image, "the image"), command.request.force)
+        self._update(self._admission.admit(command.request.image, "the image"), command.request.force)
         self._updating = command
 
     def _begin_with_settings(self, command: _Command) -> None:

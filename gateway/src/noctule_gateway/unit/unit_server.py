@@ -31,6 +31,7 @@ from noctule_gateway.unit.command_runner import BEING_UPDATED, CommandRunner
 from noctule_gateway.unit.plans import wanted_plan
 from noctule_gateway.unit.sweep_intake import SweepIntake
 from noctule_gateway.unit.unit_report import UnitReport
+from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Ending, describe
 from noctule_gateway.update.updater import Updater
@@ -49,7 +50,8 @@ class UnitServer:
     """Serves a unit from start() to stop(); its thread is the line's.
 
     ``publish`` is called with each sweep's record after its commit, ``report`` with the unit's status each second and
-    when it changes; neither may block. Raises CommandError if the site file's plan does not fit a unit.
+    when it changes; neither may block. ``admission`` says which firmware it may get.
+    Raises CommandError if the site file's plan does not fit a unit.
     """
 
     def __init__(
@@ -57,6 +59,7 @@ class UnitServer:
         served: ServedUnit,
         publish: Callable[[bytes], None],
         report: Callable[[UnitStatus], None],
+        admission: Admission,
     ) -> None:
         self._site, self._unit, self._report = served.site, served.unit, report
         unit = served.unit
@@ -66,7 +69,7 @@ class UnitServer:
         self._intake = SweepIntake(served, self._link, publish, self._line.call)
         self._state = UnitState()
         self._unit_report = UnitReport(served, self._link, self._intake)
-        self._commands = CommandRunner(self._link, self._status, self._begin_update)
+        self._commands = CommandRunner(self._link, self._status, self._begin_update, admission)
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = False
         self._report_due_s = 0.0
@@ -223,7 +226,7 @@ class UnitServer:
         self._lose(BEING_UPDATED)
         self._updater = Updater(self._unit.serial, image, again, random.randrange(MAX_REQUEST))
         self._updater.opened(now_s)
-        _log.info("%s: its firmware is being updated to %s", self._unit.name, image.version_text)
+        _log.info("%s: its firmware is being updated to %s; %s", self._unit.name, image.version_text, image.signer)
 
     def _advance_update(self, updater: Updater, now_s: float) -> None:
         updater.advance(now_s)

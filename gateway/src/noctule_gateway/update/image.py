@@ -7,7 +7,6 @@ take what no unit can have, and could not say which line is wrong.
 import struct
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
 
 from noctule_gateway.errors import ImageError
 
@@ -25,11 +24,15 @@ _RECORD_DATA, _RECORD_END = 0, 1
 
 @dataclass(frozen=True)
 class Image:
-    """An application for units of ``hardware``: the pages of staging that hold it, by their number."""
+    """An application for units of ``hardware``: the pages of staging that hold it, by their number.
+
+    ``signer`` says in words who has signed it, as ``admission`` found.
+    """
 
     version: tuple[int, int, int]
     hardware: int
     pages: dict[int, bytes]
+    signer: str = "signature not checked"
 
     @property
     def version_text(self) -> str:
@@ -37,16 +40,11 @@ class Image:
         return ".".join(map(str, self.version))
 
 
-def load(path: Path) -> Image:
-    """Read the image of an update. Raises ImageError, which says what is wrong, in which line, and what to do."""
-    try:
-        return parse(path.read_bytes(), str(path))
-    except OSError as error:
-        raise ImageError(f"{path} can't be read: {error.strerror}") from error
-
-
 def parse(data: bytes, name: str) -> Image:
-    """The image of an update from the bytes of its file, which errors call ``name``. Raises ImageError."""
+    """The image of an update from the bytes of its file, which errors call ``name``; signatures are passed over.
+
+    Raises ImageError, which says what is wrong, in which line, and what to do.
+    """
     try:
         text = data.decode("ascii")
     except UnicodeDecodeError as error:
@@ -77,7 +75,7 @@ def _record(where: str, line: str) -> tuple[int, int, bytes]:
         record = bytes.fromhex(line.removeprefix(":"))
         count, address, kind = struct.unpack_from(">BHB", record)
     except (ValueError, struct.error) as error:
-        raise ImageError(f"{where}: {line[:40]!r} is no record of Intel HEX") from error
+        raise ImageError(f"{where}: {line[:40]!r} is no record of Intel HEX, or is cut") from error
     if not line.startswith(":") or len(record) != count + 5 or sum(record) & 0xFF:
         raise ImageError(f"{where}: {line[:40]!r} is no record of Intel HEX, or is damaged")
     if kind not in (_RECORD_DATA, _RECORD_END):

@@ -47,6 +47,6 @@ def joined(
     """A client of ``site``; None waits for a router for ever. Raises BusError."""
     with (
         bus.open_session(connect, patience_s=patience_s, tls_folder=tls_folder) as session,
-        Client(site, session=session) as client,
+        Client(site, session=session, tls_folder=tls_folder) as client,
     ):
         yield client

@@ -9,6 +9,7 @@ import typer
 
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined
 from noctule.log_follower import LogFollower
+from noctule.read_watch import ReadWatch
 from noctule.recording import Recording
 
 
@@ -23,8 +24,10 @@ def record(
         closing(Recording(out, site)) as recording,
         suppress(KeyboardInterrupt),  # the way to end it
         joined(site, connect, tls, patience_s=None) as client,
+        closing(ReadWatch(client, connect, tls)) as watch,
         LogFollower(client, recording.append, recording.cursors),
     ):
+        watch.begin()
         threading.Event().wait()
     held = ", ".join(f"{unit} to {cursor.log_sequence}" for unit, cursor in sorted(recording.cursors.items()))
     typer.echo(f"{out} holds {held or 'no sweeps yet'}", err=True)

@@ -1,0 +1,106 @@
+"""Whether the audit log is what was written, every line of it: for the operator, by hand. It changes nothing."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from noctule_gateway.audit import lines
+from noctule_gateway.errors import AuditError
+
+_MOST_NAMED = 20  # damaged places
+
+
+@dataclass(frozen=True)
+class AuditLook:
+    """What was found: ``sound`` lines, numbered ``first`` to ``last``; ``trouble`` is empty if nothing was altered."""
+
+    sound: int
+    first: int
+    last: int
+    cut: int  # files whose last line a crash has cut
+    trouble: str
+
+    def __str__(self) -> str:
+        numbers = f"{self.first} to {self.last}" if self.sound else "none"
+        cut = f", {self.cut} unfinished at the end of a file, as a crash leaves them" if self.cut else ""
+        state = self.trouble or "all is sound"
+        return f"audit log: {self.sound} sound lines, numbers {numbers}{cut}; {state}"
+
+
+def look_at_audit(data: Path) -> list[AuditLook]:
+    """Look at the audit log in the folder ``data``, also while a gateway runs; nothing where there is none."""
+    found = lines.files(data)
+    if not found:
+        return []
+    chain = _Chain()
+    for number, path in found:
+        chain.take_file(number, path)
+    more = f"; and {len(chain.bad) - _MOST_NAMED} more" if len(chain.bad) > _MOST_NAMED else ""
+    trouble = f"it was altered: {'; '.join(chain.bad[:_MOST_NAMED])}{more}" if chain.bad else ""
+    return [AuditLook(len(chain.numbers), min(chain.numbers, default=0), chain.last or 0, chain.cut, trouble)]
+
+
+def copy_audit(data: Path, out: Path) -> None:
+    """Copy the audit log of the folder ``data`` into ``out``, up to the last line that is whole. Raises AuditError."""
+    for _, path in lines.files(data):
+        try:
+            content = path.read_bytes()
+            (out / path.name).write_bytes(content[: content.rfind(b"\n") + 1])
+        except OSError as error:
+            raise AuditError(f"{path} can't be copied to {out}: {error.strerror}") from error
+
+
+class _Chain:
+    """The lines of all files, in their order; ``hash`` and ``last`` are those of the last sound line."""
+
+    def __init__(self) -> None:
+        self.numbers: list[int] = []
+        self.bad: list[str] = []
+        self.cut = 0
+        self.hash: str | None = None
+        self.last: int | None = None
+        self._file: int | None = None
+
+    def take_file(self, number: int, path: Path) -> None:
+        """Read one file and hold it against what came before."""
+        if self._file is not None and number != self._file + 1:
+            missing = number - self._file - 1
+            self.bad.append(f"{missing} files before {path.name} are missing" if missing > 1 else _missing(number - 1))
+            self.hash = self.last = None
+        self._file = number
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            self.bad.append(f"{path.name} can't be read: {error.strerror}")
+            self.hash = self.last = None
+            return
+        *whole, rest = content.split(b"\n")
+        self.cut += bool(rest)
+        begins = True
+        for place, line in enumerate(whole, start=1):
+            self._take_line(f"{path.name}, line {place}", line, begins)
+            begins = False
+        if begins and not rest:
+            self.bad.append(f"{path.name} is empty")
+
+    def _take_line(self, where: str, line: bytes, begins: bool) -> None:
+        try:
+            facts, own = lines.read(line, None if begins else self.hash or "")
+        except AuditError as error:
+            self.bad.append(f"{where} {error}")
+            self._go_on_from(line)
+            return
+        if begins and self.hash is not None and facts.get("after") != self.hash:
+            self.bad.append(f"{where} does not go on from the file before: lines at its end are missing")
+        elif self.last is not None and facts["number"] != self.last + 1:
+            self.bad.append(f"{where} has number {facts['number']} after {self.last}")
+        self.numbers.append(facts["number"])
+        self.hash, self.last = own, facts["number"]
+
+    def _go_on_from(self, line: bytes) -> None:
+        """One line that was changed is named once: the next one is held against what this one says of itself."""
+        claimed = lines.claimed(line)
+        self.last, self.hash = claimed if claimed else (None, self.hash)
+
+
+def _missing(number: int) -> str:
+    return f"{lines.file_name(number)} is missing"

@@ -1,0 +1,263 @@
+"""The audit log: nothing in it can be altered without a trace, and no disk keeps a command from its unit."""
+
+import json
+import logging
+import resource
+import shutil
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from system.processes import wait_until
+from typer.testing import CliRunner
+
+from noctule.caller import Who
+from noctule.messages_pb2 import CommandReply, CommandRequest
+from noctule_gateway.audit import audit_file, audit_log, lines
+from noctule_gateway.audit.audit_log import AuditLog
+from noctule_gateway.audit.look import AuditLook, copy_audit, look_at_audit
+from noctule_gateway.bus.recorded_commands import RecordedCommands
+from noctule_gateway.cli import app
+from noctule_gateway.errors import AuditError
+
+ANNA = Who("operator.anna.g1", signed=True)
+
+
+def record(
+    folder: Path, count: int, max_file_bytes: int = audit_log.MAX_FILE_BYTES, max_bytes: int = audit_log.MAX_BYTES
+) -> AuditLog:
+    """What one run of a gateway records."""
+    log = AuditLog(folder, {"site": "house"}, max_file_bytes, max_bytes)
+    for number in range(count):
+        log.append({"event": "given", "command": "stop", "request_id": f"r{number}"}).result(10)
+    log.close()
+    return log
+
+
+def look(folder: Path) -> AuditLook:
+    (found,) = look_at_audit(folder)
+    return found
+
+
+def facts(folder: Path) -> list[lines.Facts]:
+    return [json.loads(line) for _, path in lines.files(folder) for line in path.read_bytes().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three runs with three commands each, a file each."""
+    folder = tmp_path_factory.mktemp("audit")
+    for _ in range(3):
+        record(folder, 3)
+    return folder
+
+
+@pytest.fixture
+def copy(recorded: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(recorded, tmp_path / "copy"))
+
+
+def test_lines_are_one_chain_over_all_files_and_restarts(recorded: Path) -> None:
+    assert [number for number, _ in lines.files(recorded)] == [1, 2, 3]
+    assert [each["number"] for each in facts(recorded)] == list(range(1, 13))
+    assert str(look(recorded)) == "audit log: 12 sound lines, numbers 1 to 12; all is sound"
+
+
+@given(file=st.integers(1, 3), at=st.floats(0, 1, exclude_max=True), bit=st.integers(0, 7))
+def test_no_bit_of_it_can_flip_without_a_trace(recorded: Path, file: int, at: float, bit: int) -> None:
+    path = recorded / lines.file_name(file)
+    sound = path.read_bytes()
+    changed = bytearray(sound)
+    changed[int(at * len(sound))] ^= 1 << bit
+    try:
+        path.write_bytes(changed)
+        found = look(recorded)
+    finally:
+        path.write_bytes(sound)
+    # The last line's end could also be missing because it is being written.
+    assert found.trouble or (found.cut, found.sound, file) == (1, 11, 3)
+
+
+@pytest.mark.parametrize(
+    ("alter", "words"),
+    [
+        (lambda them: them.pop(2), "audit-2.jsonl, line 3 was changed, or the line before it was changed or taken out"),
+        (lambda them: them.insert(1, them.pop(2)), "audit-2.jsonl, line 2 was changed, or the line before it"),
+        (lambda them: them.insert(2, them[1]), "audit-2.jsonl, line 3 was changed, or the line before it"),
+        (lambda them: them.pop(), "audit-3.jsonl, line 1 does not go on from the file before: lines at its end are"),
+        (lambda them: them.clear(), "audit-2.jsonl is empty"),
+    ],
+)
+def test_a_line_that_was_taken_out_or_moved_shows(copy: Path, alter, words: str) -> None:
+    path = copy / lines.file_name(2)
+    them = path.read_bytes().splitlines(keepends=True)
+    alter(them)
+    path.write_bytes(b"".join(them))
+    assert words in look(copy).trouble
+
+
+def test_a_file_that_is_missing_shows_but_the_oldest_may_be_deleted(copy: Path) -> None:
+    (copy / lines.file_name(2)).rename(copy / "kept")
+    assert look(copy).trouble == "it was altered: audit-2.jsonl is missing"
+    (copy / lines.file_name(1)).unlink()
+    assert look(copy).trouble == ""
+
+
+def test_a_line_that_a_crash_has_cut_is_no_alteration_and_the_next_run_goes_on(copy: Path) -> None:
+    path = copy / lines.file_name(3)
+    path.write_bytes(path.read_bytes()[:-20])
+    assert (look(copy).cut, look(copy).trouble) == (1, "")
+    record(copy, 2)
+    assert str(look(copy)) == (
+        "audit log: 14 sound lines, numbers 1 to 14, 1 unfinished at the end of a file, as a crash leaves them; "
+        "all is sound"
+    )
+
+
+def test_its_size_is_bounded_and_the_oldest_files_go_first(tmp_path: Path) -> None:
+    log = record(tmp_path, 300, max_file_bytes=2_000, max_bytes=10_000)
+    sizes = [path.stat().st_size for _, path in lines.files(tmp_path)]
+    assert sum(sizes) <= 10_000 and max(sizes) <= 2_000 + 300
+    assert lines.files(tmp_path)[0][0] > 1
+    found = look(tmp_path)
+    assert (found.trouble, found.last) == ("", log.recorded)
+    assert found.first > 1
+
+
+def test_a_copy_of_a_running_gateways_log_ends_with_a_whole_line(copy: Path, tmp_path: Path) -> None:
+    with (copy / lines.file_name(3)).open("ab") as file:
+        file.write(b'{"number":13,"ti')
+    out = tmp_path / "out"
+    out.mkdir()
+    copy_audit(copy, out)
+    assert (look(out).sound, look(out).cut, look(out).trouble) == (12, 0, "")
+
+
+def test_where_it_can_not_be_written_the_command_is_carried_out_and_the_status_says_what_to_do(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    log = AuditLog(folder, {})
+    with pytest.raises(AuditError, match="No such file or directory"):
+        log.append({"event": "given"}).result(10)
+    assert log.detail.startswith("commands are not recorded (") and "make room there" in log.detail
+    assert log.lost == 1
+    folder.mkdir()
+    log.append({"event": "given"}).result(10)
+    assert (log.detail, log.recorded) == ("", 2)
+    log.close()
+
+
+def test_a_line_that_a_full_disk_has_cut_short_is_taken_back(tmp_path: Path) -> None:
+    log = AuditLog(tmp_path, {})
+    log.append({"event": "given"}).result(10)
+    size = (tmp_path / lines.file_name(1)).stat().st_size
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 10, hard))
+    try:
+        with pytest.raises(AuditError, match="File too large"):
+            log.append({"event": "given"}).result(10)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert (tmp_path / lines.file_name(1)).stat().st_size == size
+    log.append({"event": "given"}).result(10)
+    log.close()
+    assert (look(tmp_path).sound, look(tmp_path).cut, look(tmp_path).trouble) == (4, 0, "")
+
+
+@pytest.fixture
+def hanging(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
+    """A disk that answers once the event is set."""
+    answers = threading.Event()
+    monkeypatch.setattr(audit_file.os, "fsync", lambda _: answers.wait(30))
+    monkeypatch.setattr(audit_log, "WAIT_S", 0.05)
+    yield answers
+    answers.set()
+
+
+def test_a_disk_that_hangs_holds_a_command_up_for_a_moment_only(tmp_path: Path, hanging: threading.Event) -> None:
+    begun: list[str] = []
+
+    def unit(name: str, request: CommandRequest) -> Future[CommandReply]:
+        begun.append(name)
+        reply: Future[CommandReply] = Future()
+        reply.set_result(CommandReply(request_id=request.request_id, done=True))
+        return reply
+
+    log = AuditLog(tmp_path, {})
+    reply = RecordedCommands(unit, log, "u1").carry_out("stop", CommandRequest(request_id="r1"), ANNA)
+    assert reply.result(10).done
+    assert (begun, log.lost) == (["stop"], 1)
+    assert log.detail.startswith("commands are recorded late, if at all: the disk of")
+    hanging.set()
+    log.close()
+    assert log.detail == ""
+    assert [each["event"] for each in facts(tmp_path)] == ["file begun", "given", "done"]  # late, but there
+
+
+def test_a_command_is_recorded_before_it_is_begun_with_who_gave_it_and_then_with_its_outcome(tmp_path: Path) -> None:
+    known_when_begun: list[lines.Facts] = []
+    reply: Future[CommandReply] = Future()
+
+    def unit(_name: str, _request: CommandRequest) -> Future[CommandReply]:
+        known_when_begun.extend(facts(tmp_path))
+        return reply
+
+    log = AuditLog(tmp_path, {"site": "house"})
+    commands = RecordedCommands(unit, log, "u1")
+    request = CommandRequest(request_id="r1", image=b":00000001FF\n", force=True)
+    given = commands.carry_out("update", request, ANNA)
+    wait_until(lambda: known_when_begun, "the command was not begun", 10)
+    reply.set_result(CommandReply(request_id="r1", error="the image was not taken: it is not signed"))
+    assert not given.result(10).done
+    commands.carry_out("status", CommandRequest(request_id="r2"), ANNA)  # changes nothing
+    log.close()
+    begun, record_, outcome = facts(tmp_path)
+    assert known_when_begun[:2] == [begun, record_]
+    assert begun["site"] == "house"
+    told = {key: value for key, value in record_.items() if key not in ("number", "time", "hash")}
+    assert told == {
+        "event": "given",
+        "who": "operator.anna.g1",
+        "signed": True,
+        "unit": "u1",
+        "command": "update",
+        "request_id": "r1",
+        "arguments": {
+            "force": True,
+            # sha256sum of the twelve bytes
+            "image": "12 bytes, SHA-256 9e2df0a1190a1205c098889c455e5b76c4df18b5ccac2b7605da1575f05b64c5",
+        },
+    }
+    assert (outcome["event"], outcome["request_id"]) == ("failed", "r1")
+    assert outcome["error"] == "the image was not taken: it is not signed"
+
+
+def test_what_a_client_has_made_up_begins_no_line_of_the_programs_log(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    reply: Future[CommandReply] = Future()
+    reply.set_result(CommandReply(done=True))
+    log = AuditLog(tmp_path, {})
+    forged = Who("session x\nERROR all is lost", signed=False)
+    with caplog.at_level(logging.INFO):
+        given = RecordedCommands(lambda *_: reply, log, "u1").carry_out(
+            "stop", CommandRequest(request_id="r\nERROR too"), forged
+        )
+        assert given.result(10).done
+    log.close()
+    assert not any(line.startswith("ERROR") for line in caplog.text.splitlines())
+    assert (look(tmp_path).sound, look(tmp_path).trouble) == (3, "")
+
+
+def test_check_reads_the_audit_log_too_and_ends_with_status_1_where_it_was_altered(tmp_path: Path) -> None:
+    log = record(tmp_path, 3)
+    (tmp_path / "u1.sqlite").touch()
+    text = (tmp_path / lines.file_name(1)).read_text()
+    (tmp_path / lines.file_name(1)).write_text(text.replace('"r1"', '"r9"'))
+    run = CliRunner().invoke(app, ["check", str(tmp_path)])
+    assert run.exit_code == 1
+    assert "audit log: 3 sound lines, numbers 1 to 4; it was altered: audit-1.jsonl, line 3 was changed" in run.output
+    assert log.recorded == 4

@@ -1,0 +1,89 @@
+"""The relay on the bus of a site: its status each second, and whether others can read it.
+
+The relay itself needs no bus, so it does not wait for one: all of this is on a thread of its own.
+"""
+
+import logging
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Self
+
+import zenoh
+
+from noctule import bus, bus_config, keys, tls
+from noctule.bus_watch import BusWatch
+from noctule.errors import NoctuleError
+from noctule.messages_pb2 import ServiceStatus
+
+_PUBLISH_EVERY_S = 1.0
+_END_WITHIN_S = 2.0
+
+_log = logging.getLogger(__name__)
+
+
+class _ClosedError(Exception):
+    """close() was called while the session waited for a router."""
+
+
+class Presence:
+    """Publishes what put() was given last as the status of ``site``'s service of this viewer's name.
+
+    Used as a context manager, or until close(). The name is the certificate's, or "viewer".
+    """
+
+    def __init__(self, site: str, connect: Sequence[str] = (), tls_folder: Path | None = None) -> None:
+        """Raises KeyFormatError, BusConfigError, TlsError."""
+        self._site, self._connect, self._tls_folder = keys.name(site, "site"), connect, tls_folder
+        self._name = tls.service_name(tls_folder, "viewer")
+        bus_config.config(connect, (), tls.chosen(tls_folder))  # a mistake in it is told at once
+        self._latest: ServiceStatus | None = None
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="presence", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def put(self, status: ServiceStatus) -> None:
+        """Publish ``status`` soon; site, name and what is wrong with the way over the bus are added. Never waits."""
+        self._latest = status
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._closed.set()
+        self._thread.join(_END_WITHIN_S)
+
+    def _run(self) -> None:
+        try:
+            with bus.open_session(
+                self._connect, tls_folder=self._tls_folder, while_waiting=self._end_where_closed
+            ) as session:
+                self._publish(session)
+        except _ClosedError:
+            pass
+        except (NoctuleError, zenoh.ZError) as error:
+            _log.error("the viewer is not shown on the bus: %s", error)
+
+    def _publish(self, session: zenoh.Session) -> None:
+        publisher = bus.StatePublisher(session, keys.service_status(self._site, self._name), ServiceStatus)
+        watch = BusWatch(session, self._connect, tls_folder=self._tls_folder)
+        watch.begin(lambda: [publisher])
+        try:
+            while not self._closed.wait(_PUBLISH_EVERY_S):
+                if (status := self._latest) is not None:
+                    message = ServiceStatus()
+                    message.CopyFrom(status)
+                    message.site, message.name = self._site, self._name
+                    message.detail = "; ".join(filter(None, (watch.detail(), status.detail)))
+                    publisher.put(message)
+        finally:
+            watch.close()
+            publisher.close()
+
+    def _end_where_closed(self) -> None:
+        if self._closed.is_set():
+            raise _ClosedError
