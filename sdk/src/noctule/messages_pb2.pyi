@@ -301,20 +301,22 @@ class CommandRequest(_message.Message):
     def __init__(self, request_id: _Optional[str] = ..., plan: _Optional[_Union[SweepPlan, _Mapping]] = ..., pause_s: _Optional[float] = ..., waypoint: _Optional[int] = ..., bearing_rad: _Optional[float] = ..., calibration: _Optional[_Union[Calibration, _Mapping]] = ..., temperature_c: _Optional[float] = ..., image: _Optional[bytes] = ..., force: _Optional[bool] = ...) -> None: ...
 
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status", "settings", "detail")
+    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "under_way")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     DETAIL_FIELD_NUMBER: _ClassVar[int]
+    UNDER_WAY_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
     error: str
     status: UnitStatus
     settings: UnitSettings
     detail: str
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ...) -> None: ...
+    under_way: bool
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., under_way: _Optional[bool] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence")

@@ -40,7 +40,7 @@ class CommandCache:
             if request.request_id not in self._replies:
                 if too_many := self._too_many(name):
                     self.refused += 1
-                    return _refusal(request, too_many)
+                    return _refusal(request, too_many, under_way=name == UPDATE)
                 self._replies[request.request_id] = self._begin(name, request)
                 if len(self._replies) > _REMEMBERED:
                     self._replies.popitem(last=False)
@@ -67,7 +67,7 @@ class CommandCache:
         return self._under_way[name if name in self._under_way else ""]
 
 
-def _refusal(request: CommandRequest, why: str) -> "Future[CommandReply]":
+def _refusal(request: CommandRequest, why: str, under_way: bool = False) -> "Future[CommandReply]":
     refusal: Future[CommandReply] = Future()
-    refusal.set_result(CommandReply(request_id=request.request_id, error=why))
+    refusal.set_result(CommandReply(request_id=request.request_id, error=why, under_way=under_way))
     return refusal
