@@ -59,11 +59,12 @@ class Fleet:
     def wait_for_owners(self, session: zenoh.Session, names: Sequence[str], within_s: float) -> float:
         """Seconds until every site is mapped by the mapper that rendezvous hashing gives it."""
         expected, began_s = {site: owner_of(site, names) for site in self.sites}, time.monotonic()
-        wait_until(
-            lambda: other_mappers(session, self.sites, but="") == expected,
-            f"the sites are not mapped by {names}",
-            within_s,
-        )
+
+        def mapped() -> bool:
+            self.running.check()
+            return other_mappers(session, self.sites, but="") == expected
+
+        wait_until(mapped, f"the sites are not mapped by {names}", within_s)
         return time.monotonic() - began_s
 
     def tell(self, word: str) -> None:
