@@ -42,8 +42,8 @@ class StreamedUnit:
         self._kept, self._on_bus, self._seen, self._rng = kept, on_bus, seen, rng
         self.made = 0
 
-    def sweep(self) -> None:
-        """Hand one sweep over."""
+    def sweep(self, start_ns: int | None = None) -> None:
+        """Hand one sweep over, which began at ``start_ns`` (UTC) or, for all that is measured here, now."""
         self.made += 1
         sweep = Sweep()
         sweep.CopyFrom(self._seen)
@@ -54,7 +54,7 @@ class StreamedUnit:
         ):
             if reading.HasField("time_of_flight_s"):
                 reading.time_of_flight_s += late_s
-        sweep.start.FromNanoseconds(time.time_ns())
+        sweep.start.FromNanoseconds(time.time_ns() if start_ns is None else start_ns)
         self.log.append(Arrival(self.made.to_bytes(16, "big"), self.made, sweep), self._done)
 
     def report(self) -> None:
