@@ -29,6 +29,7 @@ DAY_S = 86_400.0
 CADENCE_S = 16.0  # a fixed unit's 61 bearings and its pause: deploy/demo/sites/lounge.toml
 LOOK_EVERY_S = 5.0
 UNITS = 2
+RELAY = ("--memory-limit", "100MB")  # the relay keeps drawings up to its limit, which must be reached on the first day
 MOST_AHEAD = 500  # sweeps that the mapper has not reported yet; it reports each second
 
 
@@ -140,7 +141,7 @@ def firmware(folder: Path, _days: float) -> Iterator[Scene]:
 
 def _start_relay(running: Programs) -> str:
     port, web_port = free_ports(2)
-    running.start("relay", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port))
+    running.start("relay", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *RELAY)
     wait_until(lambda: listens(port), "no relay", within_s=90)
     return f"rerun+http://127.0.0.1:{port}/proxy"
 

@@ -1,10 +1,11 @@
 """The program that shares sites with others of its kind, and runs the mappers of those that fall to it."""
 
+import os
 import threading
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import zenoh
@@ -57,7 +58,7 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         offers = Offers(session, name, sites, stop)
         closing.callback(offers.close)
         closing.callback(shown.close)
-        mapped = [SiteProcess(each, shared.log_format, context) for each in shared.sites]
+        mapped = [SiteProcess(each, shared.log_format, context) for each in _with_turns(shared)]
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
         while not stop.wait(_STEP_S):
@@ -69,6 +70,14 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
                 shown.note({"sites": len(sites), "sites_mapped": len(pids), "mappers_failed": failed}, pids)
                 shown.follow(session, pids)
             manager.serving(f"maps {len(pids)} of {len(sites)} shared sites")
+
+
+def _with_turns(shared: SharedSites) -> list[LiveSettings]:
+    """The sites' settings, with as many turns at fitting among them as half the processors of this host."""
+    turns = max(1, (os.cpu_count() or 1) // 2)
+    return [
+        replace(each, fit_turn=shared.data / f"fit-turn-{number % turns}") for number, each in enumerate(shared.sites)
+    ]
 
 
 def _step(mapped: Sequence[SiteProcess], mine: Mapping[str, bool], session: zenoh.Session, name: str) -> None:
