@@ -23,6 +23,7 @@ from noctule.messages_pb2 import CommandReply, CommandRequest, Sweep, UnitStatus
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
+from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Arrival, Committed, Retention
 from noctule_gateway.log.sweep_log import SweepLog
@@ -93,7 +94,7 @@ def open_units(
         for index, unit in enumerate(known.units):
             log = SweepLog(data / f"{known.name}.{unit.name}.sqlite", Retention())
             closing.callback(log.close)
-            kept = ServedUnit(known, unit, log, PoseTrack())
+            kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / "clock-epoch"))
             on_bus = UnitOnBus(session, kept, _refuse, outbox, readers)
             opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng))
     return opened
