@@ -1,10 +1,12 @@
 """`make bench`: what the parts can do, measured in this run, most of it beside other software. Nothing is passed or
-failed here.
+failed here. `PYTHONPATH=tests python tests/bench/run.py scale` runs what wants the whole machine: a large fleet.
 """
 
+import sys
 from collections.abc import Callable, Sequence
 
 from bench import belief, fleet, idle_relay, large_map, live, loading, neighbours, range_grid, shapes, simulator
+from bench.scale import report
 
 
 def _numbers() -> list[str]:
@@ -38,6 +40,9 @@ SECTIONS: Sequence[tuple[str, Callable[[], list[str]]]] = (
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["scale"]:
+        report.main(sys.argv[2:])
+        return
     for title, table in SECTIONS:
         print(title, flush=True)
         for line in table():

@@ -60,6 +60,7 @@ def test_of_a_hundred_images_one_is_kept_and_none_with_a_command_that_needs_none
     cache = CommandCache(unit)
     refused = [cache.carry_out("update", request(number, image), ANNA) for number in range(100)][1:]
     assert all("the unit is being updated" in reply.result(0).error for reply in refused)
+    assert all(reply.result(0).under_way for reply in refused)
     cache.carry_out("home", request(100, image), ANNA)
     assert [len(request.image) for _, request in unit.begun] == [2**20, 0]
 

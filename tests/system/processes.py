@@ -68,6 +68,10 @@ class Programs:
         """The process that runs under ``name``."""
         return self._running[name].pid
 
+    def names(self) -> list[str]:
+        """Those that were started and not seen to end."""
+        return list(self._running)
+
     def wait(self, name: str) -> int:
         """Wait until ``name`` has ended by itself and return its exit status."""
         return self._running.pop(name).wait(END_WITHIN_S)

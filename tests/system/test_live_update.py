@@ -129,7 +129,8 @@ def test_one_request_is_one_update_and_other_commands_are_told_to_wait(tmp_path:
         at.wait_for(UnitStatus.STATE_LOADER, "updating: sending")
         for name in ("home", "settings", "update"):
             request = CommandRequest(image=image.read_bytes(), force=True)
-            assert "is being updated: wait" in client.command("u1", name, request, timeout_s=WITHIN_S).error
+            refused = client.command("u1", name, request, timeout_s=WITHIN_S)
+            assert ("is being updated: wait" in refused.error, refused.under_way) == (True, True)
         hello = client.command("u1", "hello", CommandRequest(), timeout_s=WITHIN_S)
         assert (hello.done, hello.status.state) == (True, UnitStatus.STATE_LOADER)
         for each in asking:
@@ -180,3 +181,19 @@ def test_a_gateway_that_is_stopped_says_so_to_who_waits_for_an_update(tmp_path: 
         assert at.running.end("gateway") == 0
         asking.join()
         assert "update the unit again, it goes on where it was" in told[0]
+
+
+def test_a_campaign_that_was_stopped_in_the_midst_is_ended_by_the_same_command(tmp_path: Path, image: Path) -> None:
+    with bench(tmp_path) as at, Client(SITE, connect=[at.endpoint]) as client:
+        at.watch(client)
+        at.wait_for(UnitStatus.STATE_IDLE)
+        command = ("noctule", "update", str(image), "--site", SITE, "--json", "--connect", at.endpoint)
+        at.running.start("campaign", *command)
+        at.wait_for(UnitStatus.STATE_LOADER, "updating: sending")
+        assert at.running.end("campaign") == 130, at.running.log("campaign")
+        assert '"outcome": "under way"' in at.running.log("campaign")
+        at.running.start("again", *command)
+        assert at.running.wait("again") == 0, at.running.log("again")
+        assert '"outcome": "updated"' in at.running.log("again")
+        assert at.wait_for(UnitStatus.STATE_IDLE).firmware == "0.9.0"
+        assert at.running.log("gateway").count("its firmware is being updated") <= 2  # the second found it done

@@ -10,7 +10,7 @@ from system.processes import Programs, free_ports, programs, wait_until
 from noctule import bus, keys
 from noctule.messages_pb2 import Contour
 from noctule_mapper.sharing.rendezvous import owner_of
-from noctule_mapper.sharing.service import mapper_of
+from noctule_mapper.sharing.service import other_mappers
 
 SITES = [f"site-{number}" for number in range(6)]
 SITE_WITH_A_UNIT = "site-3"
@@ -41,7 +41,7 @@ def wait_for_owners(router: zenoh.Session, running: Programs, members: Sequence[
 
     def mapped() -> bool:
         running.check()
-        return {site: mapper_of(router, site, but="") for site in SITES} == expected
+        return other_mappers(router, SITES, but="") == expected
 
     wait_until(mapped, f"the sites are not mapped as {expected}", within_s=90)
 

@@ -23,6 +23,10 @@ class CommandError(GatewayError):
     """A unit did not carry out a command."""
 
 
+class UnderWayError(CommandError):
+    """A unit takes no command because it is being updated."""
+
+
 class ImageError(GatewayError):
     """A file is not an image that a unit can be updated with."""
 

@@ -313,20 +313,22 @@ class Caller(_message.Message):
     def __init__(self, session: _Optional[str] = ..., certificate: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
 
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status", "settings", "detail")
+    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "under_way")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     DETAIL_FIELD_NUMBER: _ClassVar[int]
+    UNDER_WAY_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
     error: str
     status: UnitStatus
     settings: UnitSettings
     detail: str
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ...) -> None: ...
+    under_way: bool
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., under_way: _Optional[bool] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence", "time")

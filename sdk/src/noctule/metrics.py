@@ -17,6 +17,8 @@ Labels = Mapping[str, str]
 # A status calls all its numbers counters. These rise and fall, as does what is a size or a duration.
 _LEVELS = frozenset(
     {
+        "sites",
+        "sites_mapped",
         "units",
         "units_connected",
         "units_late",
@@ -53,16 +55,40 @@ class StatusCollector(Collector):
         return families.all()
 
 
-def registry(statuses: Statuses, child: Callable[[], int] | None = None) -> CollectorRegistry:
-    """What a service shows: its statuses, and CPU, memory and open files of its process and, if it has one, of the
-    process that ``child`` names.
+def registry(
+    statuses: Statuses,
+    child: Callable[[], int] | None = None,
+    sites: Callable[[], Mapping[str, int]] | None = None,
+) -> CollectorRegistry:
+    """What a service shows: its statuses, and CPU, memory and open files of its process.
+
+    The same of the process that ``child`` names, as ``noctule_child_process_...``, and of those that ``sites`` names,
+    each with its site as a label, as ``noctule_site_process_...``.
     """
     result = CollectorRegistry()
     result.register(StatusCollector(statuses))
     ProcessCollector(pid=os.getpid, registry=result)
     if child is not None:
         ProcessCollector(namespace="noctule_child", pid=child, registry=result)
+    if sites is not None:
+        result.register(_SiteProcesses(sites))
     return result
+
+
+class _SiteProcesses(Collector):
+    """What ProcessCollector has of one process, of several."""
+
+    def __init__(self, pids: Callable[[], Mapping[str, int]]) -> None:
+        self._pids = pids
+
+    def collect(self) -> Iterator[Metric]:
+        families: dict[str, Metric] = {}
+        for site, pid in self._pids().items():
+            for found in ProcessCollector(namespace="noctule_site", pid=lambda pid=pid: pid, registry=None).collect():
+                family = families.setdefault(found.name, Metric(found.name, found.documentation, found.type))
+                for sample in found.samples:
+                    family.add_sample(sample.name, {**sample.labels, "site": site}, sample.value)
+        return iter(families.values())
 
 
 class _Families:

@@ -52,11 +52,14 @@ class CommandCache:
         digest = sha256(request.SerializeToString(deterministic=True)).digest()
         with self._lock:
             known = self._known.get(request.request_id)
-            if known is not None and (known.name, known.digest) == (name, digest):
-                return known.reply
-            if why := _used_for(known) if known else self._too_many(name):
+            if known is not None:
+                if (known.name, known.digest) == (name, digest):
+                    return known.reply
                 self.refused += 1
-                return _refusal(request, why)
+                return _refusal(request, _used_for(known))
+            if too_many := self._too_many(name):
+                self.refused += 1
+                return _refusal(request, too_many, under_way=name == UPDATE)
             reply = self._begin(name, request, who)
             self._known[request.request_id] = _Known(name, digest, reply)
             if len(self._known) > _REMEMBERED:
@@ -88,7 +91,7 @@ def _used_for(known: _Known) -> str:
     return f"its request_id was used for another command ({known.name}): give each command its own"
 
 
-def _refusal(request: CommandRequest, why: str) -> "Future[CommandReply]":
+def _refusal(request: CommandRequest, why: str, under_way: bool = False) -> "Future[CommandReply]":
     refusal: Future[CommandReply] = Future()
-    refusal.set_result(CommandReply(request_id=request.request_id, error=why))
+    refusal.set_result(CommandReply(request_id=request.request_id, error=why, under_way=under_way))
     return refusal

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
-from noctule_gateway.errors import CommandError, GatewayError
+from noctule_gateway.errors import CommandError, GatewayError, UnderWayError
 from noctule_gateway.link.events import OrderSettled
 from noctule_gateway.link.link import Link
 from noctule_gateway.update.admission import Admission
@@ -56,7 +56,7 @@ class CommandRunner:
             if name in AT_ONCE:
                 self._end(command)
             elif self._updating is not None:
-                raise CommandError(BEING_UPDATED)
+                raise UnderWayError(BEING_UPDATED)
             elif name == UPDATE:
                 self._begin_update(command)
             elif name == SETTINGS or orders.needs_settings(name):
@@ -128,6 +128,7 @@ class CommandRunner:
                 request_id=command.request.request_id,
                 done=error is None,
                 error="" if error is None else str(error),
+                under_way=isinstance(error, UnderWayError),
                 status=self._status(),
                 settings=None if known is None else settings_message.to_message(known),
             )

@@ -16,6 +16,7 @@ Tls = Annotated[
         envvar="NOCTULE_TLS", metavar="FOLDER", help="Certificate and key: a folder that noctule-deploy made."
     ),
 ]
+Metrics = Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")]
 Format = Annotated[LogFormat, typer.Option(envvar=FORMAT_VARIABLE, help="The log as text, or as JSON lines.")]
 
 

@@ -8,7 +8,7 @@ import typer
 
 from noctule import rerun_paths
 from noctule.logs import LogFormat
-from noctule_mapper.cli.live_options import Config, Connect, Format, Rerun, Tls, relay
+from noctule_mapper.cli.live_options import Config, Connect, Format, Metrics, Rerun, Tls, relay
 
 
 def run(
@@ -21,7 +21,7 @@ def run(
         str | None, typer.Option(help="The service's name on the bus; its certificate's, or 'mapper', if left out.")
     ] = None,
     tls: Tls = None,
-    metrics: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")] = None,
+    metrics: Metrics = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:
     """Map a site as its sweeps come."""

@@ -8,7 +8,7 @@ import typer
 
 from noctule import rerun_paths
 from noctule.logs import LogFormat
-from noctule_mapper.cli.live_options import Config, Connect, Format, Rerun, Tls, relay
+from noctule_mapper.cli.live_options import Config, Connect, Format, Metrics, Rerun, Tls, relay
 
 
 def share(
@@ -21,6 +21,7 @@ def share(
     rerun: Rerun = rerun_paths.DEFAULT_RELAY,
     config: Config = None,
     tls: Tls = None,
+    metrics: Metrics = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:
     """Share sites with other mappers: each site is mapped by one of those that are up."""
@@ -39,6 +40,6 @@ def share(
             LiveSettings(each, named, data / each, connect or [], relay(rerun), parameters, tls)
             for each in dict.fromkeys(site)
         ]
-        service.run(service.SharedSites(data, sites, log_format), stop)
+        service.run(service.SharedSites(data, sites, log_format, metrics), stop)
 
     run_process(serve, log_format)

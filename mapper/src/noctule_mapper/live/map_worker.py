@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from time import monotonic
 
@@ -61,9 +62,11 @@ class MapWorker:
         show: Callable[[MapState], None],
         set_aside: Callable[[SweepReadings, Exception], None],
         troubles: Troubles,
+        fit_turn: AbstractContextManager[None] | None = None,
     ) -> None:
         """``show`` is called with each new state and ``set_aside`` with each sweep that broke the map, on the worker's
         thread; ``next_version`` numbers the contours; a fit that fails is among the ``troubles`` until one succeeds.
+        Fits are done within ``fit_turn``, which may wait.
         """
         self._config = config.mapper
         self._mapper = self._empty_map()
@@ -71,6 +74,7 @@ class MapWorker:
         self._site, self._service = site, service
         self._next_version, self._show = next_version, show
         self._set_aside, self._troubles = set_aside, troubles
+        self._fit_turn = fit_turn or nullcontext()
         self._changed = threading.Condition()
         self._waiting = _Waiting()
         self._closing = False
@@ -123,7 +127,9 @@ class MapWorker:
             while not self._closing:
                 self._apply(self._next())
                 if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
-                    self._fit_and_show(self._oldest_unfitted_s)
+                    self._stepped_s = None
+                    with self._fit_turn:
+                        self._fit_and_show(self._oldest_unfitted_s)
         except BaseException as error:  # what comes out of Zenoh may be no Exception
             self._failure = error
             self._refuse_more()

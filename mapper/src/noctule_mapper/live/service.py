@@ -22,6 +22,7 @@ from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStat
 from noctule.rivals import Rivals
 from noctule.systemd import ServiceManager
 from noctule_mapper.live.config import LiveConfig, to_toml
+from noctule_mapper.live.fit_turn import FitTurn
 from noctule_mapper.live.map_worker import MapState, MapWorker
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.refused import RefusedSweeps
@@ -41,7 +42,10 @@ _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics."""
+    """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics.
+
+    ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes.
+    """
 
     site: str
     service: str
@@ -51,6 +55,7 @@ class LiveSettings:
     config: LiveConfig
     tls_folder: Path | None = None
     metrics_at: str | None = None
+    fit_turn: Path | None = None
 
 
 def run(settings: LiveSettings, stop: threading.Event) -> None:
@@ -110,6 +115,7 @@ class LiveMapper:
             self._show,
             self._set_aside,
             self._troubles,
+            FitTurn(settings.fit_turn) if settings.fit_turn else None,
         )
         self._follower = LogFollower(client, self.deliver, store.cursors())
         self._counts = Counter(sweeps_taken=0, sweeps_set_aside=len(store.sweeps_set_aside()))

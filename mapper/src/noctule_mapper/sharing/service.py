@@ -1,15 +1,16 @@
 """The program that shares sites with others of its kind, and runs the mappers of those that fall to it."""
 
+import os
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import zenoh
 
-from noctule import bounds, keys, logs
+from noctule import bounds, keys, logs, metrics, metrics_server
 from noctule.errors import BoundsError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus
@@ -17,51 +18,89 @@ from noctule.systemd import ServiceManager
 from noctule_mapper.live.service import LiveSettings, join
 from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.rendezvous import owner_of
+from noctule_mapper.sharing.shown import Shown
 from noctule_mapper.sharing.site_process import SiteProcess, forking_context
 
 _STEP_S = 0.2
 _QUERY_TIMEOUT_S = 1.0
+_MAPPERS_WITHIN_S = 3.0  # to end: this process has 4 s in all (noctule.ending)
 
 
 @dataclass(frozen=True)
 class SharedSites:
-    """The settings of each site that may fall to this mapper, alike but for the site and its folder in ``data``."""
+    """The settings of each site that may fall to this mapper, alike but for the site and its folder in ``data``.
+
+    ``metrics_at`` is where the figures of all of them are served; None for nowhere.
+    """
 
     data: Path
     sites: Sequence[LiveSettings]
     log_format: logs.LogFormat
+    metrics_at: str | None = None
 
 
 def run(shared: SharedSites, stop: threading.Event) -> None:
     """Share sites until ``stop`` is set, and end every mapper that this process has started.
 
-    Raises FolderError, SharingError, KeyFormatError, BusConfigError.
+    Raises FolderError, SharingError, KeyFormatError, BusConfigError, MetricsError.
     """
     sites = [keys.name(each.site, "site") for each in shared.sites]
     name = keys.name(shared.sites[0].service, "service name")
-    context, manager = forking_context(), ServiceManager()
+    context, manager, shown = forking_context(), ServiceManager(), Shown(name)
     with ExitStack() as closing:
         closing.enter_context(FolderLock(shared.data, Owner("mapper of several sites", "", name)))
+        figures = metrics.registry(shown.statuses, sites=shown.pids)
+        closing.enter_context(metrics_server.serving(shared.metrics_at, figures))
         session = join(shared.sites[0], stop, manager)
         if session is None:
             return
         closing.callback(session.close)
         offers = Offers(session, name, sites, stop)
         closing.callback(offers.close)
-        other_mapper = partial(mapper_of, session, but=name)
-        mapped = [SiteProcess(each, shared.log_format, context, other_mapper) for each in shared.sites]
+        closing.callback(shown.close)
+        mapped = [SiteProcess(each, shared.log_format, context) for each in _with_turns(shared)]
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
         while not stop.wait(_STEP_S):
             if offers.are_settled():
-                for each in mapped:
-                    each.step(mine=owner_of(each.site, offers.members(each.site)) == name)
-            manager.serving(f"maps {sum(each.runs for each in mapped)} of {len(sites)} shared sites")
+                _step(mapped, {site: owner_of(site, offers.members(site)) == name for site in sites}, session, name)
+            pids = {each.site: each.pid for each in mapped if each.pid is not None}
+            if shared.metrics_at is not None:
+                failed = sum(each.failed for each in mapped)
+                shown.note({"sites": len(sites), "sites_mapped": len(pids), "mappers_failed": failed}, pids)
+                shown.follow(session, pids)
+            manager.serving(f"maps {len(pids)} of {len(sites)} shared sites")
 
 
-def mapper_of(session: zenoh.Session, site: str, but: str) -> str | None:
-    """The name of a mapper other than ``but`` that maps ``site`` now; None where there is none."""
-    for reply in session.get(keys.service_status(site, keys.ANY), timeout=_QUERY_TIMEOUT_S):
+def _with_turns(shared: SharedSites) -> list[LiveSettings]:
+    """The sites' settings, with as many turns at fitting among them as half the processors of this host."""
+    turns = max(1, (os.cpu_count() or 1) // 2)
+    return [
+        replace(each, fit_turn=shared.data / f"fit-turn-{number % turns}") for number, each in enumerate(shared.sites)
+    ]
+
+
+def _step(mapped: Sequence[SiteProcess], mine: Mapping[str, bool], session: zenoh.Session, name: str) -> None:
+    """Start what is to start, and end what is to end."""
+    now_s = time.monotonic()
+    due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
+    others = other_mappers(session, due, but=name)
+    for each in mapped:
+        each.step(mine[each.site], others.get(each.site), now_s)
+
+
+def other_mappers(session: zenoh.Session, sites: Sequence[str], but: str) -> dict[str, str]:
+    """Of those ``sites`` that a mapper other than ``but`` maps now: that mapper's name.
+
+    All are asked before the first answer is awaited: where a mapper is cut off, each question takes its time-out.
+    """
+    asked = [(site, session.get(keys.service_status(site, keys.ANY), timeout=_QUERY_TIMEOUT_S)) for site in sites]
+    names = {site: _mapper_among(replies, but) for site, replies in asked}
+    return {site: name for site, name in names.items() if name is not None}
+
+
+def _mapper_among(replies: Iterable[zenoh.Reply], but: str) -> str | None:
+    for reply in replies:
         if reply.ok is not None:
             try:
                 status = bounds.decode(ServiceStatus, reply.ok.payload.to_bytes())
@@ -73,7 +112,8 @@ def mapper_of(session: zenoh.Session, site: str, but: str) -> str | None:
 
 
 def _end(mapped: Sequence[SiteProcess]) -> None:
+    until_s = time.monotonic() + _MAPPERS_WITHIN_S
     for each in mapped:
         each.end()
     for each in mapped:
-        each.wait()
+        each.wait(until_s)

@@ -9,7 +9,6 @@ import multiprocessing
 import os
 import threading
 import time
-from collections.abc import Callable
 from functools import partial
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
@@ -19,10 +18,12 @@ from noctule.ending import Ending
 from noctule_mapper.live import service
 from noctule_mapper.live.process import run_process
 from noctule_mapper.live.service import LiveSettings
+from noctule_mapper.sharing.heartbeat import Heartbeat
 
 _FIRST_REST_S, _LONGEST_REST_S = 1.0, 60.0  # before a site's mapper that has failed is started again
 _STEADY_AFTER_S = 60.0
 _ASK_AGAIN_S = 0.5
+HANGS_AFTER_S = 30.0  # without progress
 
 _log = logging.getLogger(__name__)
 
@@ -42,29 +43,38 @@ class SiteProcess:
         settings: LiveSettings,
         log_format: logs.LogFormat,
         context: ForkServerContext,
-        other_mapper: Callable[[str], str | None],
+        hangs_after_s: float = HANGS_AFTER_S,
     ) -> None:
         self.site = settings.site
+        self.failed = 0  # how often it ended though nobody wanted that
         self._settings, self._log_format, self._context = settings, log_format, context
-        self._other_mapper = other_mapper
+        self._hangs_after_s = hangs_after_s
+        self._heartbeat = Heartbeat()
         self._process: BaseProcess | None = None
         self._started_at_s = self._not_before_s = 0.0
         self._rest_s = _FIRST_REST_S
         self._waits_for: str | None = None
 
     @property
-    def runs(self) -> bool:
-        """There is a process, be it at its end."""
-        return self._process is not None
+    def pid(self) -> int | None:
+        """The process, be it at its end; None where there is none."""
+        return None if self._process is None else self._process.pid
 
-    def step(self, mine: bool) -> None:
-        """Start the process if the site is ``mine``, end it if it is not. Waits for nothing but a query's answer."""
-        now_s = time.monotonic()
+    def is_due(self, mine: bool, now_s: float) -> bool:
+        """The process would be started, if no other maps the site."""
+        return mine and self._process is None and now_s >= self._not_before_s
+
+    def step(self, mine: bool, other: str | None, now_s: float) -> None:
+        """Start the process if the site is ``mine`` and no ``other`` maps it, end it if it is not mine. Never waits."""
         if self._process is not None and not self._process.is_alive():
             self._note_end(self._process, mine, now_s)
-        if self._process is not None and not mine:
-            self.end()
-        elif self._process is None and mine and now_s >= self._not_before_s and self._is_free(now_s):
+        if self._process is not None:
+            if not mine:
+                self.end()
+            elif (silent_s := self._heartbeat.silent_s(now_s)) >= self._hangs_after_s:
+                _log.error("the mapper of site %s has made no progress for %.0f s: it is killed", self.site, silent_s)
+                self._process.kill()
+        elif self.is_due(mine, now_s) and self._is_free(other, now_s):
             self._start(now_s)
 
     def end(self) -> None:
@@ -72,15 +82,19 @@ class SiteProcess:
         if self._process is not None:
             self._process.terminate()
 
-    def wait(self) -> None:
-        """Wait until the process has ended."""
+    def wait(self, until_s: float) -> None:
+        """Wait until the process has ended, and kill it at ``until_s`` (monotonic): what it has stored is whole."""
         if self._process is not None:
-            self._process.join()
+            self._process.join(max(0.0, until_s - time.monotonic()))
+            if self._process.is_alive():
+                _log.error("the mapper of site %s does not end: it is killed; nothing stored is lost", self.site)
+                self._process.kill()
+                self._process.join()
             self._process = None
+        self._heartbeat.close()
 
-    def _is_free(self, now_s: float) -> bool:
+    def _is_free(self, other: str | None, now_s: float) -> bool:
         """No other maps the site: one that gives it away closes its store first, one that froze may still answer."""
-        other = self._other_mapper(self.site)
         if other is not None:
             self._not_before_s = now_s + _ASK_AGAIN_S
             if other != self._waits_for:
@@ -90,8 +104,11 @@ class SiteProcess:
 
     def _start(self, now_s: float) -> None:
         _log.info("maps site %s", self.site)
+        self._heartbeat.begin()
         process = self._context.Process(
-            target=map_site, args=(self._settings, self._log_format), name=f"mapper of {self.site}"
+            target=map_site,
+            args=(self._settings, self._log_format, self._heartbeat.address),
+            name=f"mapper of {self.site}",
         )
         process.start()
         self._process = process
@@ -103,6 +120,7 @@ class SiteProcess:
             _log.info("maps site %s no more", self.site)
             self._rest_s = _FIRST_REST_S
             return
+        self.failed += 1
         if now_s - self._started_at_s >= _STEADY_AFTER_S:
             self._rest_s = _FIRST_REST_S
         _log.error(
@@ -112,9 +130,12 @@ class SiteProcess:
         self._rest_s = min(2 * self._rest_s, _LONGEST_REST_S)
 
 
-def map_site(settings: LiveSettings, log_format: logs.LogFormat) -> None:
-    """What such a process does: map until it is told to end, or until the process that it belongs to is gone."""
-    os.environ.pop(systemd.SOCKET_VARIABLE, None)  # the service that systemd knows is the process above
+def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str) -> None:
+    """What such a process does: map until it is told to end, or until the process that it belongs to is gone.
+
+    ``heartbeat`` is the address at which that process listens, in systemd's place.
+    """
+    os.environ[systemd.SOCKET_VARIABLE] = heartbeat
     ending = Ending()
     threading.Thread(target=_end_with_parent, args=(ending,), name="parent", daemon=True).start()
     run_process(partial(service.run, settings), log_format, ending, prefix=f"{settings.site}: ")

@@ -11,7 +11,7 @@ except ModuleNotFoundError as error:
     raise SystemExit("the command noctule needs typer, rich and mcap: install noctule[cli]") from error
 
 from noctule import threads
-from noctule.cli import ask, command, doctor, import_scan, record, replay, show
+from noctule.cli import ask, command, doctor, import_scan, record, replay, show, update
 from noctule.errors import NoctuleError
 from noctule.logs import TextFormatter
 from noctule.plain_text import plain
@@ -22,7 +22,7 @@ commands = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, doctor.doctor):
+for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, doctor.doctor, update.update):
     commands.command()(each)
 commands.command("import")(import_scan.import_)
 commands.add_typer(command.rpc, name="rpc")

@@ -1,0 +1,1 @@
+"""New firmware for a site's units, group by group."""

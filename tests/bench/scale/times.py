@@ -1,0 +1,67 @@
+"""What the sites' mappers have noted of each sweep: see timed_share.py."""
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+Span = tuple[float, float]  # UTC, seconds
+
+
+@dataclass(frozen=True)
+class Times:
+    """Sweeps by process: when they were handed over and stored, (n,) each; and the same to the contour, (m,)."""
+
+    stored_s: np.ndarray
+    stored_start_s: np.ndarray
+    shown_s: np.ndarray
+    shown_start_s: np.ndarray
+    stored_by: dict[str, Counter[tuple[str, int]]]  # file to (SITE/UNIT, log_sequence)
+
+    def to_store_ms(self, span: Span) -> np.ndarray:
+        """From the last byte to the store, of sweeps handed over within ``span``."""
+        return _within(self.stored_s, self.stored_start_s, span)
+
+    def to_contour_ms(self, span: Span) -> np.ndarray:
+        """From the last byte to a published contour that rests on the sweep."""
+        return _within(self.shown_s, self.shown_start_s, span)
+
+    def sequences(self) -> dict[str, set[int]]:
+        """SITE/UNIT to what any mapper has stored."""
+        found: defaultdict[str, set[int]] = defaultdict(set)
+        for counted in self.stored_by.values():
+            for unit, sequence in counted:
+                found[unit].add(sequence)
+        return found
+
+    def doubled(self) -> int:
+        """Sweeps that one process has stored more than once."""
+        return sum(count - 1 for counted in self.stored_by.values() for count in counted.values())
+
+
+def read(folder: Path) -> Times:
+    """All that has been noted so far."""
+    stored, shown, by_file = [], [], {}
+    for file in folder.iterdir():
+        site = file.name.rsplit(".", 1)[0]
+        counted = by_file[file.name] = Counter[tuple[str, int]]()
+        for line in file.read_text().splitlines():
+            match line.split():
+                case ["s", at, unit, sequence, start]:
+                    stored.append((int(at), int(start)))
+                    counted[f"{site}/{unit}", int(sequence)] += 1
+                case ["c", at, start]:
+                    shown.append((int(at), int(start)))
+    return Times(*_columns(stored), *_columns(shown), by_file)
+
+
+def _columns(pairs: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    table = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return table[:, 0] * 1e-9, table[:, 1] * 1e-9
+
+
+def _within(at_s: np.ndarray, start_s: np.ndarray, span: Span) -> np.ndarray:
+    chosen = (start_s >= span[0]) & (start_s < span[1])
+    return 1e3 * (at_s - start_s)[chosen]

@@ -1,0 +1,41 @@
+"""How long a site's mapper has made no progress, by what it sends; the protocol is sd_notify(3)."""
+
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+
+from noctule.systemd import ServiceManager
+from noctule_mapper.sharing.heartbeat import Heartbeat
+
+
+@pytest.fixture
+def heartbeat(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heartbeat]:
+    with closing(Heartbeat()) as listening:
+        monkeypatch.setenv("NOTIFY_SOCKET", listening.address)
+        yield listening
+
+
+def test_a_mapper_that_waits_for_its_router_is_not_silent_however_long_it_waits(heartbeat: Heartbeat) -> None:
+    ServiceManager().waiting("no router")
+    assert heartbeat.silent_s(1000.0) == 0.0
+    assert heartbeat.silent_s(9000.0) == 0.0
+
+
+def test_a_mapper_that_makes_no_progress_is_silent_from_its_last_ping_on(heartbeat: Heartbeat) -> None:
+    manager = ServiceManager()
+    manager.serving("all is well")
+    assert heartbeat.silent_s(1000.0) == 0.0
+    manager.serving("hangs", progress=False)
+    assert heartbeat.silent_s(1031.0) == 31.0
+    manager.serving("all is well")
+    assert heartbeat.silent_s(1032.0) == 0.0
+
+
+def test_what_the_process_before_has_sent_is_forgotten(heartbeat: Heartbeat) -> None:
+    manager = ServiceManager()
+    manager.serving("all is well")
+    heartbeat.silent_s(1000.0)
+    manager.serving("all is well")
+    heartbeat.begin()
+    assert heartbeat.silent_s(5000.0) == 0.0
