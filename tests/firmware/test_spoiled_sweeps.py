@@ -32,8 +32,8 @@ LONGEST_ROUND_US = 16_320 / 3
 # length of its frame, and fills blocks of 12 bytes.
 RING_OLDEST = 0x0404
 RING = 0x040C
-SLOT_OF_13 = 132  # bytes: 3 + 19 + 13 * 8 + 4, rounded up
-SLOT_OF_64 = 540
+SLOT_OF_13 = 144  # bytes: 3 + 23 + 13 * 8 + 4, rounded up
+SLOT_OF_64 = 552
 MARK, LENGTH_LOW, LENGTH_HIGH, CONTENT = 0, 1, 2, 40
 # The default plan, and one of the most readings, as quick as can be.
 OF_13 = Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)

@@ -2,7 +2,7 @@
 
 from noctule_gateway.clock.regression import TICKS_TO_WRAP
 from noctule_gateway.errors import WrongUnitError
-from noctule_gateway.wire.frames import NO_SERIAL, PROTOCOL, Hello, Loader
+from noctule_gateway.wire.frames import NO_SERIAL, PROTOCOL, PROTOCOLS, Hello, Loader, Sweep
 
 SILENT_AFTER = 6  # time-outs in a row, and nothing between them
 GARBLED_AFTER = 60  # time-outs in a row, and between them nothing that can be read
@@ -12,12 +12,17 @@ _SLACK_TICKS = 400_000  # frames may pass one another within the unit, but not b
 
 def mismatch(hello: Hello | Loader, serial: int) -> WrongUnitError | None:
     """What is wrong with who says ``hello`` where unit ``serial`` is expected; None if nothing is."""
-    if hello.protocol != PROTOCOL:
+    if hello.protocol not in PROTOCOLS:
         return WrongUnitError(f"the unit speaks protocol {hello.protocol}, the gateway {PROTOCOL}: update one of them")
-    if hello.serial != serial:
-        found = "a unit without a serial number" if hello.serial == NO_SERIAL else f"unit {hello.serial}"
-        return WrongUnitError(f"{found} answers where the site file has {serial}: check cable and address")
-    return None
+    return another_unit(hello, serial)
+
+
+def another_unit(frame: Hello | Loader | Sweep, serial: int) -> WrongUnitError | None:
+    """What is wrong with who names itself in ``frame`` where unit ``serial`` is expected; None if nothing is."""
+    if frame.serial == serial:
+        return None
+    found = "a unit without a serial number" if frame.serial == NO_SERIAL else f"unit {frame.serial}"
+    return WrongUnitError(f"{found} answers where the site file has {serial}: check cable and address")
 
 
 class Silence:

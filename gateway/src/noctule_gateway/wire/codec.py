@@ -7,9 +7,9 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 from cobs import cobs
 
 from noctule_gateway.errors import FrameError
-from noctule_gateway.wire.frames import MAX_PUT_BYTES, MAX_READINGS, Frame, Put, Reading, Sweep, Wire
+from noctule_gateway.wire.frames import MAX_PUT_BYTES, MAX_READINGS, Frame, Put, Reading, Sweep, Sweep2, Wire
 
-MAX_FRAME_BYTES = 540  # before COBS
+MAX_FRAME_BYTES = 544  # before COBS
 _MAX_ENCODED_BYTES = MAX_FRAME_BYTES + -(-MAX_FRAME_BYTES // 254)  # COBS adds a byte for each 254 begun
 _DELIMITER = b"\x00"
 _CRC_BYTES = 4
@@ -76,7 +76,7 @@ def _pack(frame: Frame | Reading) -> bytes:
 def _pack_tail(frame: Frame) -> bytes:
     """What has no fixed length, at a frame's end."""
     match frame:
-        case Sweep(readings=readings):
+        case Sweep(readings=readings) | Sweep2(readings=readings):
             if len(readings) > MAX_READINGS:
                 raise FrameError(f"a sweep of {len(readings)} readings does not fit a frame: at most {MAX_READINGS}")
             return bytes([len(readings)]) + b"".join(map(_pack, readings))
@@ -99,7 +99,7 @@ def _unpack(frame_type: type, payload: bytes) -> dict[str, Any]:
 def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
     size = sum(field.wire.size_bytes for field in _LAYOUTS[frame_type])
     values = _unpack(frame_type, payload)
-    if frame_type is Sweep:
+    if frame_type in (Sweep, Sweep2):
         count = payload[size] if len(payload) > size else 0
         start = size + 1
         size = start + count * _READING_BYTES

@@ -22,7 +22,8 @@ U24 = Annotated[int, Wire(3)]
 U32 = Annotated[int, Wire(4)]
 U48 = Annotated[int, Wire(6)]
 
-PROTOCOL = 2
+PROTOCOL = 3
+PROTOCOLS = (2, PROTOCOL)  # that the gateway speaks; protocol 2 has Sweep2 and Ack2 in place of Sweep and Ack
 NO_SERIAL = 0xFFFFFFFF
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
@@ -192,7 +193,9 @@ class AskSettings:
 
 
 @dataclass(frozen=True)
-class Ack:
+class Ack2:
+    """The acknowledgement of a Sweep2, or of any sweep of a unit of protocol 2."""
+
     TYPE: ClassVar = 0x10
     boot: U16
     sequence: U32
@@ -202,6 +205,16 @@ class Ack:
 class Update:
     TYPE: ClassVar = 0x11
     request: U8
+    serial: U32
+
+
+@dataclass(frozen=True)
+class Ack:
+    """The acknowledgement of a Sweep, by its whole name: no unit takes it for that of a sweep of its own."""
+
+    TYPE: ClassVar = 0x12
+    boot: U16
+    sequence: U32
     serial: U32
 
 
@@ -356,10 +369,25 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep2:
+    """A sweep of protocol 2. It does not name its unit; a unit's ring may hold some after its update."""
+
     TYPE: ClassVar = 0x90
     boot: U16
     sequence: U32
+    start: U48
+    waypoint: U16
+    temperature: I16  # 0.01 degrees C
+    flags: U8
+    readings: tuple[Reading, ...]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    TYPE: ClassVar = 0x91
+    boot: U16
+    sequence: U32
+    serial: U32
     start: U48
     waypoint: U16
     temperature: I16  # 0.01 degrees C
@@ -372,6 +400,7 @@ Order = (
     Configure | Start | Stop | Single | Home | SetWaypoint | GoTo | Calibrate | TrimTemperature | Store | Reset | Update
 )
 LoaderOrder = Put | Program | Install | Run
-HostFrame = Enquiry | Order | LoaderOrder | Ack
-UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | Sweep
+AnySweep = Sweep | Sweep2
+HostFrame = Enquiry | Order | LoaderOrder | Ack | Ack2
+UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | AnySweep
 Frame = HostFrame | UnitFrame
