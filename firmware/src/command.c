@@ -105,11 +105,11 @@ static void run_once(const __xdata uint8_t *frame, uint32_t crc)
     transmit_result(request, type, last.result);
 }
 
-static void greet(uint8_t request)
+static void greet(uint8_t request, uint8_t protocol)
 {
     last.request = 0; // a new host counts its requests anew
     delivery_hasten();
-    transmit_hello(request);
+    transmit_hello(request, protocol);
 }
 
 uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc, uint32_t received)
@@ -125,7 +125,7 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         last.age++;
     switch (type) {
     case FRAME_HELLO:
-        greet(request);
+        greet(request, frame[2]);
         break;
     case FRAME_STATUS:
         transmit_status(request);

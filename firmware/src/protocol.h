@@ -3,6 +3,7 @@
 #define PROTOCOL_H
 
 #define PROTOCOL_VERSION 3
+#define PROTOCOL_WITH_LIFE 3 // since which HELLO tells it
 
 enum frame_type {
     FRAME_HELLO = 0x01,

@@ -3,6 +3,7 @@
 
 #include "../hal/timebase.h"
 #include "counters.h"
+#include "life.h"
 #include "memory.h"
 #include "protocol.h"
 #include "ring.h"
@@ -11,8 +12,8 @@
 
 #define OFFSET_NAME 1
 #define OFFSET_SERIAL 7
-#define OFFSET_COUNT 22
-#define HEADER_BYTES 23
+#define OFFSET_COUNT 26
+#define HEADER_BYTES 27
 #define NAME_2_BYTES 6 // boot and sequence: all that a sweep of protocol 2 is named by
 #define READING_BYTES 8
 #define TICKS_PER_OFFSET_UNIT_LOG2 4
@@ -60,6 +61,7 @@ void record_begin(uint32_t start, uint16_t waypoint, bool decreasing)
     put16(this_boot);
     put32(counters.sweeps_made);
     put32(settings_serial());
+    put32(life_number());
     put32(start);
     put16(timebase_high(start));
     put16(waypoint);

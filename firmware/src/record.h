@@ -7,8 +7,8 @@
 
 #include "memory.h"
 
-// What names a sweep, boot, sequence and serial number: the first bytes after the type, of SWEEP as of ACK.
-#define RECORD_NAME_BYTES 10
+// What names a sweep, boot, sequence, serial number and life: the first bytes after the type, of SWEEP as of ACK.
+#define RECORD_NAME_BYTES 14
 
 // Sets the boot number that new sweeps carry, and takes up those of earlier boots that memory has kept.
 void record_start(uint16_t boot);

@@ -29,7 +29,7 @@ uint8_t request_length(uint8_t type)
     case FRAME_CALIBRATE:
         return 10;
     case FRAME_ACK:
-        return 11;
+        return 15;
     case FRAME_CONFIGURE:
         return 16;
     default:

@@ -130,8 +130,10 @@ class SteppedUnit:
 
     def acknowledge(self, sweep: AnySweep) -> None:
         """Tell the unit that it may forget ``sweep``."""
-        named = isinstance(sweep, Sweep)
-        self.send(Ack(sweep.boot, sweep.sequence, sweep.serial) if named else Ack2(sweep.boot, sweep.sequence))
+        if isinstance(sweep, Sweep):
+            self.send(Ack(sweep.boot, sweep.sequence, sweep.serial, sweep.life))
+        else:
+            self.send(Ack2(sweep.boot, sweep.sequence))
 
 
 @contextmanager

@@ -287,6 +287,6 @@ def test_a_type_that_is_not_in_the_table_is_rejected_as_unknown(unit, kind):
 
 
 def test_an_ack_has_no_answer(unit):
-    unit.send(Ack(1, 0, 0))
+    unit.send(Ack(1, 0, 0, 0))
     unit.send(AskStatus(9))
     assert unit.receive_either(Status, Rejected).request == 9

@@ -169,6 +169,6 @@ def test_a_full_ring_makes_the_unit_wait_and_loses_nothing(unit):
     assert unit.command(STARE) == unit.command(Start(0, 0)) == Outcome.DONE
     unit.wait_for_state(State.WAITING)
     status = unit.ask(AskStatus(0), Status)
-    # 30 + 8 * 64 bytes in blocks of 12 make 552: five of them fit into 3,048
+    # 34 + 8 * 64 bytes in blocks of 12 make 552: five of them fit into 3,048
     assert (status.sweeps_waiting, status.ring_used) == (5, 5 * 552)
     assert [receive_new(unit, sequence).sequence for sequence in range(8)] == list(range(8))

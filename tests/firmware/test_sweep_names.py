@@ -50,14 +50,17 @@ def update_of(whole: Path, place: Path) -> Image:
     return load(place)
 
 
-def test_a_sweep_names_its_unit(unit):
-    assert one_sweep(unit).serial == unit.ask(AskHello(0), Hello).serial == SERIAL
+def test_a_sweep_names_its_unit_and_its_life(unit):
+    hello = unit.ask(AskHello(0), Hello)
+    sweep = one_sweep(unit)
+    assert (sweep.serial, sweep.life) == (hello.serial, hello.life)
+    assert (hello.serial, bool(hello.life)) == (SERIAL, True)
 
 
 def test_only_an_acknowledgement_by_the_whole_name_lets_the_unit_forget_its_sweep(unit):
     sweep = one_sweep(unit)
-    for wrong in ({"boot": sweep.boot + 1}, {"sequence": sweep.sequence + 1}, {"serial": SERIAL + 1}):
-        unit.acknowledge(replace(sweep, **wrong))
+    for name in ("boot", "sequence", "serial", "life"):
+        unit.acknowledge(replace(sweep, **{name: getattr(sweep, name) + 1}))
     unit.send(Ack2(sweep.boot, sweep.sequence))
     assert waiting(unit) == 1
     unit.acknowledge(sweep)
@@ -66,7 +69,7 @@ def test_only_an_acknowledgement_by_the_whole_name_lets_the_unit_forget_its_swee
 
 def test_an_acknowledgement_that_comes_while_the_sweep_goes_out_again_is_held_against_its_whole_name(unit):
     sweep = one_sweep(unit)
-    # A frame of 133 bytes takes 11.5 ms at 115200 bit/s, and a HELLO's answer before it 2 ms.
+    # A frame of 137 bytes takes 11.9 ms at 115200 bit/s, and a HELLO's answer before it 2 ms.
     for wrong, left in ((replace(sweep, serial=SERIAL + 1), 1), (sweep, 0)):
         unit.send(AskHello(1))
         unit.receive(Hello)

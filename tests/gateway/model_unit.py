@@ -31,8 +31,9 @@ class ModelUnit:
         drift: float = 0.0,
         sweep_s: float = 0.3,
         protocol: int = frames.PROTOCOL,
+        life: int = 0xB0A7,
     ) -> None:
-        self.serial, self.protocol = serial, protocol
+        self.serial, self.protocol, self.life = serial, protocol, life
         self.boot, self.drift, self.sweep_s = boot, drift, sweep_s
         self.made: list[AnySweep] = []
         self.carried_out: list[frames.Order] = []
@@ -62,7 +63,7 @@ class ModelUnit:
         if self.protocol == 2:
             sweep: AnySweep = Sweep2(self.boot, self._sequence, *content)
         else:
-            sweep = Sweep(self.boot, self._sequence, self.serial, *content)
+            sweep = Sweep(self.boot, self._sequence, self.serial, self.life, *content)
         self.made.append(sweep)
         self.ring.append(sweep)
         return sweep
@@ -139,8 +140,8 @@ class ModelUnit:
         if isinstance(ack, frames.Ack) and self.protocol == 2:
             self._out += encode(frames.Rejected(2, ack.TYPE))
         elif isinstance(ack, frames.Ack):
-            named = isinstance(oldest, Sweep) and (oldest.boot, oldest.sequence, oldest.serial)
-            if named == (ack.boot, ack.sequence, ack.serial):
+            named = isinstance(oldest, Sweep) and (oldest.boot, oldest.sequence, oldest.serial, oldest.life)
+            if named == (ack.boot, ack.sequence, ack.serial, ack.life):
                 self.ring.popleft()
         elif (oldest.boot, oldest.sequence) == (ack.boot, ack.sequence) and (
             self.protocol == 2 or isinstance(oldest, Sweep2)
@@ -199,6 +200,7 @@ class ModelUnit:
             reset_cause=self.reset_cause,
             reset_note=self.reset_note,
             ring_capacity=3000,
+            life=self.life if self.protocol >= 3 else frames.NO_LIFE,
         )
 
     def _settings(self, request: int) -> frames.Settings:

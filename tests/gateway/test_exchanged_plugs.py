@@ -23,7 +23,7 @@ def run(rigs: tuple[Rig, Rig], duration_s: float) -> None:
 
 
 def exchange(rigs: tuple[Rig, Rig]) -> None:
-    """Each unit on the other's line, with nothing to be seen of it but that nothing comes for as long as a hand takes."""
+    """Exchange the plugs by hand: both lines stay open, and nothing comes for a moment."""
     for rig in rigs:
         rig.cut(VOUCHES_FOR_S)
     rigs[0].unit, rigs[1].unit = rigs[1].unit, rigs[0].unit

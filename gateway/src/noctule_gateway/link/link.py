@@ -245,7 +245,7 @@ class Link:
     def _hello(self, hello: Hello, now_s: float) -> list[Event]:
         self._enquiries.greeted(now_s)
         self._voucher.greeted(hello, now_s)
-        rebooted = self._boot.is_another(hello.boot)
+        rebooted = self._boot.is_another(hello.boot_of_life)
         if self.identified and not rebooted:
             return []
         done = self._orders.unit_was_reset() if rebooted else []
@@ -253,7 +253,7 @@ class Link:
         self._go(Cause.HELLO)
         self._enquiries.begin(now_s, rebooted)
         if rebooted:
-            self._boot.begin(hello.boot)
+            self._boot.begin(hello.boot_of_life)
             self._standing_orders.drop()
         return [*done, *lost, Identified(hello, rebooted)]
 
@@ -295,7 +295,7 @@ class Link:
             return [*self._greet(now_s, str(error)), Refused(error)]
         if self._state not in TIME_IS_KNOWN:
             return []  # it comes again
-        if not self._voucher.speaks_for(sweep, now_s) or self._boot.doubted_by_sweep(sweep.boot):
+        if not self._voucher.speaks_for(sweep, now_s) or self._boot.doubted_by_sweep(sweep.boot_of_life):
             return self._doubt(now_s)
         standing = self._receipts.arrive(sweep)
         if standing is Standing.COMMITTED:

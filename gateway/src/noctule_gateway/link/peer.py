@@ -51,7 +51,10 @@ class Silence:
 
 
 class BootWatch:
-    """The boot that the unit last named in a HELLO, and what has spoken against it since."""
+    """The boot that the unit last named in a HELLO, and what has spoken against it since.
+
+    A boot is a ``boot_of_life``: its number, and the unit's life above it.
+    """
 
     def __init__(self) -> None:
         self._boot: int | None = None
@@ -77,8 +80,13 @@ class BootWatch:
         return self._ticks_went_back
 
     def doubted_by_sweep(self, boot: int) -> bool:
-        """A sweep of ``boot`` is the first of a later boot, as far as 16 bits can tell. Each boot is doubted once."""
-        later = self._boot is not None and 0 < (boot - self._boot) % 0x10000 < 0x8000
+        """A sweep of ``boot`` is the first of a later boot, as far as 16 bits can tell, or of another life.
+
+        Each boot is doubted once.
+        """
+        if self._boot is None:
+            return False
+        later = 0 < (boot - self._boot) % 0x10000 < 0x8000 or boot >> 16 != self._boot >> 16
         if not later or boot in self._doubted:
             return False
         self._doubted.add(boot)

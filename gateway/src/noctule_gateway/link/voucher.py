@@ -35,7 +35,7 @@ class Voucher:
     def acknowledgement(self, sweep: AnySweep) -> Ack | Ack2:
         """What tells the unit that ``sweep`` is safe."""
         if isinstance(sweep, Sweep) and self._names_unit(sweep):
-            return Ack(sweep.boot, sweep.sequence, sweep.serial)
+            return Ack(sweep.boot, sweep.sequence, sweep.serial, sweep.life)
         return Ack2(sweep.boot, sweep.sequence)
 
     def _names_unit(self, sweep: AnySweep) -> bool:

@@ -37,7 +37,7 @@ class SweepIntake:
         self._lateness = Lateness()
 
     def begin_boot(self, boot: int) -> None:
-        """The unit has said that it runs under ``boot``."""
+        """The unit has said that it runs under ``boot``, a boot_of_life."""
         self._clocks.begin(boot, time.monotonic(), self._served.clock.look().utc_offset_s)
 
     def clock_read(self, exchange: Exchange) -> None:
@@ -67,11 +67,11 @@ class SweepIntake:
     def take(self, sweep: AnySweep) -> None:
         """A sweep has come from the unit."""
         wall = self._served.clock.look()
-        start = self._clocks.at(sweep.boot, sweep.start, wall.utc_offset_s)
+        start = self._clocks.at(sweep.boot_of_life, sweep.start, wall.utc_offset_s)
         began_s = start.time_s - wall.utc_offset_s
         pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), began_s, self._served.track)
         self.lost_pose = pose is None
-        drift = self._clocks.good_drift(sweep.boot)
+        drift = self._clocks.good_drift(sweep.boot_of_life)
         message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
         message.clock_epoch = wall.epoch
         arrived_s = time.monotonic()

@@ -25,6 +25,7 @@ U48 = Annotated[int, Wire(6)]
 PROTOCOL = 3
 PROTOCOLS = (2, PROTOCOL)  # that the gateway speaks; protocol 2 has Sweep2 and Ack2 in place of Sweep and Ack
 NO_SERIAL = 0xFFFFFFFF
+NO_LIFE = 0  # of a unit of protocol 2
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
 FIRST_NO_ECHO = 0xFFFFF0  # from here on an echo field names a kind of no echo
@@ -216,6 +217,7 @@ class Ack:
     boot: U16
     sequence: U32
     serial: U32
+    life: U32
 
 
 # ---- Host to loader ------------------------------------------------------------------------------
@@ -265,6 +267,12 @@ class Hello:
     reset_cause: U8
     reset_note: U8
     ring_capacity: U16
+    life: int = NO_LIFE  # U32, from protocol 3 on
+
+    @property
+    def boot_of_life(self) -> int:
+        """The boot's number, and the unit's life above it: boot numbers begin again in a chip that was erased."""
+        return self.life << 16 | self.boot
 
     @property
     def version(self) -> str:
@@ -373,6 +381,7 @@ class Sweep2:
     """A sweep of protocol 2. It does not name its unit; a unit's ring may hold some after its update."""
 
     TYPE: ClassVar = 0x90
+    life: ClassVar = NO_LIFE
     boot: U16
     sequence: U32
     start: U48
@@ -380,6 +389,11 @@ class Sweep2:
     temperature: I16  # 0.01 degrees C
     flags: U8
     readings: tuple[Reading, ...]
+
+    @property
+    def boot_of_life(self) -> int:
+        """As in the HELLO of then."""
+        return self.boot
 
 
 @dataclass(frozen=True)
@@ -388,11 +402,17 @@ class Sweep:
     boot: U16
     sequence: U32
     serial: U32
+    life: U32
     start: U48
     waypoint: U16
     temperature: I16  # 0.01 degrees C
     flags: U8
     readings: tuple[Reading, ...]
+
+    @property
+    def boot_of_life(self) -> int:
+        """As in Hello."""
+        return self.life << 16 | self.boot
 
 
 Enquiry = AskHello | AskStatus | AskClock | AskSettings

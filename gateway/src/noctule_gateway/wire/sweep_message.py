@@ -34,6 +34,7 @@ def to_message(
     message = messages.Sweep(
         site=site.name,
         unit=unit.name,
+        life=sweep.life or None,
         boot=sweep.boot,
         sequence=sweep.sequence,
         clock_error_s=start.error_s,
