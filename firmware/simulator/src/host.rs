@@ -11,7 +11,7 @@ const HELLO: u8 = 0x81;
 const STATUS: u8 = 0x82;
 const SWEEP_2: u8 = 0x90;
 const SWEEP: u8 = 0x91;
-/// What names a sweep, and its acknowledgement: boot, sequence and serial number and life; of protocol 2 the first two.
+/// What names a sweep, and its acknowledgement: boot, sequence, serial number and life; of protocol 2 the first two.
 const NAME_BYTES: usize = 14;
 const NAME_2_BYTES: usize = 6;
 const IDLE: u8 = 0;
