@@ -8,6 +8,7 @@ from gateway.bad_line import Faults
 from gateway.link_rig import SERIAL, SWEEPING, Rig, of_type
 from gateway.model_unit import ModelUnit
 
+from noctule_gateway.link.enquiries import HELLO_EVERY_S
 from noctule_gateway.link.events import Identified, Refused
 from noctule_gateway.link.voucher import VOUCHES_FOR_S
 from noctule_gateway.wire import frames
@@ -133,3 +134,13 @@ def test_sweeps_of_both_protocols_are_taken_from_a_unit_that_was_updated_or_went
     if protocol == 2:
         acknowledgements = [frame for frame in unit.heard if isinstance(frame, frames.Ack | Ack2)]
         assert {type(frame) for frame in acknowledgements} == {Ack2}
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_no_clock_and_no_status_of_the_other_unit_is_believed_though_it_sends_no_sweep(protocol: int) -> None:
+    rig = Rig(ModelUnit(SERIAL, protocol=protocol))
+    rig.run(HELLO_EVERY_S + 1.0)  # a HELLO has just been answered
+    rig.cut(VOUCHES_FOR_S)
+    rig.unit = ModelUnit(OTHER, born_s=-1000.0, protocol=protocol)  # its ticks are ahead
+    events = rig.run(2 * HELLO_EVERY_S)
+    assert {type(event) for event in events} == {Refused}
