@@ -9,6 +9,7 @@
 #include "cobs.h"
 #include "counters.h"
 #include "crc.h"
+#include "life.h"
 #include "memory.h"
 #include "motor.h"
 #include "protocol.h"
@@ -67,7 +68,7 @@ void answer_start(uint16_t boot)
     this_boot = boot;
 }
 
-void answer_hello(uint8_t request)
+void answer_hello(uint8_t request, uint8_t protocol)
 {
     begin(FRAME_HELLO_ANSWER);
     add8(request);
@@ -80,6 +81,8 @@ void answer_hello(uint8_t request)
     add8(reset_cause());
     add8(reset_note());
     add16(RING_CAPACITY);
+    if (protocol >= PROTOCOL_WITH_LIFE)
+        add32(life_number());
     end();
 }
 

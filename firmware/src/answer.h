@@ -7,7 +7,7 @@
 // Notes what HELLO says of this boot.
 void answer_start(uint16_t boot);
 
-void answer_hello(uint8_t request);
+void answer_hello(uint8_t request, uint8_t protocol); // the host's
 void answer_status(uint8_t request);
 void answer_clock(uint8_t request, uint32_t received, uint32_t sent);
 void answer_settings(uint8_t request);

@@ -7,6 +7,7 @@
 #include <stdbool.h>
 
 #include "../hal/flash.h"
+#include "life.h"
 
 #define FIRST_PAGE 0xF200
 #define SECOND_PAGE 0xF400
@@ -31,10 +32,16 @@ static uint16_t begin(uint16_t page, uint16_t base)
     return page;
 }
 
+static uint16_t begin_again(void)
+{
+    life_end();
+    return begin(FIRST_PAGE, 0);
+}
+
 static uint16_t page_that_holds(void)
 {
     if (!is_sound(SECOND_PAGE))
-        return is_sound(FIRST_PAGE) ? FIRST_PAGE : begin(FIRST_PAGE, 0);
+        return is_sound(FIRST_PAGE) ? FIRST_PAGE : begin_again();
     if (is_sound(FIRST_PAGE) && (int16_t)(base_of(FIRST_PAGE) - base_of(SECOND_PAGE)) > 0)
         return FIRST_PAGE;
     return SECOND_PAGE;

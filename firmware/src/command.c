@@ -105,11 +105,11 @@ static void run_once(const __xdata uint8_t *frame, uint32_t crc)
     transmit_result(request, type, last.result);
 }
 
-static void greet(uint8_t request)
+static void greet(uint8_t request, uint8_t protocol)
 {
     last.request = 0; // a new host counts its requests anew
     delivery_hasten();
-    transmit_hello(request);
+    transmit_hello(request, protocol);
 }
 
 uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc, uint32_t received)
@@ -121,11 +121,11 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         return REASON_UNKNOWN_TYPE;
     if (length != expected)
         return REASON_WRONG_LENGTH;
-    if (type != FRAME_ACK && last.age < REPEATS_WITHIN)
+    if (type != FRAME_ACK && type != FRAME_ACK_2 && last.age < REPEATS_WITHIN)
         last.age++;
     switch (type) {
     case FRAME_HELLO:
-        greet(request);
+        greet(request, frame[2]);
         break;
     case FRAME_STATUS:
         transmit_status(request);
@@ -137,7 +137,8 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         transmit_settings(request);
         break;
     case FRAME_ACK:
-        delivery_acknowledge(get16(frame + 1), get32(frame + 3));
+    case FRAME_ACK_2:
+        delivery_acknowledge(frame + 1, length - 1);
         break;
     default:
         run_once(frame, crc);

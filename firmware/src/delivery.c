@@ -19,18 +19,23 @@ static const __xdata uint8_t *__xdata sent; // the sweep that went out last, if 
 static __xdata bool is_going_out;
 
 // An acknowledgement that came while the sweep was going out again.
-static __xdata bool acknowledged;
-static __xdata uint16_t acknowledged_boot;
-static __xdata uint32_t acknowledged_sequence;
+static __xdata uint8_t acknowledged_bytes; // of its name; 0: none came
+static __xdata uint8_t acknowledged_name[RECORD_NAME_BYTES];
 
 void delivery_task(void)
 {
     if (until_due != 0)
         until_due--;
-    // In years, memory may change by itself. No host could ever acknowledge such a sweep, and it would keep back all that
-    // follow: so it is not sent.
-    if (until_due == 0 && !is_ready)
-        is_ready = ring_seek();
+    if (until_due != 0 || is_ready)
+        return;
+    // In years, memory may change by itself; and a chip may have been flashed with another serial number. No host could
+    // ever acknowledge such a sweep, and it would keep back all that follow: so it is not sent.
+    if (!ring_seek())
+        return;
+    if (record_is_own())
+        is_ready = true;
+    else
+        ring_drop_oldest();
 }
 
 bool delivery_is_due(void)
@@ -58,20 +63,20 @@ void delivery_end(void)
     else if (wait != LONGEST_WAIT)
         wait *= 2;
     until_due = wait;
-    if (acknowledged) {
-        acknowledged = false;
-        delivery_acknowledge(acknowledged_boot, acknowledged_sequence);
+    if (acknowledged_bytes != 0) {
+        delivery_acknowledge(acknowledged_name, acknowledged_bytes);
+        acknowledged_bytes = 0;
     }
 }
 
-void delivery_acknowledge(uint16_t boot, uint32_t sequence)
+void delivery_acknowledge(const __xdata uint8_t *name, uint8_t bytes)
 {
     if (is_going_out) {
         // The encoder still reads the slot, and a new sweep could overwrite it.
-        acknowledged = true;
-        acknowledged_boot = boot;
-        acknowledged_sequence = sequence;
-    } else if (record_acknowledge(boot, sequence)) {
+        for (uint8_t i = 0; i < bytes; i++)
+            acknowledged_name[i] = name[i];
+        acknowledged_bytes = bytes;
+    } else if (record_acknowledge(name, bytes)) {
         delivery_hasten();
         is_ready = false;
         sent = 0;

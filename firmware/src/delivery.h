@@ -5,6 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "memory.h"
+
 // Counts the rounds until the oldest sweep should go out.
 void delivery_task(void);
 
@@ -15,8 +17,9 @@ bool delivery_is_due(void);
 void delivery_begin(void);
 void delivery_end(void);
 
-// Takes an acknowledgement: drops the sweep it names, if that is the oldest.
-void delivery_acknowledge(uint16_t boot, uint32_t sequence);
+// Takes an acknowledgement: drops the sweep that it names by so many bytes, RECORD_NAME_BYTES at most, if that is the
+// oldest.
+void delivery_acknowledge(const __xdata uint8_t *name, uint8_t bytes);
 
 // A sound frame of the host has come in.
 void delivery_host_is_heard(void);

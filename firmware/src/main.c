@@ -18,6 +18,7 @@
 #include "delivery.h"
 #include "echo.h"
 #include "gesture.h"
+#include "life.h"
 #include "motor.h"
 #include "protocol.h"
 #include "receive.h"
@@ -44,6 +45,7 @@ static void start(void)
     reset_start();
 
     uint16_t boot = boot_number_count();
+    life_start();
     answer_start(boot);
     record_start(boot);
 
@@ -59,7 +61,7 @@ static void start(void)
     watchdog_start();
     cpu_allow_interrupts();
     uart_send(COBS_DELIMITER); // ends the frame that the reset may have cut off
-    transmit_hello(REQUEST_NONE);
+    transmit_hello(REQUEST_NONE, PROTOCOL_VERSION);
 }
 
 // What need not be looked at in every round.

@@ -2,7 +2,8 @@
 #ifndef PROTOCOL_H
 #define PROTOCOL_H
 
-#define PROTOCOL_VERSION 2
+#define PROTOCOL_VERSION 3
+#define PROTOCOL_WITH_LIFE 3 // since which HELLO tells it
 
 enum frame_type {
     FRAME_HELLO = 0x01,
@@ -20,8 +21,9 @@ enum frame_type {
     FRAME_STORE = 0x0D,
     FRAME_RESET = 0x0E,
     FRAME_SETTINGS = 0x0F,
-    FRAME_ACK = 0x10,
+    FRAME_ACK_2 = 0x10, // of protocol 2, for sweeps of protocol 2
     FRAME_UPDATE = 0x11,
+    FRAME_ACK = 0x12,
 
     FRAME_PUT = 0x20, // from here on to the loader only
     FRAME_PROGRAM = 0x21,
@@ -35,7 +37,8 @@ enum frame_type {
     FRAME_REJECTED = 0x85,
     FRAME_SETTINGS_ANSWER = 0x86,
     FRAME_LOADER = 0x8A,
-    FRAME_SWEEP = 0x90,
+    FRAME_SWEEP_2 = 0x90, // of protocol 2; the ring may still hold some when the firmware has been updated
+    FRAME_SWEEP = 0x91,
 };
 
 #define REQUEST_NONE 0 // what the unit sends of its own accord

@@ -3,15 +3,18 @@
 
 #include "../hal/timebase.h"
 #include "counters.h"
+#include "life.h"
 #include "memory.h"
 #include "protocol.h"
 #include "ring.h"
+#include "settings.h"
 #include "thermometer.h"
 
-#define OFFSET_BOOT 1
-#define OFFSET_SEQUENCE 3
-#define OFFSET_COUNT 18
-#define HEADER_BYTES 19
+#define OFFSET_NAME 1
+#define OFFSET_SERIAL 7
+#define OFFSET_COUNT 26
+#define HEADER_BYTES 27
+#define NAME_2_BYTES 6 // boot and sequence: all that a sweep of protocol 2 is named by
 #define READING_BYTES 8
 #define TICKS_PER_OFFSET_UNIT_LOG2 4
 #define LONGEST_OFFSET 0xFFFFFFUL
@@ -57,6 +60,8 @@ void record_begin(uint32_t start, uint16_t waypoint, bool decreasing)
     ring_put(FRAME_SWEEP);
     put16(this_boot);
     put32(counters.sweeps_made);
+    put32(settings_serial());
+    put32(life_number());
     put32(start);
     put16(timebase_high(start));
     put16(waypoint);
@@ -81,16 +86,26 @@ void record_finish(void)
     counters.sweeps_made++;
 }
 
-static uint16_t oldest16(uint16_t offset)
+bool record_is_own(void)
 {
-    return ring_oldest_byte(offset) | (uint16_t)ring_oldest_byte(offset + 1) << 8;
+    if (ring_oldest_byte(0) == FRAME_SWEEP_2)
+        return true;
+    uint32_t serial = settings_serial();
+    for (uint8_t i = 0; i < sizeof serial; i++) {
+        if (ring_oldest_byte(OFFSET_SERIAL + i) != (uint8_t)serial)
+            return false;
+        serial >>= 8;
+    }
+    return true;
 }
 
-bool record_acknowledge(uint16_t boot, uint32_t sequence)
+bool record_acknowledge(const __xdata uint8_t *name, uint8_t bytes)
 {
-    if (!ring_has_oldest() || oldest16(OFFSET_BOOT) != boot || oldest16(OFFSET_SEQUENCE) != (uint16_t)sequence ||
-        oldest16(OFFSET_SEQUENCE + 2) != (uint16_t)(sequence >> 16))
+    if (!ring_has_oldest() || bytes != (ring_oldest_byte(0) == FRAME_SWEEP_2 ? NAME_2_BYTES : RECORD_NAME_BYTES))
         return false;
+    for (uint8_t i = 0; i < bytes; i++)
+        if (ring_oldest_byte(OFFSET_NAME + i) != name[i])
+            return false;
     ring_drop_oldest();
     return true;
 }

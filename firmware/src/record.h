@@ -5,6 +5,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "memory.h"
+
+// What names a sweep, boot, sequence, serial number and life: the first bytes after the type, of SWEEP as of ACK.
+#define RECORD_NAME_BYTES 14
+
 // Sets the boot number that new sweeps carry, and takes up those of earlier boots that memory has kept.
 void record_start(uint16_t boot);
 
@@ -20,7 +25,10 @@ void record_reading(int16_t bearing, uint32_t triggered, uint32_t echo);
 // Hands the sweep over to the ring.
 void record_finish(void);
 
-// Drops the oldest sweep if it is this one; false if it is not.
-bool record_acknowledge(uint16_t boot, uint32_t sequence);
+// Whether the oldest sweep, once ring_seek() has found it, was made under the unit's serial number, or names none.
+bool record_is_own(void);
+
+// Drops the oldest sweep if `name`, so many bytes of an acknowledgement, is its whole name; false if it is not.
+bool record_acknowledge(const __xdata uint8_t *name, uint8_t bytes);
 
 #endif

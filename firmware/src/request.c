@@ -24,10 +24,12 @@ uint8_t request_length(uint8_t type)
         return 4;
     case FRAME_UPDATE:
         return 6;
-    case FRAME_ACK:
+    case FRAME_ACK_2:
         return 7;
     case FRAME_CALIBRATE:
         return 10;
+    case FRAME_ACK:
+        return 15;
     case FRAME_CONFIGURE:
         return 16;
     default:

@@ -19,7 +19,7 @@ static enum { NOTHING, ANSWER, GREETING, SWEEP } going_out;
 static __xdata struct {
     uint8_t type; // 0: none waits
     uint8_t request;
-    uint8_t subject; // the command of a RESULT, the type that was REJECTED
+    uint8_t subject; // the command of a RESULT, the type that was REJECTED, the protocol of HELLO's host
     uint8_t outcome; // the result or the reason
     uint32_t received; // when the CLOCK request came
 } waiting;
@@ -31,10 +31,11 @@ bool transmit_is_free(void)
     return waiting.type == 0 && farewell == NOTE_NONE;
 }
 
-void transmit_hello(uint8_t request)
+void transmit_hello(uint8_t request, uint8_t protocol)
 {
     waiting.type = FRAME_HELLO_ANSWER;
     waiting.request = request;
+    waiting.subject = protocol;
 }
 
 void transmit_status(uint8_t request)
@@ -88,7 +89,7 @@ static void begin_answer(void)
 {
     switch (waiting.type) {
     case FRAME_HELLO_ANSWER:
-        answer_hello(waiting.request);
+        answer_hello(waiting.request, waiting.subject);
         break;
     case FRAME_STATUS_ANSWER:
         answer_status(waiting.request);

@@ -9,7 +9,7 @@
 bool transmit_is_free(void);
 
 // Give an answer.
-void transmit_hello(uint8_t request);
+void transmit_hello(uint8_t request, uint8_t protocol); // the host's
 void transmit_status(uint8_t request);
 void transmit_clock(uint8_t request, uint32_t received);
 void transmit_settings(uint8_t request);

@@ -44,8 +44,8 @@ class _Gateway:
             match frame:
                 case Hello(request=0):
                     self._start()
-                case Sweep(boot=boot, sequence=sequence):
-                    self.connection.sendall(encode(Ack(boot=boot, sequence=sequence)))
+                case Sweep(boot=boot, sequence=sequence, serial=serial, life=life):
+                    self.connection.sendall(encode(Ack(boot, sequence, serial, life)))
                     if sequence not in self.sequences[-1:]:
                         self.sequences.append(sequence)
         return bool(data)

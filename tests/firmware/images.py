@@ -2,12 +2,15 @@
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 from firmware.stepped_unit import IMAGE
 
 FIRMWARE = IMAGE.parents[1]
 END_RECORD = ":00000001FF"
+# Version 0.2.0, the last of protocol 2, as it was built and flashed.
+PROTOCOL_2 = Path(__file__).parent / "vectors" / "protocol-2.ihx"
 
 
 def with_flash(image: Path, contents: dict[int, bytes], place: Path) -> Path:
@@ -23,10 +26,17 @@ def with_flash(image: Path, contents: dict[int, bytes], place: Path) -> Path:
     return place
 
 
+def of_unit(serial: int, place: Path, image: Path = IMAGE) -> Path:
+    """``image`` at ``place`` for the unit of this serial number, as `make unit` makes it."""
+    command = [FIRMWARE / "image.py", "unit", "--whole", image, "--serial", str(serial), "--output", place]
+    subprocess.run([sys.executable, *command], check=True)
+    return place
+
+
 def built_with_fault(folder: Path, source: str, *changes: tuple[str, str]) -> Path:
     """The image of a copy of the firmware in ``folder``; in its ``source`` each first text gives way to the second."""
     copy = folder / "firmware"
-    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "simulator"))
+    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("simulator"))  # with what is built already
     text = (copy / source).read_text()
     for sound, faulty in changes:
         assert text.count(sound) == 1, f"{source} has {sound!r} {text.count(sound)} times"
@@ -38,7 +48,7 @@ def built_with_fault(folder: Path, source: str, *changes: tuple[str, str]) -> Pa
 
 def newer_version(folder: Path) -> Path:
     """The update to version 0.9.0, which else is the firmware as it is."""
-    whole = built_with_fault(folder, "src/version.h", ("VERSION_MINOR 2", "VERSION_MINOR 9"))
+    whole = built_with_fault(folder, "src/version.h", ("VERSION_MINOR 3", "VERSION_MINOR 9"))
     return whole.with_name("update.hex")
 
 

@@ -11,6 +11,8 @@ from typing import Any, TypeVar
 from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import (
     Ack,
+    Ack2,
+    AnySweep,
     AskHello,
     Enquiry,
     Frame,
@@ -126,9 +128,12 @@ class SteppedUnit:
             pass
         return status
 
-    def acknowledge(self, sweep: Sweep) -> None:
+    def acknowledge(self, sweep: AnySweep) -> None:
         """Tell the unit that it may forget ``sweep``."""
-        self.send(Ack(sweep.boot, sweep.sequence))
+        if isinstance(sweep, Sweep):
+            self.send(Ack(sweep.boot, sweep.sequence, sweep.serial, sweep.life))
+        else:
+            self.send(Ack2(sweep.boot, sweep.sequence))
 
 
 @contextmanager

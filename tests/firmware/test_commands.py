@@ -10,6 +10,8 @@ from firmware.stepped_unit import SteppedUnit, stepped_unit
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import (
     NO_WAYPOINT,
+    Ack,
+    Ack2,
     AskClock,
     AskHello,
     AskSettings,
@@ -34,7 +36,6 @@ from noctule_gateway.wire.frames import (
     Status,
     Stop,
     Store,
-    Sweep,
     TrimTemperature,
 )
 
@@ -262,6 +263,8 @@ REQUESTS = [
     AskClock(9),
     AskSettings(9),
     *(replace(order, request=9) for order in [*BETWEEN_SWEEPS, *AT_REST_ONLY, *ALWAYS]),
+    Ack(1, 0, 0, 0),
+    Ack2(1, 0),
 ]
 
 
@@ -278,7 +281,7 @@ def test_a_request_of_another_length_is_rejected_by_its_type(unit, request_frame
     assert (after.frames_bad - before.frames_bad, after.frames_unknown, after.waypoint) == (1, 0, NO_WAYPOINT)
 
 
-@pytest.mark.parametrize("kind", [0x00, 0x12, 0x1F, 0x20, 0x23, 0x7F, 0x81, 0x90, 0xFF])
+@pytest.mark.parametrize("kind", [0x00, 0x13, 0x1F, 0x20, 0x23, 0x7F, 0x81, 0x91, 0xFF])
 def test_a_type_that_is_not_in_the_table_is_rejected_as_unknown(unit, kind):
     unit.send_bytes(framed(bytes([kind, 9])))
     assert unit.receive(Rejected) == Rejected(2, kind)
@@ -287,6 +290,6 @@ def test_a_type_that_is_not_in_the_table_is_rejected_as_unknown(unit, kind):
 
 
 def test_an_ack_has_no_answer(unit):
-    unit.acknowledge(Sweep(1, 0, 0, 0, 0, 0, ()))
+    unit.send(Ack(1, 0, 0, 0))
     unit.send(AskStatus(9))
     assert unit.receive_either(Status, Rejected).request == 9

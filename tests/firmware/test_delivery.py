@@ -8,10 +8,10 @@ from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.wire.frames import Ack, AskHello, AskStatus, Single, Sweep
 
-# A round of the tasks, 2 ms, then 129 bytes of a sweep of 13 readings at 115200 bit/s, and a request's before it.
-HEARD_S = 0.002 + (129 + 13) * 10 / 115200
-# The answer to a HELLO, 22 bytes, goes first, and what follows begins in the next round.
-GREETED_S = 0.002 + 22 * 10 / 115200
+# A round of the tasks, 2 ms, then 137 bytes of a sweep of 13 readings at 115200 bit/s, and a request's before it.
+HEARD_S = 0.002 + (137 + 13) * 10 / 115200
+# The answer to a HELLO, 26 bytes, goes first, and what follows begins in the next round.
+GREETED_S = 0.002 + 26 * 10 / 115200
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_a_frame_of_the_host_begins_the_waits_anew(unit: SteppedUnit) -> None:
 
 def test_an_acknowledgement_of_another_sweep_is_a_frame_of_the_host_too_and_no_more(unit: SteppedUnit) -> None:
     gaps_s(unit, 4)
-    unit.send(Ack(boot=60000, sequence=7))
+    unit.send(Ack(boot=60000, sequence=7, serial=1, life=1))
     assert gaps_s(unit, 1) == pytest.approx([0.5], abs=HEARD_S)
 
 

@@ -13,7 +13,7 @@ from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Step, Updated
 from noctule_gateway.wire.frames import AskHello, Hello, Loader
 
-OLD, NEW = "0.2.0", "0.9.0"
+OLD, NEW = "0.3.0", "0.9.0"
 DESCRIPTION_BYTES = 16
 # Longer than it takes to copy 42 pages and to start.
 BACK_WITHIN_S = 6.0

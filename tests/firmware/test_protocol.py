@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.wire.frames import (
     Ack,
+    Ack2,
     AskClock,
     AskHello,
     AskSettings,
@@ -52,7 +54,7 @@ def framed(content: bytes) -> bytes:
 
 
 def is_request_to_a_unit(vector: dict) -> bool:
-    return vector["type"] < 0x20 and vector["type"] != Ack.TYPE
+    return vector["type"] < 0x20 and vector["type"] not in (Ack.TYPE, Ack2.TYPE)
 
 
 @pytest.mark.parametrize("vector", list(filter(is_request_to_a_unit, VECTORS)), ids=lambda vector: vector["name"])
@@ -111,7 +113,7 @@ def test_a_sweep_is_sent_again_until_it_is_acknowledged(unit):
     assert unit.command(Single(0)) == Outcome.DONE
     first = unit.receive(Sweep, 30.0)
     assert unit.receive(Sweep) == first
-    unit.send(Ack(first.boot, first.sequence + 1))
+    unit.acknowledge(replace(first, sequence=first.sequence + 1))
     assert unit.receive(Sweep) == first
     unit.acknowledge(first)
     status = unit.ask(AskStatus(0), Status)
@@ -167,6 +169,6 @@ def test_a_full_ring_makes_the_unit_wait_and_loses_nothing(unit):
     assert unit.command(STARE) == unit.command(Start(0, 0)) == Outcome.DONE
     unit.wait_for_state(State.WAITING)
     status = unit.ask(AskStatus(0), Status)
-    # 26 + 8 * 64 bytes in blocks of 12 make 540: five of them fit into 3,048
-    assert (status.sweeps_waiting, status.ring_used) == (5, 5 * 540)
+    # 34 + 8 * 64 bytes in blocks of 12 make 552: five of them fit into 3,048
+    assert (status.sweeps_waiting, status.ring_used) == (5, 5 * 552)
     assert [receive_new(unit, sequence).sequence for sequence in range(8)] == list(range(8))

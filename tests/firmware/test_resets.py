@@ -28,8 +28,8 @@ from noctule_gateway.wire.frames import (
 POWER, WATCHDOG, SOFTWARE = 0x02, 0x08, 0x10
 # firmware/README.md: HELLO's reset_note
 NO_NOTE, NOTE_RESET, NOTE_CANARY = 0, 1, 2
-# Each takes 19 + 8 + 4 bytes and 3 of its slot's, that is 36 of 3,048.
-SWEEPS_OF_ONE_READING = 84
+# Each takes 27 + 8 + 4 bytes and 3 of its slot's, in blocks of 12 that is 48 of 3,048.
+SWEEPS_OF_ONE_READING = 63
 QUICK = Configure(0, -24576, 0, 1, 29, 1000, 0, 0, 1)
 
 

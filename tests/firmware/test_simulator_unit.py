@@ -18,8 +18,8 @@ from cobs import cobs
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 
 # firmware/README.md, "Frames"
-HELLO, STATUS, SINGLE, ACK = 0x01, 0x02, 0x07, 0x10
-HELLO_ANSWER, STATUS_ANSWER, SWEEP = 0x81, 0x82, 0x90
+HELLO, STATUS, SINGLE, ACK = 0x01, 0x02, 0x07, 0x12
+HELLO_ANSWER, STATUS_ANSWER, SWEEP = 0x81, 0x82, 0x91
 NO_ECHO = 0xFFFFFF
 TICKS_PER_SECOND = 4_000_000
 
@@ -78,7 +78,7 @@ class Cable:
 
     def ask_hello(self) -> tuple[int, int]:
         """The unit's serial number and boot number; a unit that is still starting says them by itself."""
-        self.tell(HELLO, bytes([77, 2]))
+        self.tell(HELLO, bytes([77, 3]))
         _, payload = self.hear(HELLO_ANSWER)
         number, _, boot = struct.unpack_from("<I3sH", payload, 2)
         return number, boot
@@ -152,10 +152,10 @@ def connected(image: Path) -> Open:
 def sweep_of(cable: Cable) -> tuple[int, dict[float, int]]:
     """Waypoint and echoes by bearing in degrees of the next sweep, which is acknowledged."""
     _, payload = cable.hear(SWEEP)
-    cable.tell(ACK, payload[:6])
-    waypoint, _, _, count = struct.unpack_from("<HhBB", payload, 12)
-    readings = [payload[18 + 8 * index : 26 + 8 * index] for index in range(count)]
-    assert len(payload) == 18 + 8 * count
+    cable.tell(ACK, payload[:14])
+    waypoint, _, _, count = struct.unpack_from("<HhBB", payload, 20)
+    readings = [payload[26 + 8 * index : 34 + 8 * index] for index in range(count)]
+    assert len(payload) == 26 + 8 * count
     echoes = {}
     for reading in readings:
         bearing = int.from_bytes(reading[:2], "little", signed=True)

@@ -32,8 +32,8 @@ LONGEST_ROUND_US = 16_320 / 3
 # length of its frame, and fills blocks of 12 bytes.
 RING_OLDEST = 0x0404
 RING = 0x040C
-SLOT_OF_13 = 132  # bytes: 3 + 19 + 13 * 8 + 4, rounded up
-SLOT_OF_64 = 540
+SLOT_OF_13 = 144  # bytes: 3 + 27 + 13 * 8 + 4, rounded up
+SLOT_OF_64 = 552
 MARK, LENGTH_LOW, LENGTH_HIGH, CONTENT = 0, 1, 2, 40
 # The default plan, and one of the most readings, as quick as can be.
 OF_13 = Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)
@@ -73,9 +73,9 @@ def deliver(unit: SteppedUnit, until: Callable[[list[int]], bool]) -> list[int]:
 @pytest.mark.parametrize(
     ("plan", "slot_bytes", "spoiled"),
     [
-        pytest.param(OF_13, SLOT_OF_13, {0}, id="oldest of 23"),
-        pytest.param(OF_13, SLOT_OF_13, {0, 6, 7, 12, 22}, id="five of 23"),
-        pytest.param(OF_13, SLOT_OF_13, set(range(23)), id="all 23"),
+        pytest.param(OF_13, SLOT_OF_13, {0}, id="oldest of 21"),
+        pytest.param(OF_13, SLOT_OF_13, {0, 6, 7, 12, 20}, id="five of 21"),
+        pytest.param(OF_13, SLOT_OF_13, set(range(21)), id="all 21"),
         pytest.param(OF_64, SLOT_OF_64, {0}, id="oldest of 5"),
         pytest.param(OF_64, SLOT_OF_64, {0, 1, 2, 3, 4}, id="all 5"),
     ],
@@ -98,7 +98,7 @@ def test_spoiled_sweeps_in_a_full_ring_are_dropped_and_the_unit_goes_on_sweeping
 
 
 def test_after_a_reset_the_spoiled_sweeps_are_dropped_too_and_the_others_delivered(image):
-    spoiled = {0, 3, 4, 21}
+    spoiled = {0, 3, 4, 19}
     with stepped_unit("--laps", "0", image=image) as unit:
         stored = fill_the_ring(unit, OF_13)
         spoil(unit, (RING + number * SLOT_OF_13 + LENGTH_HIGH for number in sorted(spoiled)))
@@ -119,7 +119,7 @@ def test_acknowledged_sweeps_do_not_come_back_when_the_ring_forgets_where_it_beg
             assert unit.command(Single(0)) == Outcome.DONE
             unit.acknowledge(unit.receive(Sweep, 60.0))
         assert unit.ask(AskStatus(0), Status).ring_used == 0
-        # Blocks 0 to 32 have been used: the empty ring begins at 33, and with that byte flipped at 222, from where it
+        # Blocks 0 to 35 have been used: the empty ring begins at 36, and with that byte flipped at 219, from where it
         # goes round to 0 and over the old slots.
         spoil(unit, [RING_OLDEST])
         unit.run(5.0)

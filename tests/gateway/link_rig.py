@@ -26,14 +26,20 @@ class Rig:
     """A link and a unit on one line; sweeps are committed by ``commit``, which says whether that went well."""
 
     def __init__(
-        self, unit: ModelUnit, wanted: Wanted = AT_REST, faults: Faults | None = None, seed: int = 1, first: int = 40
+        self,
+        unit: ModelUnit,
+        wanted: Wanted = AT_REST,
+        faults: Faults | None = None,
+        seed: int = 1,
+        first: int = 40,
+        serial: int = SERIAL,
     ) -> None:
         faults = faults or Faults()
         self.unit = unit
-        self.link = Link(SERIAL, wanted, first)
+        self.link = Link(serial, wanted, first)
         self.now_s = 100.0
         self.events: list[Event] = []
-        self.committed: list[frames.Sweep] = []
+        self.committed: list[frames.AnySweep] = []
         self.commit_fails = 0.0
         self._random = Random(seed)
         self._down, self._up = BadLine(faults, seed), BadLine(faults, seed + 1000)
@@ -75,7 +81,7 @@ class Rig:
                     self.link.failed(event.sweep)
                 else:
                     self.committed.append(event.sweep)
-                    self.link.committed(event.sweep)
+                    self.link.committed(event.sweep, self.now_s)
 
 
 def of_type(events: list[Event], kind: type[E]) -> list[E]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import NoEcho, Outcome, Reading, State, Sweep
+from noctule_gateway.wire.frames import AnySweep, NoEcho, Outcome, Reading, State, Sweep, Sweep2
 
 TICKS_PER_S = 4_000_000
 RING_SWEEPS = 24
@@ -24,13 +24,21 @@ class ModelUnit:
     """
 
     def __init__(
-        self, serial: int = 7, boot: int = 1, born_s: float = 0.0, drift: float = 0.0, sweep_s: float = 0.3
+        self,
+        serial: int = 7,
+        boot: int = 1,
+        born_s: float = 0.0,
+        drift: float = 0.0,
+        sweep_s: float = 0.3,
+        protocol: int = frames.PROTOCOL,
+        life: int = 0xB0A7,
     ) -> None:
-        self.serial, self.boot, self.drift, self.sweep_s = serial, boot, drift, sweep_s
-        self.made: list[Sweep] = []
+        self.serial, self.protocol, self.life = serial, protocol, life
+        self.boot, self.drift, self.sweep_s = boot, drift, sweep_s
+        self.made: list[AnySweep] = []
         self.carried_out: list[frames.Order] = []
         self.heard: list[frames.Frame] = []
-        self.ring: deque[Sweep] = deque()
+        self.ring: deque[AnySweep] = deque()
         self.waypoint = frames.NO_WAYPOINT
         self.plan, self.calibration, self.trim, self.stored = OWN_PLAN, OWN_CALIBRATION, frames.NO_TEMPERATURE, 1
         self.reset_cause, self.reset_note = 0x02, 0  # the supply has come up
@@ -47,11 +55,15 @@ class ModelUnit:
         """The unit's time."""
         return int((now_s - self._born_s) * (1 + self.drift) * TICKS_PER_S)
 
-    def make_sweep(self, now_s: float) -> Sweep:
+    def make_sweep(self, now_s: float) -> AnySweep:
         """Put a sweep that begins now into the ring."""
         self._sequence += 1
         readings = (Reading(-24576, 0, 34000 + self._sequence), Reading(-20480, 15000, NoEcho.NO_ECHO))
-        sweep = Sweep(self.boot, self._sequence, self.tick(now_s), self.waypoint, frames.NO_TEMPERATURE, 0, readings)
+        content = (self.tick(now_s), self.waypoint, frames.NO_TEMPERATURE, 0, readings)
+        if self.protocol == 2:
+            sweep: AnySweep = Sweep2(self.boot, self._sequence, *content)
+        else:
+            sweep = Sweep(self.boot, self._sequence, self.serial, self.life, *content)
         self.made.append(sweep)
         self.ring.append(sweep)
         return sweep
@@ -81,7 +93,7 @@ class ModelUnit:
         self._sequence = 0
         self._started = False
         self._next_sweep_s = now_s
-        self._sent: Sweep | None = None
+        self._sent: AnySweep | None = None
         self._resends = 0
         self._resend_s = 0.0
         self._out = bytearray()
@@ -101,7 +113,7 @@ class ModelUnit:
     def say_loader(self, request: int = 0) -> None:
         """Send LOADER, as a loader does each second."""
         assert self.in_loader is not None
-        self._out += encode(frames.Loader(request, frames.PROTOCOL, self.serial, 1, 1, self.in_loader, 0, 1, 0))
+        self._out += encode(frames.Loader(request, self.protocol, self.serial, 1, 1, self.in_loader, 0, 1, 0))
 
     def _take(self, frame: frames.Frame, now_s: float) -> None:
         self.heard.append(frame)
@@ -113,13 +125,28 @@ class ModelUnit:
         self._resend_s = min(self._resend_s, now_s + RESEND_AFTER_S[0])
         if isinstance(frame, frames.AskHello):
             self._resend_s = now_s
-        if isinstance(frame, frames.Ack):
-            if self.ring and (self.ring[0].boot, self.ring[0].sequence) == (frame.boot, frame.sequence):
-                self.ring.popleft()
+        if isinstance(frame, frames.Ack | frames.Ack2):
+            self._take_acknowledgement(frame)
             return
         if self._last is None or self._last[0] != frame:
             self._last = (frame, encode(self._answer(frame, now_s)))
         self._out += self._last[1]
+
+    def _take_acknowledgement(self, ack: frames.Ack | frames.Ack2) -> None:
+        """A unit of protocol 2 knows Ack2 only, and takes it for any sweep; later ones for a sweep of protocol 2."""
+        if not self.ring:
+            return
+        oldest = self.ring[0]
+        if isinstance(ack, frames.Ack) and self.protocol == 2:
+            self._out += encode(frames.Rejected(2, ack.TYPE))
+        elif isinstance(ack, frames.Ack):
+            named = isinstance(oldest, Sweep) and (oldest.boot, oldest.sequence, oldest.serial, oldest.life)
+            if named == (ack.boot, ack.sequence, ack.serial, ack.life):
+                self.ring.popleft()
+        elif (oldest.boot, oldest.sequence) == (ack.boot, ack.sequence) and (
+            self.protocol == 2 or isinstance(oldest, Sweep2)
+        ):
+            self.ring.popleft()
 
     def _answer(self, frame: frames.Frame, now_s: float) -> frames.Frame:
         match frame:
@@ -164,7 +191,7 @@ class ModelUnit:
     def _hello(self, request: int) -> frames.Hello:
         return frames.Hello(
             request=request,
-            protocol=frames.PROTOCOL,
+            protocol=self.protocol,
             serial=self.serial,
             version_major=0,
             version_minor=1,
@@ -173,6 +200,7 @@ class ModelUnit:
             reset_cause=self.reset_cause,
             reset_note=self.reset_note,
             ring_capacity=3000,
+            life=self.life if self.protocol >= 3 else frames.NO_LIFE,
         )
 
     def _settings(self, request: int) -> frames.Settings:

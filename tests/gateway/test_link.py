@@ -53,7 +53,7 @@ def test_nothing_is_sent_to_a_unit_that_stores_its_settings_until_it_answers() -
     sweep = unit.make_sweep(rig.now_s)
     rig.link.order(frames.Store(0))
     store = rig.link.output(rig.now_s)
-    rig.link.committed(sweep)
+    rig.link.committed(sweep, rig.now_s)
     assert rig.link.output(rig.now_s + 0.02) == b""
     rig.link.receive(_answer(unit, store, rig.now_s), rig.now_s + 0.02)
     unit.receive(rig.link.output(rig.now_s + 0.02), rig.now_s + 0.02)
@@ -180,10 +180,10 @@ def test_another_protocol_is_refused() -> None:
     link.connected(0.0)
     request = link.output(0.0)
     assert request
-    answer = frames.Hello(1, 3, SERIAL, 0, 1, 0, 1, 0, 0, 3000)
+    answer = frames.Hello(1, 4, SERIAL, 0, 1, 0, 1, 0, 0, 3000)
     (event,) = link.receive(encode(answer), 0.01)
     assert isinstance(event, Refused)
-    assert "protocol 3" in str(event.error)
+    assert "protocol 4" in str(event.error)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -16,7 +16,7 @@ from noctule_gateway.wire.sweep_message import to_message
 
 UNIT = Unit("u1", 7, "socket://h:1", FixedPose(Pose2(0, 0, 0)), Sensor(), None, False, 0.0)
 SITE = Site("s", (UNIT,), None, "utc")
-SWEEP = Sweep(1, 2, 3, NO_WAYPOINT, NO_TEMPERATURE, 0, ())
+SWEEP = Sweep(1, 2, 7, 5, 3, NO_WAYPOINT, NO_TEMPERATURE, 0, ())
 START = HostTime(1_800_000_000.25, 0.001)
 
 
@@ -24,6 +24,8 @@ READINGS = st.builds(Reading, st.integers(-32768, 32767), st.integers(0, 0xFFFFF
 SWEEPS = st.builds(
     Sweep,
     st.integers(0, 0xFFFF),
+    st.integers(0, 0xFFFFFFFF),
+    st.integers(0, 0xFFFFFFFF),
     st.integers(0, 0xFFFFFFFF),
     st.integers(0, 2**48 - 1),
     st.integers(0, 0xFFFF),

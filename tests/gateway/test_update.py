@@ -18,7 +18,20 @@ from noctule_gateway.update.outcome import Current, Step, Updated
 from noctule_gateway.update.steps import BUSY_RETRIES, BUSY_RETRY_S, FRUITLESS
 from noctule_gateway.update.updater import GONE_AFTER_S, Updater
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import Ack, AskHello, Hello, Loader, Outcome, Put, Rejected, Result, Stay, Stop, Sweep
+from noctule_gateway.wire.frames import (
+    Ack,
+    Ack2,
+    AnySweep,
+    AskHello,
+    Hello,
+    Loader,
+    Outcome,
+    Put,
+    Rejected,
+    Result,
+    Stay,
+    Stop,
+)
 from noctule_gateway.wire.frames import Update as EnterLoader
 
 SERIAL = 1
@@ -80,13 +93,13 @@ def test_an_update_gets_over_a_line_that_spoils_loses_and_doubles_bytes_and_dela
     with stepped_unit("--laps", "0") as unit:
         faults = Faults(corrupted=0.002, lost=0.002, doubled=0.001, delay_s=0.01)
         rig = Rig(unit, image, faults=faults, seed=seed).run()
-        assert rig.updater.outcome == Updated("0.2.0")
+        assert rig.updater.outcome == Updated("0.3.0")
 
 
 def test_an_update_gets_over_a_line_whose_answers_take_a_quarter_of_a_second(image, tmp_path):
     # Staging holds the image, so that only its description is sent: it takes long enough.
     with stepped_unit("--laps", "0", image=with_flash(IMAGE, staged(image), tmp_path / "staged.hex")) as unit:
-        assert Rig(unit, image, faults=Faults(delay_s=0.25)).run().updater.outcome == Updated("0.2.0")
+        assert Rig(unit, image, faults=Faults(delay_s=0.25)).run().updater.outcome == Updated("0.3.0")
 
 
 def test_progress_is_told_step_by_step_and_page_by_page(image):
@@ -109,7 +122,7 @@ def test_what_a_cut_off_update_has_sent_is_not_sent_again(image):
         assert first.puts >= 30 * 4
         unit.befall("power_cut", for_s=0.2)
         second = Rig(unit, image).run()
-        assert second.updater.outcome == Updated("0.2.0")
+        assert second.updater.outcome == Updated("0.3.0")
         assert second.puts == (len(image.pages) - 30) * 4
 
 
@@ -121,7 +134,7 @@ def test_a_line_that_is_cut_and_opened_again_does_not_end_an_update(image):
             rig.updater.closed(LineError("pulled out"), unit.now_s)
             unit.run(3.0)
             rig.updater.opened(unit.now_s)
-        assert rig.run().updater.outcome == Updated("0.2.0")
+        assert rig.run().updater.outcome == Updated("0.3.0")
 
 
 def test_a_unit_that_loses_its_supply_is_given_up_with_a_word_on_how_to_go_on(image):
@@ -149,7 +162,7 @@ def test_a_dead_image_gives_way_to_a_good_one_after_eight_power_ups(dead, image)
             assert unit.run(2.0) == b""
         unit.befall("power_cut", for_s=0.2)
         assert unit.receive(Loader).reason == Stay.NOT_CONFIRMED
-        assert Rig(unit, image).run().updater.outcome == Updated("0.2.0")
+        assert Rig(unit, image).run().updater.outcome == Updated("0.3.0")
 
 
 # ---- What is said to it ------------------------------------------------------------------------------
@@ -167,7 +180,7 @@ class Script:
             updater.advance(self.now_s)
             while asked := reader.feed(updater.output(self.now_s)):
                 for frame in asked:
-                    assert not isinstance(frame, Ack | Rejected | Sweep)
+                    assert not isinstance(frame, Ack | Ack2 | Rejected | AnySweep)
                     if (said := answer(frame)) is not None:
                         updater.receive(encode(replace(said, request=frame.request)), self.now_s)
             self.now_s = min(updater.next_s, self.now_s + 1.0)
@@ -189,7 +202,7 @@ def test_another_unit_is_not_updated(image, who):
 
 
 def test_another_protocol_is_refused(image):
-    assert isinstance(Script(image, lambda _: replace(HELLO, protocol=3)).outcome, WrongUnitError)
+    assert isinstance(Script(image, lambda _: replace(HELLO, protocol=4)).outcome, WrongUnitError)
 
 
 def test_an_image_for_other_hardware_is_not_sent(image):

@@ -70,14 +70,14 @@ def outcomes(run: subprocess.CompletedProcess[str]) -> dict[str, tuple[str, str]
 def test_a_site_is_updated_and_then_left_alone(bench):
     first = update(bench)
     assert first.returncode == 0, first.stderr
-    assert outcomes(first) == {f"u{number}": ("updated", "0.2.0 -> 0.9.0") for number in range(1, UNITS + 1)}
+    assert outcomes(first) == {f"u{number}": ("updated", "0.3.0 -> 0.9.0") for number in range(1, UNITS + 1)}
     second = update(bench)
     assert second.returncode == 0
     assert {outcome for outcome, _ in outcomes(second).values()} == {"up to date"}
 
 
 def test_one_unit_is_updated_by_name_and_again_if_it_must_be(bench):
-    assert outcomes(update(bench, "--unit", "u2")) == {"u2": ("updated", "0.2.0 -> 0.9.0")}
+    assert outcomes(update(bench, "--unit", "u2")) == {"u2": ("updated", "0.3.0 -> 0.9.0")}
     assert outcomes(update(bench, "--unit", "u2", "--force")) == {"u2": ("updated", "0.9.0 -> 0.9.0")}
 
 

@@ -11,7 +11,7 @@ from gateway.bad_line import BadLine, Faults
 from noctule_gateway.link.events import Event, OrderSettled, StatusRead, SweepRead
 from noctule_gateway.link.link import Link
 from noctule_gateway.wire.codec import FrameReader
-from noctule_gateway.wire.frames import Order, Status, Sweep
+from noctule_gateway.wire.frames import AnySweep, Order, Status
 
 E = TypeVar("E", bound=Event)
 
@@ -23,8 +23,8 @@ _INSTANT_S = 1e-6  # what the simulator's ticks may leave of a time
 class Tally:
     """What has passed: ``made`` at the unit's end of the cable, before any fault, ``arrived`` out of the link."""
 
-    made: dict[tuple[int, int], Sweep] = field(default_factory=dict)
-    arrived: list[Sweep] = field(default_factory=list)
+    made: dict[tuple[int, int], AnySweep] = field(default_factory=dict)
+    arrived: list[AnySweep] = field(default_factory=list)
     status: Status | None = None
     events: list[Event] = field(default_factory=list)
 
@@ -98,7 +98,7 @@ class Lockstep:
         until_s = min(end_s, max(self._link.next_s, now_s + 1e-3)) if self._plugged else end_s
         sent = self._unit.step(feed=[said.hex()], until_s=until_s, stop_at_frame=self._plugged)
         for frame in self._witness.feed(sent):
-            if isinstance(frame, Sweep):
+            if isinstance(frame, AnySweep):
                 self.tally.made.setdefault((frame.boot, frame.sequence), frame)
         self._take(self._link.receive(self._carry(self._up, sent), self._unit.now_s))
 
@@ -113,7 +113,7 @@ class Lockstep:
             match event:
                 case SweepRead(sweep):
                     self.tally.arrived.append(sweep)
-                    self._link.committed(sweep)
+                    self._link.committed(sweep, self._unit.now_s)
                 case StatusRead(status):
                     self.tally.status = status
                 case _:

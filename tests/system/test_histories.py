@@ -56,7 +56,7 @@ OVERLAPPING = [
 def made_sweep(number: int) -> Sweep:
     """A sweep with bearings at both ends of their range, an echo and none."""
     readings = (Reading(-32768, 0, 40_000 + number), Reading(32767, 15_000, NoEcho.NO_ECHO), Reading(0, 30_000, 1))
-    return Sweep(1, number, 1000 * number, NO_WAYPOINT, NO_TEMPERATURE, 0, readings)
+    return Sweep(1, number, 7, 5, 1000 * number, NO_WAYPOINT, NO_TEMPERATURE, 0, readings)
 
 
 @pytest.fixture

@@ -94,7 +94,7 @@ def test_a_unit_that_sweeps_is_updated_and_loses_no_sweep(tmp_path: Path, image:
         at.statuses.clear()
         done = at.rpc("update", "--image", image)
         assert done.returncode == 0, done.stderr
-        assert json.loads(done.stdout)["detail"] == "0.2.0 -> 0.9.0"
+        assert json.loads(done.stdout)["detail"] == "0.3.0 -> 0.9.0"
         told = [each for each in at.statuses if each.detail.startswith("updating: ")]
         assert any("sending, " in each.detail and " pages" in each.detail for each in told), told
         assert {each.state for each in told} == {UnitStatus.STATE_LOADER}
@@ -136,7 +136,7 @@ def test_one_request_is_one_update_and_other_commands_are_told_to_wait(tmp_path:
         for each in asking:
             each.join()
         update()  # the reply is remembered
-        assert replies == [CommandReply(request_id="same", done=True, detail="0.2.0 -> 0.9.0")] * 3
+        assert replies == [CommandReply(request_id="same", done=True, detail="0.3.0 -> 0.9.0")] * 3
         assert at.running.log("gateway").count("its firmware is being updated") == 1
 
 
@@ -166,7 +166,7 @@ def test_an_update_that_was_cut_off_with_its_gateway_is_done_by_the_next_one(tmp
         at.start_gateway()
         at.wait_for(UnitStatus.STATE_LOADER, f"update it by noctule rpc {SITE} u1 update --image")
         done = at.rpc("update", "--image", image)
-        assert json.loads(done.stdout)["detail"] == "0.2.0 -> 0.9.0", done.stderr
+        assert json.loads(done.stdout)["detail"] == "0.3.0 -> 0.9.0", done.stderr
         assert at.wait_for(UnitStatus.STATE_IDLE).firmware == "0.9.0"
 
 

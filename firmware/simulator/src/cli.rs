@@ -49,7 +49,8 @@ pub struct Arguments {
     #[arg(long, conflicts_with_all = ["tcp", "pty", "acknowledge", "duration", "speed"])]
     pub control: bool,
 
-    /// Where all randomness comes from: noise, power-up states
+    /// Where randomness comes from: noise, power-up states; without --control, what XRAM holds at the first power-up does
+    /// not, so that no two runs share a life
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
 

@@ -5,10 +5,15 @@ use crate::frame::{decode, encode};
 const ASK_STATUS: u8 = 0x02;
 const START: u8 = 0x05;
 const HOME: u8 = 0x08;
-const ACK: u8 = 0x10;
+const ACK_2: u8 = 0x10;
+const ACK: u8 = 0x12;
 const HELLO: u8 = 0x81;
 const STATUS: u8 = 0x82;
-const SWEEP: u8 = 0x90;
+const SWEEP_2: u8 = 0x90;
+const SWEEP: u8 = 0x91;
+/// What names a sweep, and its acknowledgement: boot, sequence, serial number and life; of protocol 2 the first two.
+const NAME_BYTES: usize = 14;
+const NAME_2_BYTES: usize = 6;
 const IDLE: u8 = 0;
 const HOMED: u8 = 0x01;
 const STARTED: u8 = 0x02;
@@ -53,12 +58,13 @@ impl Host {
                     self.ask(HOME, &[])
                 }
             }
-            SWEEP => self.acknowledge(payload),
+            SWEEP => self.acknowledge(ACK, payload, NAME_BYTES),
+            SWEEP_2 => self.acknowledge(ACK_2, payload, NAME_2_BYTES),
             _ => Vec::new(),
         }
     }
 
-    fn acknowledge(&mut self, payload: &[u8]) -> Vec<u8> {
+    fn acknowledge(&mut self, kind: u8, payload: &[u8], name_bytes: usize) -> Vec<u8> {
         let boot = u16::from_le_bytes([payload[0], payload[1]]);
         let sequence = u32::from_le_bytes([payload[2], payload[3], payload[4], payload[5]]);
         match self.last {
@@ -71,7 +77,7 @@ impl Host {
             }
         }
         self.last = Some((boot, sequence));
-        encode(ACK, &payload[..6])
+        encode(kind, &payload[..name_bytes])
     }
 
     fn ask(&mut self, kind: u8, payload: &[u8]) -> Vec<u8> {

@@ -48,6 +48,8 @@ use image::{ImageError, Record};
 use line::Line;
 use member::{Member, Peer};
 use mishap::{MishapError, Mishaps};
+use rand::Rng;
+use random::{Part, stream};
 use report::Progress;
 use room::{Room, RoomError};
 use std::io::{self, Write};
@@ -182,7 +184,7 @@ fn member(
     });
     image::flash_firmware(&mut flash, records);
     let seed = seed(arguments, index);
-    let mut unit = Unit::power_up(flash, world, seed);
+    let mut unit = Unit::power_up(flash, world, seed, &mut *noise_of_xram(arguments, seed));
     if arguments.measure {
         unit.measure();
     }
@@ -195,6 +197,12 @@ fn member(
         outbox: Vec::new(),
         frames: 0,
     })
+}
+
+/// What the memory of a chip holds at its first power-up no seed may repeat: a unit draws its life from it. A program that
+/// controls the run is the exception, since it repeats all of it.
+fn noise_of_xram(arguments: &Arguments, seed: u64) -> Box<dyn Rng> {
+    if arguments.control { Box::new(stream(seed, Part::FirstMemories)) } else { Box::new(rand::rng()) }
 }
 
 fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Part {
     World,
-    /// The chip's memories at power-up and what a bad supply does to them.
+    /// What a bad supply does to the chip's memories, and what they hold at a power-up; of XRAM from the second on.
     Memories,
     Cable,
     Analog,
@@ -16,6 +16,8 @@ pub enum Part {
     FlashReads,
     /// Those who walk through the room; no unit's.
     People,
+    /// XRAM at the first power-up.
+    FirstMemories,
 }
 
 /// The stream of a part of the unit with that seed.
@@ -40,6 +42,7 @@ mod tests {
             Part::FlashTimes,
             Part::FlashReads,
             Part::People,
+            Part::FirstMemories,
         ];
         let mut drawn = parts.map(|part| stream(1, part).random::<u64>());
         drawn.sort_unstable();

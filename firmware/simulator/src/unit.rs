@@ -53,11 +53,16 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// A unit at power-up, with arbitrary contents in its memories.
-    pub fn power_up(flash: Box<[u8; FLASH_SIZE]>, world: World, seed: u64) -> Self {
+    /// A unit at power-up, with arbitrary contents in its memories; those of XRAM are drawn from `noise_of_xram`.
+    pub fn power_up(
+        flash: Box<[u8; FLASH_SIZE]>,
+        world: World,
+        seed: u64,
+        noise_of_xram: &mut dyn Rng,
+    ) -> Self {
         let mut rng = stream(seed, Part::Memories);
         let mut xram = Box::new([0; XRAM_SIZE]);
-        rng.fill_bytes(xram.as_mut_slice());
+        noise_of_xram.fill_bytes(xram.as_mut_slice());
         let cpu = Cpu::new(noise(&mut rng));
         let analog = Analog::of_chip(seed);
         let mut chip = Chip::new(Flash::new(flash, seed), xram, analog);

@@ -90,7 +90,7 @@ class Reading(_message.Message):
     def __init__(self, bearing_rad: _Optional[float] = ..., time_offset_s: _Optional[float] = ..., time_of_flight_s: _Optional[float] = ..., status: _Optional[_Union[ReadingStatus, str]] = ...) -> None: ...
 
 class Sweep(_message.Message):
-    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings", "clock_drift", "clock_epoch")
+    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings", "clock_drift", "clock_epoch", "life")
     SITE_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     LOG_ID_FIELD_NUMBER: _ClassVar[int]
@@ -106,6 +106,7 @@ class Sweep(_message.Message):
     READINGS_FIELD_NUMBER: _ClassVar[int]
     CLOCK_DRIFT_FIELD_NUMBER: _ClassVar[int]
     CLOCK_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    LIFE_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     log_id: str
@@ -121,7 +122,8 @@ class Sweep(_message.Message):
     readings: _containers.RepeatedCompositeFieldContainer[Reading]
     clock_drift: float
     clock_epoch: str
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ..., clock_drift: _Optional[float] = ..., clock_epoch: _Optional[str] = ...) -> None: ...
+    life: int
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ..., clock_drift: _Optional[float] = ..., clock_epoch: _Optional[str] = ..., life: _Optional[int] = ...) -> None: ...
 
 class UnitStatus(_message.Message):
     __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since")

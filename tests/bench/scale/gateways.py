@@ -19,7 +19,9 @@ from mapper.live_site import message
 from mapper.room import paper_path, paper_room, survey
 
 from noctule import bus, site
+from noctule.caller import Callers, Who
 from noctule.messages_pb2 import CommandReply, CommandRequest, Sweep, UnitStatus
+from noctule.newer_fields import NewerFields
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
@@ -30,7 +32,7 @@ from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
 
-RING_SWEEPS = 24  # a full ring of 13 readings each: firmware/README.md
+RING_SWEEPS = 21  # a full ring of 13 readings each: firmware/README.md
 STATUS_EVERY_S = 1.0
 FLIGHT_NOISE_S = 1e-5
 
@@ -95,7 +97,7 @@ def open_units(
             log = SweepLog(data / f"{known.name}.{unit.name}.sqlite", Retention())
             closing.callback(log.close)
             kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / "clock-epoch"))
-            on_bus = UnitOnBus(session, kept, _refuse, outbox, readers)
+            on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers())
             opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng))
     return opened
 
@@ -111,7 +113,7 @@ def _site(data: Path, name: str, units: int) -> site.Site:
     return site.load(file)
 
 
-def _refuse(_name: str, _request: CommandRequest) -> Future[CommandReply]:
+def _refuse(_name: str, _request: CommandRequest, _who: Who) -> Future[CommandReply]:
     raise AssertionError("nobody commands the units of this bench")
 
 

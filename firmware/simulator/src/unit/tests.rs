@@ -15,7 +15,12 @@ pub(super) fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
     let mut flash = erased();
     flash.fill(0);
     flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
-    Unit::power_up(flash, World::new(Rc::new(Scene::new(room)), 0, None, 1, 1), 1)
+    Unit::power_up(
+        flash,
+        World::new(Rc::new(Scene::new(room)), 0, None, 1, 1),
+        1,
+        &mut stream(2, Part::Memories),
+    )
 }
 
 #[test]

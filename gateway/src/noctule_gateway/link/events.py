@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from noctule_gateway.clock.regression import Exchange
 from noctule_gateway.errors import CommandError, WrongUnitError
-from noctule_gateway.wire.frames import Hello, Loader, Order, Status, Sweep
+from noctule_gateway.wire.frames import AnySweep, Hello, Loader, Order, Status
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class SettingsRead:
 class SweepRead:
     """A sweep to commit: call Link.committed() then, or Link.failed()."""
 
-    sweep: Sweep
+    sweep: AnySweep
 
 
 @dataclass(frozen=True)

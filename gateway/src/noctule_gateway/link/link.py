@@ -22,11 +22,12 @@ from noctule_gateway.link.events import (
     SweepRead,
 )
 from noctule_gateway.link.order_queue import CHANGES_SETTINGS, OrderQueue
-from noctule_gateway.link.peer import BootWatch, Silence, mismatch
+from noctule_gateway.link.peer import BootWatch, Silence, another_unit, mismatch
 from noctule_gateway.link.receipts import Receipts, Standing
 from noctule_gateway.link.requests import Requests, RoundTrip
 from noctule_gateway.link.standing_orders import StandingOrders, Wanted
 from noctule_gateway.link.states import IDENTIFIED, TIME_IS_KNOWN, Cause, LinkState, after
+from noctule_gateway.link.voucher import Voucher
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import Clock, Configure, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
@@ -52,6 +53,7 @@ class Link:
         self._requests = Requests(first_request)
         self._out = bytearray()
         self._boot = BootWatch()
+        self._voucher = Voucher()
         self._settings: Settings | None = None
         self._settings_told = False
         self._orders = OrderQueue(self._standing_orders)
@@ -104,6 +106,8 @@ class Link:
         if again is not None:
             self._out += again
             return []
+        if self.identified:
+            self._enquiries.greet(now_s)  # the plug may have been pulled, and another unit's put in
         return self._settle(None, now_s) if self._orders.given else []
 
     def output(self, now_s: float) -> bytes:
@@ -163,12 +167,12 @@ class Link:
         repeated = self._receipts.duplicates
         return LinkCounts(read.frames_read, read.frames_bad, read.frames_unknown, repeated, self._timeouts)
 
-    def committed(self, sweep: Sweep) -> None:
+    def committed(self, sweep: frames.AnySweep, now_s: float) -> None:
         """``sweep`` is safe: the unit may forget it."""
         self._receipts.committed(sweep)
-        self._acknowledge(sweep)
+        self._acknowledge(sweep, now_s)
 
-    def failed(self, sweep: Sweep) -> None:
+    def failed(self, sweep: frames.AnySweep) -> None:
         """``sweep`` could not be committed; it is taken again when the unit sends it again."""
         self._receipts.failed(sweep)
 
@@ -191,6 +195,7 @@ class Link:
     def _greet(self, now_s: float, why: str, again_s: float = 0.0) -> list[Event]:
         """Begin again with HELLO, ``again_s`` from now; what was ordered and not settled fails."""
         self._go(Cause.LOST)
+        self._voucher.withdrawn()
         self._enquiries.greet(now_s + again_s)
         return self._forget(why)
 
@@ -205,7 +210,7 @@ class Link:
         """Somebody is there, behind a bad line. It may have been a sweep whose acknowledgement was lost."""
         self._silence.garbled()
         if self.identified and (sweep := self._receipts.to_acknowledge_again(now_s)) is not None:
-            self._acknowledge(sweep)
+            self._acknowledge(sweep, now_s)
 
     def _take(self, frame: frames.Frame, now_s: float) -> list[Event]:
         self._silence.broken()
@@ -215,7 +220,7 @@ class Link:
         if not self.identified:
             return []
         match frame:
-            case Sweep():
+            case Sweep() | frames.Sweep2():
                 return self._sweep(frame, now_s)
             case Status() if frame.request == 0 or self._requests.answered(frame):
                 return self._status(frame, now_s)
@@ -241,7 +246,8 @@ class Link:
 
     def _hello(self, hello: Hello, now_s: float) -> list[Event]:
         self._enquiries.greeted(now_s)
-        rebooted = self._boot.is_another(hello.boot)
+        self._voucher.greeted(hello, now_s)
+        rebooted = self._boot.is_another(hello.boot_of_life)
         if self.identified and not rebooted:
             return []
         done = self._orders.unit_was_reset() if rebooted else []
@@ -249,7 +255,7 @@ class Link:
         self._go(Cause.HELLO)
         self._enquiries.begin(now_s, rebooted)
         if rebooted:
-            self._boot.begin(hello.boot)
+            self._boot.begin(hello.boot_of_life)
             self._standing_orders.drop()
         return [*done, *lost, Identified(hello, rebooted)]
 
@@ -285,16 +291,20 @@ class Link:
         told, self._settings_told = self._settings_told, self.settings is not None
         return [SettingsRead()] if self._settings_told and not told else []
 
-    def _sweep(self, sweep: Sweep, now_s: float) -> list[Event]:
+    def _sweep(self, sweep: frames.AnySweep, now_s: float) -> list[Event]:
+        error = another_unit(sweep, self._serial) if isinstance(sweep, Sweep) else None
+        if error is not None:
+            return [*self._greet(now_s, str(error)), Refused(error)]
         if self._state not in TIME_IS_KNOWN:
             return []  # it comes again
-        if self._boot.doubted_by_sweep(sweep.boot):
+        if not self._voucher.speaks_for(sweep, now_s) or self._boot.doubted_by_sweep(sweep.boot_of_life):
             return self._doubt(now_s)
         standing = self._receipts.arrive(sweep)
         if standing is Standing.COMMITTED:
-            self._acknowledge(sweep)
+            self._acknowledge(sweep, now_s)
         return [SweepRead(sweep)] if standing is Standing.NEW else []
 
-    def _acknowledge(self, sweep: Sweep) -> None:
-        self._receipts.acknowledged(sweep)
-        self._out += encode(frames.Ack(sweep.boot, sweep.sequence))
+    def _acknowledge(self, sweep: frames.AnySweep, now_s: float) -> None:
+        if self._voucher.speaks_for(sweep, now_s):  # otherwise it comes again
+            self._receipts.acknowledged(sweep)
+            self._out += encode(self._voucher.acknowledgement(sweep))

@@ -2,7 +2,7 @@
 
 from noctule_gateway.clock.regression import TICKS_TO_WRAP
 from noctule_gateway.errors import WrongUnitError
-from noctule_gateway.wire.frames import NO_SERIAL, PROTOCOL, Hello, Loader
+from noctule_gateway.wire.frames import NO_SERIAL, PROTOCOL, PROTOCOLS, Hello, Loader, Sweep
 
 SILENT_AFTER = 6  # time-outs in a row, and nothing between them
 GARBLED_AFTER = 60  # time-outs in a row, and between them nothing that can be read
@@ -12,12 +12,17 @@ _SLACK_TICKS = 400_000  # frames may pass one another within the unit, but not b
 
 def mismatch(hello: Hello | Loader, serial: int) -> WrongUnitError | None:
     """What is wrong with who says ``hello`` where unit ``serial`` is expected; None if nothing is."""
-    if hello.protocol != PROTOCOL:
+    if hello.protocol not in PROTOCOLS:
         return WrongUnitError(f"the unit speaks protocol {hello.protocol}, the gateway {PROTOCOL}: update one of them")
-    if hello.serial != serial:
-        found = "a unit without a serial number" if hello.serial == NO_SERIAL else f"unit {hello.serial}"
-        return WrongUnitError(f"{found} answers where the site file has {serial}: check cable and address")
-    return None
+    return another_unit(hello, serial)
+
+
+def another_unit(frame: Hello | Loader | Sweep, serial: int) -> WrongUnitError | None:
+    """What is wrong with who names itself in ``frame`` where unit ``serial`` is expected; None if nothing is."""
+    if frame.serial == serial:
+        return None
+    found = "a unit without a serial number" if frame.serial == NO_SERIAL else f"unit {frame.serial}"
+    return WrongUnitError(f"{found} answers where the site file has {serial}: check cable and address")
 
 
 class Silence:
@@ -46,7 +51,10 @@ class Silence:
 
 
 class BootWatch:
-    """The boot that the unit last named in a HELLO, and what has spoken against it since."""
+    """The boot that the unit last named in a HELLO, and what has spoken against it since.
+
+    A boot is a ``boot_of_life``: its number, and the unit's life above it.
+    """
 
     def __init__(self) -> None:
         self._boot: int | None = None
@@ -72,8 +80,13 @@ class BootWatch:
         return self._ticks_went_back
 
     def doubted_by_sweep(self, boot: int) -> bool:
-        """A sweep of ``boot`` is the first of a later boot, as far as 16 bits can tell. Each boot is doubted once."""
-        later = self._boot is not None and 0 < (boot - self._boot) % 0x10000 < 0x8000
+        """A sweep of ``boot`` is the first of a later boot, as far as 16 bits can tell, or of another life.
+
+        Each boot is doubted once.
+        """
+        if self._boot is None:
+            return False
+        later = 0 < (boot - self._boot) % 0x10000 < 0x8000 or boot >> 16 != self._boot >> 16
         if not later or boot in self._doubted:
             return False
         self._doubted.add(boot)

@@ -71,19 +71,20 @@ class LogReader:
         return LogSlice(log.log_id, head, log.tail, tuple(row[7] for row in rows), covered)
 
     def last_of_boot(self, boot: int) -> tuple[int, Sweep] | None:
-        """Start tick and record of the newest sweep made under ``boot``; None if there is none."""
+        """Start tick and record of the newest sweep made under ``boot``, a boot_of_life; None if there is none."""
         try:
             with self._db:
                 self._db.execute("BEGIN")
                 log = read_log(self._db, self._path)
-                found = self._db.execute(_OF_BOOT, (boot,)).fetchone()
+                found = self._db.execute(_OF_BOOT, (boot & 0xFFFF,)).fetchone()
                 rows = self._db.execute(_FROM, (found[0], 1)).fetchall() if found else []
         except SQLITE_ERRORS as error:
             raise log_error(self._path, "read", error) from error
         if not rows:
             return None
         check_rows(self._path, log, rows)
-        return rows[0][4], Sweep.FromString(rows[0][7])
+        sweep = Sweep.FromString(rows[0][7])
+        return (rows[0][4], sweep) if sweep.life == boot >> 16 else None
 
     def _rows(self, first: int, max_records: int, max_bytes: int, head: int) -> tuple[list[SweepRow], bool]:
         """Rows within the bounds, and whether there are no more up to ``head``."""

@@ -89,7 +89,10 @@ class SweepLog:
             return self._reading_file().read(first, max_records, max_bytes, self._state.head)
 
     def last_of_boot(self, boot: int) -> tuple[int, Sweep] | None:
-        """Start tick and record of the newest sweep made under ``boot``; None if there is none. Raises LogError."""
+        """Start tick and record of the newest sweep made under ``boot``, a boot_of_life; None if there is none.
+
+        Raises LogError.
+        """
         with self._reader, self._reporting_damage():
             return self._reading_file().last_of_boot(boot)
 

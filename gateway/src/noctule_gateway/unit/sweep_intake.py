@@ -13,7 +13,7 @@ from noctule_gateway.pose import pose_of_sweep
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status.health import Lateness
 from noctule_gateway.wire.codec import encode
-from noctule_gateway.wire.frames import Sweep
+from noctule_gateway.wire.frames import AnySweep
 from noctule_gateway.wire.sweep_message import to_message, waypoint_of
 
 Call = Callable[[Callable[[], None]], None]
@@ -37,7 +37,7 @@ class SweepIntake:
         self._lateness = Lateness()
 
     def begin_boot(self, boot: int) -> None:
-        """The unit has said that it runs under ``boot``."""
+        """The unit has said that it runs under ``boot``, a boot_of_life."""
         self._clocks.begin(boot, time.monotonic(), self._served.clock.look().utc_offset_s)
 
     def clock_read(self, exchange: Exchange) -> None:
@@ -64,14 +64,14 @@ class SweepIntake:
         """Sweeps are acknowledged later than they should be: the machine can't keep up."""
         return self._lateness.too_late(time.monotonic())
 
-    def take(self, sweep: Sweep) -> None:
+    def take(self, sweep: AnySweep) -> None:
         """A sweep has come from the unit."""
         wall = self._served.clock.look()
-        start = self._clocks.at(sweep.boot, sweep.start, wall.utc_offset_s)
+        start = self._clocks.at(sweep.boot_of_life, sweep.start, wall.utc_offset_s)
         began_s = start.time_s - wall.utc_offset_s
         pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), began_s, self._served.track)
         self.lost_pose = pose is None
-        drift = self._clocks.good_drift(sweep.boot)
+        drift = self._clocks.good_drift(sweep.boot_of_life)
         message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
         message.clock_epoch = wall.epoch
         arrived_s = time.monotonic()
@@ -84,13 +84,13 @@ class SweepIntake:
 
         self._served.log.append(Arrival(digest, sweep.start, message), done)
 
-    def _done(self, sweep: Sweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
+    def _done(self, sweep: AnySweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
         now_s = time.monotonic()
         self._lateness.note(now_s - arrived_s, now_s)
         if isinstance(result, LogError):
             self._link.failed(sweep)
             return
-        self._link.committed(sweep)
+        self._link.committed(sweep, now_s)
         self.committed += result.fresh
         self.without_pose += result.fresh and not placed
 

@@ -207,7 +207,7 @@ class UnitServer:
         if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._state.hello is not None)):
             _log.warning("%s has started anew: %s", name, warning)
         self._state = self._state.identified(hello)
-        self._intake.begin_boot(hello.boot)
+        self._intake.begin_boot(hello.boot_of_life)
         self._report_due_s = 0.0
 
     def _lose(self, why: str, loader: Loader | None = None) -> None:

@@ -7,9 +7,20 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 from cobs import cobs
 
 from noctule_gateway.errors import FrameError
-from noctule_gateway.wire.frames import MAX_PUT_BYTES, MAX_READINGS, Frame, Put, Reading, Sweep, Wire
+from noctule_gateway.wire.frames import (
+    MAX_PUT_BYTES,
+    MAX_READINGS,
+    NO_LIFE,
+    Frame,
+    Hello,
+    Put,
+    Reading,
+    Sweep,
+    Sweep2,
+    Wire,
+)
 
-MAX_FRAME_BYTES = 540  # before COBS
+MAX_FRAME_BYTES = 544  # before COBS
 _MAX_ENCODED_BYTES = MAX_FRAME_BYTES + -(-MAX_FRAME_BYTES // 254)  # COBS adds a byte for each 254 begun
 _DELIMITER = b"\x00"
 _CRC_BYTES = 4
@@ -29,6 +40,7 @@ def _layout(frame_type: type) -> tuple[_Field, ...]:
 
 _TYPES: dict[int, type[Frame]] = {frame_type.TYPE: frame_type for frame_type in get_args(Frame)}
 _LAYOUTS = {frame_type: _layout(frame_type) for frame_type in (*_TYPES.values(), Reading)}
+_LIFE = Wire(4)  # at the end of HELLO, from protocol 3 on
 _READING_BYTES = sum(field.wire.size_bytes for field in _LAYOUTS[Reading])
 
 
@@ -64,11 +76,12 @@ def _crc(body: bytes) -> bytes:
 
 
 def _pack(frame: Frame | Reading) -> bytes:
+    return b"".join(_pack_integer(getattr(frame, name), wire, frame) for name, wire in _LAYOUTS[type(frame)])
+
+
+def _pack_integer(value: int, wire: Wire, frame: Frame | Reading) -> bytes:
     try:
-        return b"".join(
-            getattr(frame, name).to_bytes(wire.size_bytes, "little", signed=wire.signed)
-            for name, wire in _LAYOUTS[type(frame)]
-        )
+        return value.to_bytes(wire.size_bytes, "little", signed=wire.signed)
     except OverflowError as error:
         raise FrameError(f"a field does not fit its place in the frame: {frame}") from error
 
@@ -76,7 +89,7 @@ def _pack(frame: Frame | Reading) -> bytes:
 def _pack_tail(frame: Frame) -> bytes:
     """What has no fixed length, at a frame's end."""
     match frame:
-        case Sweep(readings=readings):
+        case Sweep(readings=readings) | Sweep2(readings=readings):
             if len(readings) > MAX_READINGS:
                 raise FrameError(f"a sweep of {len(readings)} readings does not fit a frame: at most {MAX_READINGS}")
             return bytes([len(readings)]) + b"".join(map(_pack, readings))
@@ -84,6 +97,8 @@ def _pack_tail(frame: Frame) -> bytes:
             if not 1 <= len(data) <= MAX_PUT_BYTES:
                 raise FrameError(f"{len(data)} bytes do not fit a PUT: from 1 to {MAX_PUT_BYTES} do")
             return data
+        case Hello(life=life) if life != NO_LIFE:
+            return _pack_integer(life, _LIFE, frame)
     return b""
 
 
@@ -99,7 +114,7 @@ def _unpack(frame_type: type, payload: bytes) -> dict[str, Any]:
 def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
     size = sum(field.wire.size_bytes for field in _LAYOUTS[frame_type])
     values = _unpack(frame_type, payload)
-    if frame_type is Sweep:
+    if frame_type in (Sweep, Sweep2):
         count = payload[size] if len(payload) > size else 0
         start = size + 1
         size = start + count * _READING_BYTES
@@ -107,6 +122,9 @@ def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
         values["readings"] = tuple(Reading(**_unpack(Reading, block)) for block in blocks)
     elif frame_type is Put and size < len(payload) <= size + MAX_PUT_BYTES:
         values["data"] = payload[size:]
+        size = len(payload)
+    elif frame_type is Hello and len(payload) == size + _LIFE.size_bytes:
+        values["life"] = int.from_bytes(payload[size:], "little")
         size = len(payload)
     if len(payload) != size:
         raise FrameError(f"{frame_type.__name__} of {len(payload)} bytes instead of {size}")

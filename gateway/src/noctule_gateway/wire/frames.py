@@ -22,8 +22,10 @@ U24 = Annotated[int, Wire(3)]
 U32 = Annotated[int, Wire(4)]
 U48 = Annotated[int, Wire(6)]
 
-PROTOCOL = 2
+PROTOCOL = 3
+PROTOCOLS = (2, PROTOCOL)  # that the gateway speaks; protocol 2 has Sweep2 and Ack2 in place of Sweep and Ack
 NO_SERIAL = 0xFFFFFFFF
+NO_LIFE = 0  # of a unit of protocol 2
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
 FIRST_NO_ECHO = 0xFFFFF0  # from here on an echo field names a kind of no echo
@@ -192,7 +194,9 @@ class AskSettings:
 
 
 @dataclass(frozen=True)
-class Ack:
+class Ack2:
+    """The acknowledgement of a Sweep2, or of any sweep of a unit of protocol 2."""
+
     TYPE: ClassVar = 0x10
     boot: U16
     sequence: U32
@@ -203,6 +207,17 @@ class Update:
     TYPE: ClassVar = 0x11
     request: U8
     serial: U32
+
+
+@dataclass(frozen=True)
+class Ack:
+    """The acknowledgement of a Sweep, by its whole name: no unit takes it for that of a sweep of its own."""
+
+    TYPE: ClassVar = 0x12
+    boot: U16
+    sequence: U32
+    serial: U32
+    life: U32
 
 
 # ---- Host to loader ------------------------------------------------------------------------------
@@ -252,6 +267,12 @@ class Hello:
     reset_cause: U8
     reset_note: U8
     ring_capacity: U16
+    life: int = NO_LIFE  # U32, from protocol 3 on
+
+    @property
+    def boot_of_life(self) -> int:
+        """The boot's number, and the unit's life above it: boot numbers begin again in a chip that was erased."""
+        return self.life << 16 | self.boot
 
     @property
     def version(self) -> str:
@@ -356,8 +377,11 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep2:
+    """A sweep of protocol 2. It does not name its unit; a unit's ring may hold some after its update."""
+
     TYPE: ClassVar = 0x90
+    life: ClassVar = NO_LIFE
     boot: U16
     sequence: U32
     start: U48
@@ -366,12 +390,37 @@ class Sweep:
     flags: U8
     readings: tuple[Reading, ...]
 
+    @property
+    def boot_of_life(self) -> int:
+        """As in the HELLO of then."""
+        return self.boot
+
+
+@dataclass(frozen=True)
+class Sweep:
+    TYPE: ClassVar = 0x91
+    boot: U16
+    sequence: U32
+    serial: U32
+    life: U32
+    start: U48
+    waypoint: U16
+    temperature: I16  # 0.01 degrees C
+    flags: U8
+    readings: tuple[Reading, ...]
+
+    @property
+    def boot_of_life(self) -> int:
+        """As in Hello."""
+        return self.life << 16 | self.boot
+
 
 Enquiry = AskHello | AskStatus | AskClock | AskSettings
 Order = (
     Configure | Start | Stop | Single | Home | SetWaypoint | GoTo | Calibrate | TrimTemperature | Store | Reset | Update
 )
 LoaderOrder = Put | Program | Install | Run
-HostFrame = Enquiry | Order | LoaderOrder | Ack
-UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | Sweep
+AnySweep = Sweep | Sweep2
+HostFrame = Enquiry | Order | LoaderOrder | Ack | Ack2
+UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | AnySweep
 Frame = HostFrame | UnitFrame

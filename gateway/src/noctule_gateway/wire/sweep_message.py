@@ -18,13 +18,13 @@ _STATUSES: dict[int, messages.ReadingStatus] = {
 }
 
 
-def waypoint_of(sweep: frames.Sweep) -> int | None:
+def waypoint_of(sweep: frames.AnySweep) -> int | None:
     """The waypoint that the sweep was made at, if the unit has been given one."""
     return None if sweep.waypoint == NO_WAYPOINT else sweep.waypoint
 
 
 def to_message(
-    sweep: frames.Sweep, site: Site, unit: Unit, start: HostTime, pose: messages.Pose | None, drift: float | None
+    sweep: frames.AnySweep, site: Site, unit: Unit, start: HostTime, pose: messages.Pose | None, drift: float | None
 ) -> messages.Sweep:
     """The sweep as published, still without log_id and log_sequence; ``start`` is in UTC.
 
@@ -34,6 +34,7 @@ def to_message(
     message = messages.Sweep(
         site=site.name,
         unit=unit.name,
+        life=sweep.life or None,
         boot=sweep.boot,
         sequence=sweep.sequence,
         clock_error_s=start.error_s,
@@ -58,7 +59,7 @@ def celsius(temperature: int) -> float | None:
     return None if temperature == NO_TEMPERATURE else temperature / PER_KELVIN
 
 
-def _air_temperature_c(sweep: frames.Sweep, site: Site) -> float | None:
+def _air_temperature_c(sweep: frames.AnySweep, site: Site) -> float | None:
     """What the site file says takes the place of what the unit has measured; a broken thermometer tells nothing."""
     if site.air_temperature_c is not None:
         return site.air_temperature_c
