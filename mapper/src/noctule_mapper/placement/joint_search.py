@@ -10,9 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import Members, PlacedUnit, landmarks_of
+from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
 from noctule_mapper.placement.pose_search import Standing, pair_starts, standings
+from noctule_mapper.placement.reflector_models import Members, PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 

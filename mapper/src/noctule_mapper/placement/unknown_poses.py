@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.placement.joint_search import Hypothesis, Pairs, is_same, margin_alone_nats, search
-from noctule_mapper.placement.landmarks import PlacedUnit, landmarks_of
+from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
@@ -21,7 +22,7 @@ from noctule_mapper.readings.angles import wrapped
 # from several sides, and may go on alike where nobody has heard it.
 MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 14.0
 ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 12.0  # the same where all other units stand as they are
-_SQUARE_RAD = np.radians(9.0)
+_SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _LAST_ROUNDS = 3  # of telling again which plateaus belong together, and adjusting
 _MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.028, np.radians(1.0)
 
@@ -75,7 +76,7 @@ def _is_square(placed: Sequence[PlacedUnit]) -> bool:
     """Whether all that several units hear and that must be walls is at right angles."""
     marks = landmarks_of(placed, grouped(placed))
     walls = len(marks.alpha_rad)
-    sure = (marks.heard_by[:walls] > 1) & ~np.isin(marks.group[:walls], marks.group[walls:])
+    sure = (marks.heard_by[:walls] > 1) & (marks.chance[:walls] > _SURE_WALL)
     off_rad = np.abs(wrapped(4 * (marks.alpha_rad[sure][:, None] - marks.alpha_rad[sure]))) / 4
     return bool((off_rad < _SQUARE_RAD).all())
 

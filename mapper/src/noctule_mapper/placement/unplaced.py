@@ -8,7 +8,7 @@ import numpy as np
 from noctule.bounds import UNKNOWN_SIGMA_POSITION_M
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.contour import PoseState, UnitPose
-from noctule_mapper.placement.landmarks import PlacedUnit
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import view_of
 from noctule_mapper.placement.unknown_poses import FoundPose, find_poses
 from noctule_mapper.readings.looks import is_fine
