@@ -137,7 +137,11 @@ def point_models(rows: Rows, kind: Kind) -> Models:
     # A priori it lies anywhere in direction and range as first heard, like a wall: dx dy = d / k of these.
     first = _first_rows(rows)
     away_m = np.maximum(np.hypot(*(value[:, :2] - rows.place_m[first]).T), _NEAR_M)
-    volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(sigma).sum() - np.log(away_m / np.maximum(value[:, 2], _LEAST_SCALE))
+    volume = (
+        0.5 * np.linalg.slogdet(covariance)[1]
+        - np.log(sigma).sum()
+        - np.log(away_m / np.maximum(value[:, 2], _LEAST_SCALE))
+    )
     return Models(value, covariance, np.log(kind.share) - cost + volume)
 
 
@@ -155,17 +159,17 @@ def _fitted(
     information about ``mean`` beforehand: values, covariances, and costs in nats.
     """
     mean = np.zeros(value.shape[1]) if mean is None else mean
-    covariance, cost = np.zeros((*value.shape, value.shape[1])), np.zeros(len(value))
+    covariance, cost, starts = np.zeros((*value.shape, value.shape[1])), np.zeros(len(value)), _first_rows(rows)
     for _ in range(_STEPS):
         off_rad, slope_rad, off_m, slope_m = residuals(value[rows.group])
         root_rad = np.sqrt(1 + (off_rad / rows.direction_sigma_rad / _ROBUST_SIGMAS) ** 2)
         root_m = np.sqrt(1 + (off_m / rows.range_sigma_m / _ROBUST_SIGMAS) ** 2)
         weight_rad, weight_m = rows.direction_sigma_rad**-2 / root_rad, rows.range_sigma_m**-2 / root_m
-        information = known + _sums(rows.group, len(value), weight_rad, slope_rad, slope_rad)
-        information += _sums(rows.group, len(value), weight_m, slope_m, slope_m)
+        information = known + _sums(starts, weight_rad, slope_rad, slope_rad)
+        information += _sums(starts, weight_m, slope_m, slope_m)
         off = value - mean
-        gradient = off @ known + _sums(rows.group, len(value), weight_rad * off_rad, slope_rad, None)
-        gradient += _sums(rows.group, len(value), weight_m * off_m, slope_m, None)
+        gradient = off @ known + _sums(starts, weight_rad * off_rad, slope_rad, None)
+        gradient += _sums(starts, weight_m * off_m, slope_m, None)
         covariance = np.linalg.inv(information)
         value = value - np.einsum("gij,gj->gi", covariance, gradient)
         size = np.log(2 * np.pi * rows.direction_sigma_rad * rows.range_sigma_m)
@@ -178,15 +182,11 @@ def _first_rows(rows: Rows) -> np.ndarray:
     return np.searchsorted(rows.group, np.arange(rows.group.max(initial=-1) + 1))
 
 
-def _sums(
-    group: np.ndarray, groups: int, weight: np.ndarray, first: np.ndarray, second: np.ndarray | None
-) -> np.ndarray:
+def _sums(starts: np.ndarray, weight: np.ndarray, first: np.ndarray, second: np.ndarray | None) -> np.ndarray:
     """Sums by group of weight times first (n, v), (g, v), or times its outer product with second, (g, v, v)."""
-    each = first.shape[1]
-    if second is None:
-        return np.stack([np.bincount(group, weight * first[:, i], groups) for i in range(each)], axis=-1)
-    rows = [[np.bincount(group, weight * first[:, i] * second[:, j], groups) for j in range(each)] for i in range(each)]
-    return np.moveaxis(np.array(rows), -1, 0)
+    weighed = weight[:, None] * first
+    each = weighed if second is None else weighed[:, :, None] * second[:, None, :]
+    return np.add.reduceat(each, starts) if len(starts) else each[:0]
 
 
 def _all(arrays: Iterable[np.ndarray]) -> np.ndarray:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.placement.joint_search import Hypothesis, Pairs, is_same, margin_alone_nats, search
+from noctule_mapper.placement.hypotheses import Hypothesis, is_same
+from noctule_mapper.placement.joint_search import Pairs, margin_alone_nats, search
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
@@ -85,14 +86,15 @@ def _margin(best: Hypothesis, all_: Sequence[Hypothesis], unit: str) -> tuple[fl
     """By how many nats the hypotheses that have the unit where the best has it stand above those that have it elsewhere
     or nowhere, and where the best of these has it.
     """
-    pose, alike, others = best.pose_of(unit), [], []
-    for one in all_:
-        if one.has_looked_for(unit):
-            (alike if is_same(one.pose_of(unit), pose) else others).append(one)
+    asked = [one for one in all_ if one.has_looked_for(unit)]
+    others = [one for one in asked if not is_same(one.pose_of(unit), best.pose_of(unit))]
     if not others:
         return np.inf, None
-    above, below = (float(np.logaddexp.reduce([one.worth_nats for one in group])) for group in (alike, others))
-    return above - below, max(others, key=lambda one: one.worth_nats).pose_of(unit)
+    above = np.logaddexp.reduce([one.worth_nats for one in asked if one not in others])
+    # Those that were not followed to their end mostly repeat one another: the best stands for them.
+    left = max((one.worth_nats for one in others if one.waiting), default=-np.inf)
+    below = np.logaddexp.reduce([left, *(one.worth_nats for one in others if not one.waiting)])
+    return float(above - below), max(others, key=lambda one: one.worth_nats).pose_of(unit)
 
 
 def _is_known(covariance: np.ndarray) -> bool:
