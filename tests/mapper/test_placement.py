@@ -1,7 +1,7 @@
 """The parts by which units of unknown pose are placed: poses by pairs, silence, the adjustment of all together."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,9 @@ from mapper.room import Room
 from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, judged_room, rectangle, units_anywhere
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.placement.joint_search import Pairs, margin_alone_nats, moved
+from noctule_mapper.placement.hypotheses import Hypothesis
+from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
+from noctule_mapper.placement.joint_search import Pairs, joined, margin_alone_nats, moved
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pair_poses import pair_poses
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
@@ -210,6 +212,36 @@ def test_a_corner_counts_in_full_where_its_walls_are_not_known() -> None:
     corner, walls = {45.0: math.sqrt(2)}, {90.0: 1.0, 0.0: 1.0}
     assert corner_nats(corner) > 4
     assert 0 < corner_nats(corner | walls) < 2
+
+
+def arrangement(units: Sequence[PlacedUnit], worth_nats: float = 0.0, dropped_nats: float = 0.0) -> Hypothesis:
+    return Hypothesis(tuple(units), grouped(units), (), worth_nats, dropped_nats)
+
+
+def test_arrangements_are_weighed_by_where_their_units_stand_not_by_how_they_came_there() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    elsewhere = replace(units[1], pose=units[1].pose + np.array([0.8, -0.5, 1.0]))
+    false = arrangement([units[0], elsewhere, *units[2:]], worth_nats=0.0)
+    true = arrangement(units, worth_nats=-3.0)
+    best, other = weighed([false, true], [one.view for one in units], fixed=1)
+    found = best.pose_of("u2")
+    assert found is not None and is_near(found, units[1].pose)
+    assert best.worth_nats == 0
+    assert other.worth_nats < -10
+
+
+def test_a_unit_that_stood_nowhere_is_found_once_all_others_stand() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    without = arrangement(units[:-1])
+    found = joined(without, [one.view for one in units], 1, Pairs()).pose_of("u5")
+    assert found is not None and is_near(found, units[-1].pose)
+
+
+def test_dropped_arrangements_lose_what_all_of_their_likes_lost_and_nothing_by_few() -> None:
+    followed = [arrangement([], -worth_nats, dropped_nats=5.0) for worth_nats in (25.0, 17.0, 40.0, 30.0)]
+    assert lost_nats([arrangement([]), *followed]) == 12.0  # the second: 17 below the best, 5 when it was dropped
+    assert lost_nats(followed[:2]) == 0.0
+    assert lost_nats([*followed, arrangement([], 0.0, dropped_nats=5.0)]) == 0.0
 
 
 @pytest.mark.parametrize("seed", [5004, 5013])

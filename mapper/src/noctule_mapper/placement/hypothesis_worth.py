@@ -19,7 +19,7 @@ from noctule_mapper.placement.unit_views import UnitView
 _COUNTED_BACK = 5  # of the hypotheses, those nearest to the best
 _LAST_ROUNDS = 3  # of telling again which plateaus belong together, and adjusting
 _LOST_NATS = -10.0  # of a unit that the others draw away from where it stood
-_TELLING = 6  # of those that were dropped, by which the others are judged
+_TELLING = 4  # of those that were dropped, by which the others are judged
 
 
 def lost_nats(followed: Sequence[Hypothesis]) -> float:
@@ -62,7 +62,8 @@ def _chain_nats(chain: Sequence[PlacedUnit]) -> float:
     total_nats, groups = 0.0, grouped(chain[:1])
     for number in range(1, len(chain)):
         before, own = chain[:number], chain[number]
-        found = standings(own.view, landmarks_of(before, groups), before, own.pose[None])
+        marks = landmarks_of(before, groups)
+        found = standings(own.view, marks, before, own.pose[None])
         total_nats += max((one.worth_nats for one in found if is_same(one.pose, own.pose)), default=_LOST_NATS)
-        groups = grouped(chain[: number + 1], groups, number)
+        groups = grouped(chain[: number + 1], groups, number, marks)
     return total_nats

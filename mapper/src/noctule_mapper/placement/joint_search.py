@@ -20,7 +20,7 @@ from noctule_mapper.placement.unit_views import UnitView
 
 _MOST_HYPOTHESES = 10
 _MOST_BRANCHES = 6
-_MOST_COMPLETED = 24  # hypotheses, those that were dropped among them
+_MOST_COMPLETED = 16  # hypotheses, those that were dropped among them
 _HOPELESS_NATS = 14.0  # below the best
 
 
@@ -61,7 +61,7 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
         order.append(view)
         dropped += [replace(one, dropped_nats=top_nats - one.worth_nats) for one in grown[len(kept) :]]
         alive = [_settled(one, fixed) for one in kept]
-    alive = [_joined(one, order, fixed, pairs) for one in alive]
+    alive = [joined(one, order, fixed, pairs) for one in alive]
     ended, left = distinct(alive), []
     for one in sorted(dropped, key=lambda one: one.dropped_nats):
         if one.dropped_nats > _HOPELESS_NATS or len(ended) >= _MOST_COMPLETED:
@@ -85,10 +85,10 @@ def _completed(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pa
             hypothesis = _settled(hypothesis, fixed)
             branches = _branches(hypothesis, view, _standings(hypothesis, view, pairs)[:1])
             hypothesis = max(branches, key=lambda one: one.worth_nats)
-    return _joined(hypothesis, order, fixed, pairs)
+    return joined(hypothesis, order, fixed, pairs)
 
 
-def _joined(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
+def joined(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
     """The hypothesis with those units that stood nowhere when they were looked for, as far as all others tell now."""
     while True:
         hypothesis = _settled(hypothesis, fixed)
@@ -121,7 +121,7 @@ def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
     units = {number for group in hypothesis.groups for number, _ in group}
     if len(units) == len(hypothesis.placed):
         return hypothesis
-    groups = grouped(hypothesis.placed, hypothesis.groups, len(hypothesis.placed) - 1)
+    groups = grouped(hypothesis.placed, hypothesis.groups, len(hypothesis.placed) - 1, hypothesis.marks)
     return replace(hypothesis, groups=groups, placed=tuple(adjusted(hypothesis.placed, groups, fixed)))
 
 

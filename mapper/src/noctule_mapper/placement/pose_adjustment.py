@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import landmarks_of
+from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
 from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.placement.reflector_models import (
     POINT_KINDS,
@@ -25,13 +25,22 @@ _WEAK = 1e-4
 _NO_CROSSINGS = np.zeros((0, 3), int)
 
 
-def grouped(units: Sequence[PlacedUnit], groups: Sequence[Members] = (), known: int = 0) -> tuple[Members, ...]:
-    """Which plateaus of the units were made by the same landmark; ``groups`` are those of the first ``known`` units."""
+def grouped(
+    units: Sequence[PlacedUnit],
+    groups: Sequence[Members] = (),
+    known: int = 0,
+    known_marks: Landmarks | None = None,
+) -> tuple[Members, ...]:
+    """Which plateaus of the units were made by the same landmark; ``groups`` are those of the first ``known`` units,
+    ``known_marks`` their landmarks, if somebody has these.
+    """
     made = [list(group) for group in groups]
     for number, unit in list(enumerate(units))[known:]:
         landmark = np.full(len(unit.view), -1)
         if made and len(unit.view):
-            marks = landmarks_of(units, [tuple(group) for group in made])
+            marks = (
+                known_marks if number == known and known_marks else landmarks_of(units, [tuple(each) for each in made])
+            )
             off = Tolerance(
                 float(np.sqrt(np.linalg.eigvalsh(unit.covariance[:2, :2])[-1])), float(np.sqrt(unit.covariance[2, 2]))
             )
