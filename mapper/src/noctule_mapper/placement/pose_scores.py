@@ -78,7 +78,7 @@ _NEVER_NATS = -50.0
 
 
 def _weighed(ratio: np.ndarray, crossings: np.ndarray) -> np.ndarray:
-    """The gain of each plateau; little of a corner whose two walls are known: these imply it."""
+    """The gain of each plateau; little of a corner whose walls are known as it is, or are as new: they imply it."""
     weight, known = np.ones(ratio.shape), ratio > _KNOWN_NATS
     for corner, first, second in crossings:
         implied = known[:, corner] == (known[:, first] & known[:, second])
