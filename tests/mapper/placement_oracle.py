@@ -40,7 +40,7 @@ Reflector = tuple[str, int]  # kind, number
 
 
 @dataclass(frozen=True)
-class _Echo:
+class Echo:
     """Where a reflector is heard: its direction in the unit's frame, and its range."""
 
     direction_rad: float
@@ -122,9 +122,9 @@ def _slopes(room: Room, lines: np.ndarray, pose: np.ndarray, which: Reflector) -
     return np.array([[*-across, -1], [*-towards, 0]]), np.array([across, towards])
 
 
-def _echoes_at(room: Room, pose: np.ndarray) -> dict[Reflector, _Echo]:
+def echoes_at(room: Room, pose: np.ndarray) -> dict[Reflector, Echo]:
     """Every reflector that a unit may hear at ``pose``, whatever hides it."""
-    echoes: dict[Reflector, _Echo] = {}
+    echoes: dict[Reflector, Echo] = {}
     side = room.ends - room.vertices
     for number, (start, along) in enumerate(zip(room.vertices, side, strict=True)):
         share = float((pose[:2] - start) @ along / (along @ along))
@@ -141,13 +141,13 @@ def _echoes_at(room: Room, pose: np.ndarray) -> dict[Reflector, _Echo]:
     return echoes
 
 
-def _echo(pose: np.ndarray, point: np.ndarray, factor: float = 1.0) -> _Echo:
+def _echo(pose: np.ndarray, point: np.ndarray, factor: float = 1.0) -> Echo:
     way = point - pose[:2]
-    return _Echo(math.remainder(math.atan2(way[1], way[0]) - pose[2], math.tau), factor * math.hypot(*way))
+    return Echo(math.remainder(math.atan2(way[1], way[0]) - pose[2], math.tau), factor * math.hypot(*way))
 
 
 def _has_rival(room: Room, true: np.ndarray, shared: set[Reflector], heard: set[Reflector]) -> bool:
-    at_truth = _echoes_at(room, true)
+    at_truth = echoes_at(room, true)
     echoes = [at_truth[which] for which in heard if which in at_truth]
     telling = [at_truth[which] for which in shared if which in at_truth]
     return any(
@@ -164,7 +164,7 @@ def _is_elsewhere(pose: np.ndarray, true: np.ndarray) -> bool:
     return math.hypot(*(pose - true)[:2]) > ELSEWHERE_M or off_rad > ELSEWHERE_RAD
 
 
-def _candidates(room: Room, echoes: Sequence[_Echo]) -> list[np.ndarray]:
+def _candidates(room: Room, echoes: Sequence[Echo]) -> list[np.ndarray]:
     """Poses at which two of the echoes are of two walls of the room."""
     lines = wall_lines(room)
     poses = []
@@ -180,9 +180,9 @@ def _candidates(room: Room, echoes: Sequence[_Echo]) -> list[np.ndarray]:
     return poses
 
 
-def _discrepancies(room: Room, pose: np.ndarray, telling: Sequence[_Echo], echoes: Sequence[_Echo]) -> int:
+def _discrepancies(room: Room, pose: np.ndarray, telling: Sequence[Echo], echoes: Sequence[Echo]) -> int:
     """Echoes that have no counterpart at ``pose``, and walls there, in plain sight, that have none among the echoes."""
-    there = _echoes_at(room, pose)
+    there = echoes_at(room, pose)
     count = sum(not any(_are_alike(one, other) for other in there.values()) for one in telling)
     for (kind, _), echo in there.items():
         due = kind == "wall" and echo.range_m < min(SURE_REACH_M, LONGEST_M)
@@ -191,12 +191,12 @@ def _discrepancies(room: Room, pose: np.ndarray, telling: Sequence[_Echo], echoe
     return int(count)
 
 
-def _are_alike(one: _Echo, other: _Echo) -> bool:
+def _are_alike(one: Echo, other: Echo) -> bool:
     off_rad = abs(math.remainder(one.direction_rad - other.direction_rad, math.tau))
     return abs(one.range_m - other.range_m) < ALIKE_M and off_rad < ALIKE_RAD
 
 
-def _is_in_sight(room: Room, pose: np.ndarray, echo: _Echo) -> bool:
+def _is_in_sight(room: Room, pose: np.ndarray, echo: Echo) -> bool:
     """Whether no wall and no cylinder stands between."""
     bearing_rad = pose[2] + echo.direction_rad
     towards = np.array([math.cos(bearing_rad), math.sin(bearing_rad)])

@@ -27,8 +27,8 @@ from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 
 # No room from these seeds on was ever looked at while the mapper was made.
-FIRST_SEED, ROOMS = 93_000, 18
-LEAST_FOUND = 0.2
+FIRST_SEED, ROOMS = 93_000, 10  # each kind of room once, random ones seven times
+LEAST_FOUND = 0.6
 
 
 @cache
@@ -127,8 +127,8 @@ def test_nine_of_ten_found_poses_are_within_5_cm_and_2_degrees() -> None:
 
 
 @pytest.mark.soak
-def test_of_the_units_whose_places_the_room_can_tell_a_fifth_is_found() -> None:
-    """Nine of ten are wanted; LEAST_FOUND is what is reached."""
+def test_most_of_the_units_whose_places_the_room_can_tell_are_found() -> None:
+    """Nine of ten are wanted; 48 of 57 were found in other rooms, LEAST_FOUND leaves room for chance."""
     due = sum(len(told) for _, told in outcomes())
     found = sum(len(set(one.right) & set(told)) for one, told in outcomes())
     assert found >= LEAST_FOUND * due

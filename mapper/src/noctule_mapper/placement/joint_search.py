@@ -10,35 +10,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import Members, PlacedUnit, landmarks_of
+from noctule_mapper.placement.hypotheses import Hypothesis, distinct, is_part, is_same
+from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
+from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
 from noctule_mapper.placement.pose_search import Standing, pair_starts, standings
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
-from noctule_mapper.readings.angles import wrapped
 
 _MOST_HYPOTHESES = 10
 _MOST_BRANCHES = 6
-_MOST_COMPLETED = 12  # of the hypotheses that were dropped
+_MOST_COMPLETED = 16  # hypotheses, those that were dropped among them
 _HOPELESS_NATS = 14.0  # below the best
-_SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """Where units stand, those that nobody else hears left out, and what all this is worth in nats. ``waiting`` have
-    not been looked for.
-    """
-
-    placed: tuple[PlacedUnit, ...]
-    groups: tuple[Members, ...]
-    waiting: tuple[UnitView, ...]
-    worth_nats: float
-
-    def pose_of(self, unit: str) -> np.ndarray | None:
-        return next((one.pose for one in self.placed if one.view.unit == unit), None)
-
-    def has_looked_for(self, unit: str) -> bool:
-        return all(view.unit != unit for view in self.waiting)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,29 +48,34 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
     """
     root, waiting = _root(known, unknown, pairs)
     alive, order = [Hypothesis(root, grouped(root), waiting, 0.0)], []
-    dropped: list[tuple[float, Hypothesis]] = []
+    dropped: list[Hypothesis] = []
     fixed = len(root)
     while alive[0].waiting:
         view, found = _surest(alive[0], pairs)
         grown = _branches(alive[0], view, found)
         for rival in alive[1:]:
             grown += _branches(rival, view, _standings(rival, view, pairs))
-        grown = _distinct(grown)
+        grown = distinct(grown)
         top_nats = grown[0].worth_nats
         kept = [one for one in grown if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_HYPOTHESES]
         order.append(view)
-        dropped += [(top_nats - one.worth_nats, one) for one in grown[len(kept) :]]
+        dropped += [replace(one, dropped_nats=top_nats - one.worth_nats) for one in grown[len(kept) :]]
         alive = [_settled(one, fixed) for one in kept]
-    top_nats = alive[0].worth_nats
-    ended = [replace(one, worth_nats=one.worth_nats - top_nats) for one in alive]
-    dropped.sort(key=lambda each: each[0])
-    for number, (under_nats, one) in enumerate(dropped):
-        if number < _MOST_COMPLETED and under_nats < _HOPELESS_NATS:
-            one = _completed(one, order, fixed, pairs)
-            under_nats = top_nats - one.worth_nats
-        ended.append(replace(one, worth_nats=-under_nats))
-    ended.sort(key=lambda one: -one.worth_nats)
-    return [_in_frame_of(known, one) for one in ended]
+    alive = [joined(one, order, fixed, pairs) for one in alive]
+    ended, left = distinct(alive), []
+    for one in sorted(dropped, key=lambda one: one.dropped_nats):
+        if one.dropped_nats > _HOPELESS_NATS or len(ended) >= _MOST_COMPLETED:
+            left.append(one)
+        elif not any(is_part(one, other) for other in ended):
+            ended.append(_completed(one, order, fixed, pairs))
+    followed = weighed(distinct(ended), [*(one.view for one in root), *order], fixed)
+    more_nats = lost_nats(followed)
+    left = [
+        replace(one, worth_nats=-one.dropped_nats - more_nats)
+        for one in left
+        if not any(is_part(one, other) for other in followed)
+    ]
+    return [_in_frame_of(known, one) for one in [*followed, *left]]
 
 
 def _completed(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
@@ -97,7 +85,23 @@ def _completed(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pa
             hypothesis = _settled(hypothesis, fixed)
             branches = _branches(hypothesis, view, _standings(hypothesis, view, pairs)[:1])
             hypothesis = max(branches, key=lambda one: one.worth_nats)
-    return hypothesis
+    return joined(hypothesis, order, fixed, pairs)
+
+
+def joined(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
+    """The hypothesis with those units that stood nowhere when they were looked for, as far as all others tell now."""
+    while True:
+        hypothesis = _settled(hypothesis, fixed)
+        names = {one.view.unit for one in hypothesis.placed}
+        found = [
+            (standing[0].worth_nats, view, standing[0])
+            for view in order
+            if view.unit not in names and (standing := _standings(hypothesis, view, pairs))
+        ]
+        best = max(found, key=lambda one: one[0], default=None)
+        if best is None or best[0] <= 0:
+            return hypothesis
+        hypothesis = _with(hypothesis, best[1], best[2], hypothesis.waiting)
 
 
 def margin_alone_nats(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float:
@@ -117,7 +121,7 @@ def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
     units = {number for group in hypothesis.groups for number, _ in group}
     if len(units) == len(hypothesis.placed):
         return hypothesis
-    groups = grouped(hypothesis.placed, hypothesis.groups, len(hypothesis.placed) - 1)
+    groups = grouped(hypothesis.placed, hypothesis.groups, len(hypothesis.placed) - 1, hypothesis.marks)
     return replace(hypothesis, groups=groups, placed=tuple(adjusted(hypothesis.placed, groups, fixed)))
 
 
@@ -153,8 +157,7 @@ def _sureness_nats(found: Sequence[Standing]) -> float:
 
 def _standings(hypothesis: Hypothesis, view: UnitView, pairs: Pairs) -> list[Standing]:
     """Where the unit may stand by the map of those that stand already."""
-    marks = landmarks_of(hypothesis.placed, hypothesis.groups)
-    return standings(view, marks, hypothesis.placed, pairs.at(view, hypothesis.placed))
+    return standings(view, hypothesis.marks, hypothesis.placed, pairs.at(view, hypothesis.placed))
 
 
 def _surest(hypothesis: Hypothesis, pairs: Pairs) -> tuple[UnitView, list[Standing]]:
@@ -176,29 +179,6 @@ def _branches(hypothesis: Hypothesis, view: UnitView, found: Sequence[Standing])
 def _with(hypothesis: Hypothesis, view: UnitView, standing: Standing, waiting: tuple[UnitView, ...]) -> Hypothesis:
     placed = *hypothesis.placed, PlacedUnit(view, standing.pose, standing.covariance)
     return Hypothesis(placed, hypothesis.groups, waiting, hypothesis.worth_nats + standing.worth_nats)
-
-
-def _distinct(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Those that differ in some unit's pose, the worthiest first."""
-    chosen: list[Hypothesis] = []
-    for one in sorted(hypotheses, key=lambda one: -one.worth_nats):
-        if not any(_are_same(one, other) for other in chosen):
-            chosen.append(one)
-    return chosen
-
-
-def _are_same(one: Hypothesis, other: Hypothesis) -> bool:
-    units = {each.view.unit for each in one.placed}
-    return units == {each.view.unit for each in other.placed} and all(
-        is_same(one.pose_of(unit), other.pose_of(unit)) for unit in units
-    )
-
-
-def is_same(first: np.ndarray | None, second: np.ndarray | None) -> bool:
-    if first is None or second is None:
-        return first is second
-    off_m, off_rad = np.hypot(*(first - second)[:2]), abs(wrapped(first[2] - second[2]))
-    return bool(off_m < _SAME_M and off_rad < _SAME_RAD)
 
 
 def _in_frame_of(known: Sequence[PlacedUnit], hypothesis: Hypothesis) -> Hypothesis:

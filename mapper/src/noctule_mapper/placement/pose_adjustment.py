@@ -5,38 +5,46 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import (
+from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
+from noctule_mapper.placement.pose_scores import Tolerance, matched
+from noctule_mapper.placement.reflector_models import (
+    POINT_KINDS,
     Members,
     PlacedUnit,
-    landmarks_of,
     point_models,
     rows_of,
     wall_models,
 )
-from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.readings.angles import wrapped
 
 _EXACT_M, _EXACT_RAD = 0.001, np.radians(0.1)  # no stated pose is better
 _LEAST_SHARED = 2  # units that hear a landmark, or it tells nothing of their poses
 _ROBUST_SIGMAS = 2.0
-# Of a point's ranges to its distance: a corner under 90 degrees answers by the sine of its angle (double bounce), a
-# post by its radius nearer.
-_SCALE_SIGMA = 0.08
 _STEPS = 5
 _WEAK = 1e-4
+_NO_CROSSINGS = np.zeros((0, 3), int)
 
 
-def grouped(units: Sequence[PlacedUnit], groups: Sequence[Members] = (), known: int = 0) -> tuple[Members, ...]:
-    """Which plateaus of the units were made by the same landmark; ``groups`` are those of the first ``known`` units."""
+def grouped(
+    units: Sequence[PlacedUnit],
+    groups: Sequence[Members] = (),
+    known: int = 0,
+    known_marks: Landmarks | None = None,
+) -> tuple[Members, ...]:
+    """Which plateaus of the units were made by the same landmark; ``groups`` are those of the first ``known`` units,
+    ``known_marks`` their landmarks, if somebody has these.
+    """
     made = [list(group) for group in groups]
     for number, unit in list(enumerate(units))[known:]:
         landmark = np.full(len(unit.view), -1)
         if made and len(unit.view):
-            marks = landmarks_of(units, [tuple(group) for group in made])
+            marks = (
+                known_marks if number == known and known_marks else landmarks_of(units, [tuple(each) for each in made])
+            )
             off = Tolerance(
                 float(np.sqrt(np.linalg.eigvalsh(unit.covariance[:2, :2])[-1])), float(np.sqrt(unit.covariance[2, 2]))
             )
-            best = matched(unit.view, np.ones(len(unit.view)), marks, unit.pose[None], off).landmark[0]
+            best = matched(unit.view, _NO_CROSSINGS, marks, unit.pose[None], off).landmark[0]
             landmark = np.where(best >= 0, marks.group[best], -1)
         for plateau, group in enumerate(landmark):
             if group < 0 or made[group][-1][0] == number:
@@ -71,7 +79,8 @@ def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int)
 @dataclass(frozen=True)
 class Problem:
     """Plateaus (n,) by unit and landmark, what the known poses are stated to be (known, 3), and the landmarks' first
-    values (l, 3): alpha and rho or x and y, and the scale of a point's ranges.
+    values (l, 4): alpha and rho or x and y, and k and r of a point's ranges k d - r, with mean and sigma of these two
+    beforehand, (l, 2).
     """
 
     unit: np.ndarray
@@ -84,11 +93,13 @@ class Problem:
     stated: np.ndarray
     stated_sigma: np.ndarray
     landmark: np.ndarray
+    shape: np.ndarray
+    shape_sigma: np.ndarray
 
     def linearised(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (r,) in sigmas and their slopes by ``values``, poses and landmarks in a row, (r, values)."""
-        units = len(values) // 3 - len(self.landmark)
-        poses, marks = values[: 3 * units].reshape(-1, 3), values[3 * units :].reshape(-1, 3)
+        units = (len(values) - self.landmark.size) // 3
+        poses, marks = values[: 3 * units].reshape(-1, 3), values[3 * units :].reshape(-1, 4)
         pose, mark = poses[self.unit], marks[self.mark]
         way = mark[:, :2] - pose[:, :2]
         away_m = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.02)
@@ -96,20 +107,20 @@ class Problem:
         wall_m = mark[:, 1] - pose[:, 0] * cosine - pose[:, 1] * sine
         along_m = pose[:, 1] * cosine - pose[:, 0] * sine
         bearing_rad = np.where(self.is_wall, mark[:, 0], np.arctan2(way[:, 1], way[:, 0]))
-        range_m = np.where(self.is_wall, wall_m, mark[:, 2] * away_m)
+        range_m = np.where(self.is_wall, wall_m, mark[:, 2] * away_m - mark[:, 3])
         known = 3 * len(self.stated)
         residual = np.concatenate(
             [
                 wrapped(pose[:, 2] + self.direction_rad - bearing_rad) / self.direction_sigma_rad,
                 (self.range_m - range_m) / self.range_sigma_m,
                 ((poses[: len(self.stated)] - self.stated) / self.stated_sigma).ravel(),
-                (marks[:, 2] - 1) / _SCALE_SIGMA,
+                ((marks[:, 2:] - self.shape) / self.shape_sigma).ravel(),
             ]
         )
         n, wall = len(self.unit), self.is_wall
         slopes = np.zeros((len(residual), len(values)))
         of_rad, of_m = np.arange(n), n + np.arange(n)
-        of_pose, of_mark = 3 * self.unit, 3 * units + 3 * self.mark
+        of_pose, of_mark = 3 * self.unit, 3 * units + 4 * self.mark
         towards = way / away_m[:, None]
         across = np.stack([-towards[:, 1], towards[:, 0]], axis=1) / away_m[:, None]
         slopes[of_rad, of_pose + 2] = 1 / self.direction_sigma_rad
@@ -126,30 +137,36 @@ class Problem:
         slopes[of_m[wall], of_mark[wall]] = along_m[wall] / self.range_sigma_m[wall]
         slopes[of_m[wall], of_mark[wall] + 1] = -1 / self.range_sigma_m[wall]
         slopes[of_m[~wall], of_mark[~wall] + 2] = -away_m[~wall] / self.range_sigma_m[~wall]
+        slopes[of_m[~wall], of_mark[~wall] + 3] = 1 / self.range_sigma_m[~wall]
         slopes[2 * n + np.arange(known), np.arange(known)] = 1 / self.stated_sigma.ravel()
-        scales = np.arange(len(self.landmark))
-        slopes[2 * n + known + scales, 3 * units + 3 * scales + 2] = 1 / _SCALE_SIGMA
+        shapes = np.arange(2 * len(self.landmark))
+        of_shape = 3 * units + 4 * (shapes // 2) + 2 + shapes % 2
+        slopes[2 * n + known + shapes, of_shape] = 1 / self.shape_sigma.ravel()
         return residual, slopes
 
 
 def problem_of(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> Problem:
     """The landmarks of ``groups`` and the units' poses, to be fitted; the first ``known`` poses are stated."""
     rows = rows_of(units, groups)
-    walls, points = wall_models(rows), point_models(rows)
-    is_wall = walls.misfit <= points.misfit
+    walls, *points = wall_models(rows), *(point_models(rows, kind) for kind in POINT_KINDS)
+    kind = np.argmax([one.log_evidence for one in (walls, *points)], axis=0) - 1  # -1 of a wall
+    of_kind, shape_sigma = np.maximum(kind, 0), np.array([(one.scale[1], one.radius_m[1]) for one in POINT_KINDS])
+    as_point = np.array([one.value for one in points])[of_kind, np.arange(len(kind))]
+    as_wall = np.column_stack([walls.value, as_point[:, 2:]])
+    shape = np.array([(one.scale[0], one.radius_m[0]) for one in POINT_KINDS])
     members = [(units[unit].view, unit, at) for group in groups for unit, at in group]
     variances = np.array([np.diag(one.covariance) for one in units[:known]]).reshape(-1, 3)
     return Problem(
         unit=np.array([unit for _, unit, _ in members], dtype=int),
         mark=rows.group,
-        is_wall=is_wall[rows.group],
+        is_wall=(kind < 0)[rows.group],
         direction_rad=np.array([view.direction_rad[at] for view, _, at in members]),
         direction_sigma_rad=np.array([view.direction_sigma_rad[at] for view, _, at in members]),
         range_m=np.array([view.range_m[at] for view, _, at in members]),
         range_sigma_m=np.array([view.range_sigma_m[at] for view, _, at in members]),
         stated=np.array([one.pose for one in units[:known]]).reshape(-1, 3),
         stated_sigma=np.maximum(np.sqrt(variances), (_EXACT_M, _EXACT_M, _EXACT_RAD)),
-        landmark=np.concatenate(
-            [np.where(is_wall[:, None], walls.value, points.value), np.ones((len(groups), 1))], axis=1
-        ),
+        landmark=np.where(kind[:, None] < 0, as_wall, as_point),
+        shape=shape[of_kind],
+        shape_sigma=shape_sigma[of_kind],
     )

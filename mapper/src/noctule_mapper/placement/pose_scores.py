@@ -10,7 +10,7 @@ from noctule_mapper.readings.angles import wrapped
 
 _SPAN_M = 4.0  # ranges of a new reflector lie anywhere in it
 _NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
-_BLUNT_SHARE, _BLUNT = 0.15, 3.0  # directions so many times as far off: a neighbour's plateau ran into theirs
+_BLUNT_SHARE, _BLUNT = 0.07, 5.0  # directions so many times as far off: a neighbour's plateau ran into theirs
 _FRAME_SHARE, _FRAME_SIGMA_RAD = 0.7, np.radians(3.0)  # new walls that stand square to the known ones
 _MOST_GAIN_NATS = 12.0
 _CHUNK = 1500
@@ -37,14 +37,16 @@ class Tolerance:
     heading_rad: float = 0.0
 
 
-def gains(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> np.ndarray:
-    """What the plateaus, each with its ``weight``, gain by the landmarks at ``poses`` (k, 3), in nats (k,)."""
+def gains(view: UnitView, crossings: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> np.ndarray:
+    """What the plateaus gain by the landmarks at ``poses`` (k, 3), in nats (k,); ``crossings`` as of ``matched``."""
     parts = [poses[at : at + _CHUNK] for at in range(0, len(poses), _CHUNK)]
-    return np.concatenate([(weight * _gain(_densest(view, marks, part, off).ratio)).sum(axis=1) for part in parts])
+    return np.concatenate([_weighed(_densest(view, marks, part, off).ratio, crossings).sum(axis=1) for part in parts])
 
 
-def matched(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> Fit:
-    """The same, and how ``poses`` are to be improved."""
+def matched(view: UnitView, crossings: np.ndarray, marks: Landmarks, poses: np.ndarray, off: Tolerance) -> Fit:
+    """The same, and how ``poses`` are to be improved; each row of ``crossings`` (t, 3) is a plateau that is where the
+    walls of two others cross.
+    """
     at = _densest(view, marks, poses, off)
     at = replace(at, ratio=np.where(_is_second(at, marks), _NEVER_NATS, at.ratio))
     share = 1 / (1 + _NEW_SHARE / (1 - _NEW_SHARE) * np.exp(-np.clip(at.ratio, -50, 50)))
@@ -56,7 +58,7 @@ def matched(view: UnitView, weight: np.ndarray, marks: Landmarks, poses: np.ndar
     slopes_t = np.swapaxes(at.slopes, -1, -2)
     return Fit(
         pose=poses,
-        nats=weight * _gain(at.ratio),
+        nats=_weighed(at.ratio, crossings),
         information=(slopes_t @ weighed @ at.slopes).sum(axis=1),
         gradient=(slopes_t @ weighed @ at.error[..., None])[..., 0].sum(axis=1),
         landmark=np.where(share > 0.5, at.landmark, -1),
@@ -73,6 +75,19 @@ def _is_second(at: "_Densest", marks: Landmarks) -> np.ndarray:
 
 
 _NEVER_NATS = -50.0
+
+
+def _weighed(ratio: np.ndarray, crossings: np.ndarray) -> np.ndarray:
+    """The gain of each plateau; little of a corner whose walls are known as it is, or are as new: they imply it."""
+    weight, known = np.ones(ratio.shape), ratio > _KNOWN_NATS
+    for corner, first, second in crossings:
+        implied = known[:, corner] == (known[:, first] & known[:, second])
+        weight[implied, corner] = _IMPLIED_WEIGHT
+    return weight * _gain(ratio)
+
+
+_IMPLIED_WEIGHT = 0.2
+_KNOWN_NATS = np.log(_NEW_SHARE / (1 - _NEW_SHARE))  # from which a landmark is likelier than a new reflector
 
 
 def _gain(ratio: np.ndarray) -> np.ndarray:
@@ -105,6 +120,7 @@ def _densest(view: UnitView, marks: Landmarks, poses: np.ndarray, off: Tolerance
     if not off.heading_rad:
         blunt = _log_normal(off_rad, off_m, own_rad2 + _BLUNT**2 * spread_rad2, both, range_m2)
         density = np.logaddexp(density, np.log(_BLUNT_SHARE) + blunt)
+    density += np.log(marks.chance)[:, None]
     best = density.argmax(axis=1)
     rows = np.arange(len(poses))[:, None]
     pick = (rows, best, np.arange(len(view))[None, :])
@@ -135,22 +151,25 @@ def _predicted(
     of_walls[..., 0, 0] = c[:, 0, 0]
     of_walls[..., 0, 1] = of_walls[..., 1, 0] = c[:, 0, 1] - along_m * c[:, 0, 0]
     of_walls[..., 1, 1] = c[:, 1, 1] - 2 * along_m * c[:, 0, 1] + along_m**2 * c[:, 0, 0]
-    way = marks.point_m - place  # (k, p, 2)
-    point_m = np.maximum(np.hypot(way[..., 0], way[..., 1]), 0.02)
-    towards = way / point_m[..., None]
+    way = marks.point[:, :2] - place  # (k, p, 2)
+    away_m = np.maximum(np.hypot(way[..., 0], way[..., 1]), 0.02)
+    scale, radius_m = marks.point[:, 2], marks.point[:, 3]
+    towards = way / away_m[..., None]
     turned = np.stack([-towards[..., 1], towards[..., 0]], axis=-1)
-    slopes = np.stack([turned / point_m[..., None], towards], axis=-2)
+    slopes = np.zeros((*away_m.shape, 2, 4))
+    slopes[..., 0, :2], slopes[..., 1, :2] = turned / away_m[..., None], scale[:, None] * towards
+    slopes[..., 1, 2], slopes[..., 1, 3] = away_m, -1.0
     of_points = np.einsum("kpai,pij,kpbj->kpab", slopes, marks.point_covariance, slopes)
     direction_rad = np.concatenate(
         [np.broadcast_to(marks.alpha_rad, wall_m.shape), np.arctan2(way[..., 1], way[..., 0])], axis=1
     )
-    range_m = np.concatenate([wall_m, point_m], axis=1)
+    range_m = np.concatenate([wall_m, scale * away_m - radius_m], axis=1)
     off_rad = wrapped(poses[:, 2, None, None] + view.direction_rad - direction_rad[..., None])
     return (
         off_rad,
         view.range_m - range_m[..., None],
-        np.concatenate([np.broadcast_to(normal, (len(poses), *normal.shape)), towards], axis=1),
-        np.concatenate([np.zeros((len(poses), *normal.shape)), turned / point_m[..., None]], axis=1),
+        np.concatenate([np.broadcast_to(normal, (len(poses), *normal.shape)), scale[:, None] * towards], axis=1),
+        np.concatenate([np.zeros((len(poses), *normal.shape)), turned / away_m[..., None]], axis=1),
         np.concatenate([of_walls, of_points], axis=1),
     )
 

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import Landmarks, PlacedUnit, landmarks_of
+from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
 from noctule_mapper.placement.pair_poses import pair_poses
 from noctule_mapper.placement.pose_scores import Fit, Tolerance, gains, matched
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.silence import silence_nats, surroundings
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
@@ -30,7 +31,7 @@ _SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
 _TOGETHER_NATS = 2.0  # most units of a site stand in one room
 # In random rooms a wall is heard by two units as often as not within 0.6 m along it, and ever more seldom beyond.
 _NEAR_M, _FAR_NATS_PER_M, _MOST_FAR_NATS = 0.6, 1.1, 6.0
-_IMPLIED_M, _IMPLIED_RAD, _IMPLIED_WEIGHT = 0.05, np.radians(6.0), 0.2
+_IMPLIED_M, _IMPLIED_RAD = 0.05, np.radians(6.0)
 
 
 @dataclass(frozen=True, eq=False)  # of arrays
@@ -50,18 +51,18 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
     """
     if not len(starts) or not len(marks.heard_by):
         return []
-    weight, around = _weights(view), surroundings(units, marks)
+    crossings, around = _crossings(view), surroundings(units, marks)
 
     def scored(poses: np.ndarray, off: Tolerance) -> tuple[Fit, np.ndarray]:
-        fit = matched(view, weight, marks, poses, off)
+        fit = matched(view, crossings, marks, poses, off)
         silent_nats = silence_nats(view, marks, units, around, poses, fit.landmark)
         return fit, fit.nats.sum(axis=1) - _far_nats(fit, marks) - silent_nats
 
-    starts, nats = _hopeful(view, weight, marks, starts)
+    starts, nats = _hopeful(view, crossings, marks, starts)
     starts = starts[np.argsort(-nats)[:_TRIED]]
     poses = starts[_distinct(starts, scored(starts, _COARSE)[1], _STARTS)]
     for _ in range(_FIT_STEPS):
-        fit = matched(view, weight, marks, poses, Tolerance())
+        fit = matched(view, crossings, marks, poses, Tolerance())
         poses = poses - np.linalg.solve(fit.information + _HOLD, fit.gradient[..., None])[..., 0]
     fit, nats = scored(poses, Tolerance())
     worth = nats + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + _HOLD)[1]
@@ -90,20 +91,22 @@ def pair_starts(view: UnitView, of: UnitView) -> np.ndarray:
         return poses
     alone = PlacedUnit(of, np.zeros(3), np.zeros((3, 3)))
     marks = landmarks_of([alone], [((0, plateau),) for plateau in range(len(of))])
-    starts, nats = _hopeful(view, _weights(view), marks, poses)
+    starts, nats = _hopeful(view, _crossings(view), marks, poses)
     return starts[_distinct(starts, nats, _PAIR_STARTS)]
 
 
-def _hopeful(view: UnitView, weight: np.ndarray, marks: Landmarks, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _hopeful(
+    view: UnitView, crossings: np.ndarray, marks: Landmarks, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Of ``starts`` that are alike the best, if it is not hopeless, and what it gains."""
-    coarse_nats = gains(view, weight, marks, starts, _COARSE)
+    coarse_nats = gains(view, crossings, marks, starts, _COARSE)
     hopeful = coarse_nats > coarse_nats.max() - _HOPELESS_NATS
     return _best_of_cells(starts[hopeful], coarse_nats[hopeful])
 
 
 def _box(marks: Landmarks) -> tuple[np.ndarray, np.ndarray]:
     """The corners of the box in which the unit may stand."""
-    feet = [marks.point_m]
+    feet = [marks.point[:, :2]]
     normal = np.stack([np.cos(marks.alpha_rad), np.sin(marks.alpha_rad)], axis=1)
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     feet += [marks.rho_m[:, None] * normal + end[:, None] * tangent for end in (marks.low_m, marks.high_m)]
@@ -117,9 +120,9 @@ def _anywhere(marks: Landmarks) -> float:
     return float(np.log(np.prod(high - low) * 2 * np.pi))
 
 
-def _weights(view: UnitView) -> np.ndarray:
-    """1 for each plateau, less for one that is where two walls that the unit hears cross: the walls imply it."""
-    weight = np.ones(len(view))
+def _crossings(view: UnitView) -> np.ndarray:
+    """Plateaus that are where the walls of two others cross, (t, 3): the corner's number and the walls'."""
+    found = []
     normal = np.stack([np.cos(view.direction_rad), np.sin(view.direction_rad)], axis=1)
     for first in range(len(view)):
         for second in range(first + 1, len(view)):
@@ -130,9 +133,9 @@ def _weights(view: UnitView) -> np.ndarray:
             away_m, bearing_rad = np.hypot(*corner), np.arctan2(corner[1], corner[0])
             implied = np.abs(view.range_m - away_m) < _IMPLIED_M + 0.03 * away_m
             implied &= np.abs(wrapped(view.direction_rad - bearing_rad)) < _IMPLIED_RAD
-            implied[[first, second]] = False
-            weight[implied] = _IMPLIED_WEIGHT
-    return weight
+            implied &= view.range_m > view.range_m[[first, second]].max()  # no wall lies beyond its corners
+            found += [(at, first, second) for at in np.nonzero(implied)[0]]
+    return np.array(found, dtype=int).reshape(-1, 3)
 
 
 def _best_of_cells(poses: np.ndarray, worth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

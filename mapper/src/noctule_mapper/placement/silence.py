@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.placement.landmarks import Landmarks, PlacedUnit
+from noctule_mapper.placement.landmarks import Landmarks
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 
 # How often a wall is not heard whose foot lies so far beyond where others touched it: counted in random rooms with
@@ -44,7 +45,7 @@ def surroundings(units: Sequence[PlacedUnit], marks: Landmarks) -> Surroundings:
     low, high = foot + marks.low_m[:, None] * tangent, foot + marks.high_m[:, None] * tangent
     long = marks.high_m - marks.low_m > _STUB_M
     ends_low_m, ends_high_m = np.full(len(marks.rho_m), np.inf), np.full(len(marks.rho_m), np.inf)
-    silent_at_point = np.zeros(len(marks.point_m))
+    silent_at_point = np.zeros(len(marks.point))
     for one in units:
         away_m = marks.rho_m - _unit(marks.alpha_rad) @ one.pose[:2]
         silent = _is_silent(one.view, marks.alpha_rad - one.pose[2], away_m)
@@ -52,9 +53,8 @@ def surroundings(units: Sequence[PlacedUnit], marks: Landmarks) -> Surroundings:
         for ends_m, beyond_m in ((ends_low_m, marks.low_m - along_m), (ends_high_m, along_m - marks.high_m)):
             nearer = silent & (beyond_m > 0) & (beyond_m < ends_m)
             ends_m[nearer] = beyond_m[nearer]
-        way = marks.point_m - one.pose[:2]
-        bearing_rad = np.arctan2(way[:, 1], way[:, 0]) - one.pose[2]
-        silent_at_point += _is_silent(one.view, bearing_rad, np.hypot(*way.T))
+        bearing_rad, away_m = _point_at(marks, one.pose[:2])
+        silent_at_point += _is_silent(one.view, bearing_rad - one.pose[2], away_m)
     return Surroundings(
         start,
         end,
@@ -88,30 +88,38 @@ def _unheard_nats(
     view: UnitView, marks: Landmarks, around: Surroundings, poses: np.ndarray, landmark: np.ndarray
 ) -> np.ndarray:
     """Of what the others heard and the unit does not."""
-    place_m, heading_rad = poses[:, None, :2], poses[:, None, 2]
+    heading_rad = poses[:, None, 2]
     normal, tangent = _unit(marks.alpha_rad), _unit(marks.alpha_rad + np.pi / 2)
     along_m = poses[:, :2] @ tangent.T
     below_m, above_m = marks.low_m - along_m, along_m - marks.high_m
     silent = np.where(below_m > above_m, _ended(below_m, around.ends_low_m), _ended(above_m, around.ends_high_m))
     away_m = marks.rho_m - poses[:, :2] @ normal.T
     wall = np.where(_is_silent(view, marks.alpha_rad - heading_rad, away_m), silent, 1.0)
-    way = marks.point_m - place_m
-    bearing_rad = np.arctan2(way[..., 1], way[..., 0]) - heading_rad
+    bearing_rad, point_m = _point_at(marks, poses[:, None, :2])
     point_silent = (around.silent_at_point + 0.5) / (around.silent_at_point + marks.heard_by[len(normal) :] + 1)
-    point = np.where(_is_silent(view, bearing_rad, np.hypot(way[..., 0], way[..., 1])), point_silent, 1.0)
+    point = np.where(_is_silent(view, bearing_rad - heading_rad, point_m), point_silent, 1.0)
     groups, walls = int(marks.group.max(initial=-1)) + 1, len(marks.alpha_rad)
-    of_wall = _silent_beyond(around.ends_low_m) * _silent_beyond(around.ends_high_m)
-    of_point = _silent_often(around.silent_at_point)
+    of_wall = marks.chance[:walls] * _silent_beyond(around.ends_low_m) * _silent_beyond(around.ends_high_m)
+    of_point = marks.chance[walls:] * _silent_often(around.silent_at_point)
     chance, total = np.zeros((len(poses), groups)), np.zeros(groups)
-    chance[:, marks.group[:walls]] += of_wall * wall
-    chance[:, marks.group[walls:]] += of_point * point
-    total[marks.group[:walls]] += of_wall
-    total[marks.group[walls:]] += of_point
+    chance[:, marks.group[:walls]] = of_wall * wall
+    total[marks.group[:walls]] = of_wall
+    each = np.concatenate([of_point[None], of_point * point])
+    summed = each @ (marks.group[walls:, None] == np.arange(groups))
+    total += summed[0]
+    chance += summed[1:]
     heard = np.zeros((len(poses), groups + 1), bool)
     of_landmark = np.where(landmark >= 0, marks.group[landmark], groups)
     np.put_along_axis(heard, of_landmark, True, axis=1)
     unheard = ~heard[:, :groups] & (total > 0)
     return -np.log(np.where(unheard, chance / np.where(total > 0, total, 1.0), 1.0)).sum(axis=1)
+
+
+def _point_at(marks: Landmarks, place_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Direction and range of each point from ``place_m`` (..., 2), (..., p)."""
+    way = marks.point[:, :2] - place_m
+    range_m = marks.point[:, 2] * np.hypot(way[..., 0], way[..., 1]) - marks.point[:, 3]
+    return np.arctan2(way[..., 1], way[..., 0]), range_m
 
 
 def _unheard_by_others_nats(

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.placement.joint_search import Hypothesis, Pairs, is_same, margin_alone_nats, search
-from noctule_mapper.placement.landmarks import PlacedUnit, landmarks_of
+from noctule_mapper.placement.hypotheses import Hypothesis, is_same
+from noctule_mapper.placement.joint_search import Pairs, margin_alone_nats, search
+from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
@@ -21,7 +23,7 @@ from noctule_mapper.readings.angles import wrapped
 # from several sides, and may go on alike where nobody has heard it.
 MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 14.0
 ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 12.0  # the same where all other units stand as they are
-_SQUARE_RAD = np.radians(9.0)
+_SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _LAST_ROUNDS = 3  # of telling again which plateaus belong together, and adjusting
 _MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.028, np.radians(1.0)
 
@@ -75,7 +77,7 @@ def _is_square(placed: Sequence[PlacedUnit]) -> bool:
     """Whether all that several units hear and that must be walls is at right angles."""
     marks = landmarks_of(placed, grouped(placed))
     walls = len(marks.alpha_rad)
-    sure = (marks.heard_by[:walls] > 1) & ~np.isin(marks.group[:walls], marks.group[walls:])
+    sure = (marks.heard_by[:walls] > 1) & (marks.chance[:walls] > _SURE_WALL)
     off_rad = np.abs(wrapped(4 * (marks.alpha_rad[sure][:, None] - marks.alpha_rad[sure]))) / 4
     return bool((off_rad < _SQUARE_RAD).all())
 
@@ -84,14 +86,15 @@ def _margin(best: Hypothesis, all_: Sequence[Hypothesis], unit: str) -> tuple[fl
     """By how many nats the hypotheses that have the unit where the best has it stand above those that have it elsewhere
     or nowhere, and where the best of these has it.
     """
-    pose, alike, others = best.pose_of(unit), [], []
-    for one in all_:
-        if one.has_looked_for(unit):
-            (alike if is_same(one.pose_of(unit), pose) else others).append(one)
+    asked = [one for one in all_ if one.has_looked_for(unit)]
+    others = [one for one in asked if not is_same(one.pose_of(unit), best.pose_of(unit))]
     if not others:
         return np.inf, None
-    above, below = (float(np.logaddexp.reduce([one.worth_nats for one in group])) for group in (alike, others))
-    return above - below, max(others, key=lambda one: one.worth_nats).pose_of(unit)
+    above = np.logaddexp.reduce([one.worth_nats for one in asked if one not in others])
+    # Those that were not followed to their end mostly repeat one another: the best stands for them.
+    left = max((one.worth_nats for one in others if one.waiting), default=-np.inf)
+    below = np.logaddexp.reduce([left, *(one.worth_nats for one in others if not one.waiting)])
+    return float(above - below), max(others, key=lambda one: one.worth_nats).pose_of(unit)
 
 
 def _is_known(covariance: np.ndarray) -> bool:
