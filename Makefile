@@ -12,7 +12,7 @@ demo: packages-run setup firmware
 
 test: packages-test setup firmware
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
-	pytest --numprocesses 2 --dist loadfile
+	pytest --numprocesses 3 --dist loadfile --durations 40
 
 # These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
 # in one process, which maps its rooms once for all of them.

@@ -26,7 +26,7 @@ from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 
 SIGMA_M = 0.0032  # Liu et al. 2019, Section V.A
-FIRST_SEED, ROOMS = 94_000, 100  # never looked at while the mapper was made
+FIRST_SEED, ROOMS = 94_000, 60  # never looked at while the mapper was made
 
 
 def heard(*ranges_m: float) -> SweepReadings:
