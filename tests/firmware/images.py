@@ -3,14 +3,36 @@
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from firmware.stepped_unit import IMAGE
 
 FIRMWARE = IMAGE.parents[1]
 END_RECORD = ":00000001FF"
-# Version 0.2.0, the last of protocol 2, as it was built and flashed.
-PROTOCOL_2 = Path(__file__).parent / "vectors" / "protocol-2.ihx"
+
+Changes = Sequence[tuple[str, str]]
+
+# By source, what makes the firmware the one of protocol 2 again: boot and sequence alone name a sweep.
+AS_PROTOCOL_2: dict[str, Changes] = {
+    "src/version.h": [("VERSION_MINOR 3", "VERSION_MINOR 2")],
+    "src/protocol.h": [
+        ("PROTOCOL_VERSION 3", "PROTOCOL_VERSION 2"),
+        ("PROTOCOL_WITH_LIFE 3", "PROTOCOL_WITH_LIFE 255"),
+        ("FRAME_ACK_2 = 0x10", "FRAME_ACK_2 = 0x12"),
+        ("FRAME_ACK = 0x12", "FRAME_ACK = 0x10"),
+        ("FRAME_SWEEP_2 = 0x90", "FRAME_SWEEP_2 = 0x91"),
+        ("FRAME_SWEEP = 0x91", "FRAME_SWEEP = 0x90"),
+    ],
+    "src/request.c": [("        return 15;", "        return 7;")],
+    "src/record.h": [("RECORD_NAME_BYTES 14", "RECORD_NAME_BYTES 6")],
+    "src/record.c": [
+        ("OFFSET_COUNT 26", "OFFSET_COUNT 18"),
+        ("HEADER_BYTES 27", "HEADER_BYTES 19"),
+        ("    put32(settings_serial());\n    put32(life_number());\n", ""),
+        ("if (ring_oldest_byte(0) == FRAME_SWEEP_2)", "if (ring_oldest_byte(0) != 0)"),
+    ],
+}
 
 
 def with_flash(image: Path, contents: dict[int, bytes], place: Path) -> Path:
@@ -35,13 +57,23 @@ def of_unit(serial: int, place: Path, image: Path = IMAGE) -> Path:
 
 def built_with_fault(folder: Path, source: str, *changes: tuple[str, str]) -> Path:
     """The image of a copy of the firmware in ``folder``; in its ``source`` each first text gives way to the second."""
+    return _built_with(folder, {source: changes})
+
+
+def of_protocol_2(folder: Path) -> Path:
+    """The image of a unit of protocol 2, version 0.2.0, built in ``folder``."""
+    return _built_with(folder, AS_PROTOCOL_2)
+
+
+def _built_with(folder: Path, changes: Mapping[str, Changes]) -> Path:
     copy = folder / "firmware"
     shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("simulator"))  # with what is built already
-    text = (copy / source).read_text()
-    for sound, faulty in changes:
-        assert text.count(sound) == 1, f"{source} has {sound!r} {text.count(sound)} times"
-        text = text.replace(sound, faulty)
-    (copy / source).write_text(text)
+    for source, of_source in changes.items():
+        text = (copy / source).read_text()
+        for present, changed in of_source:
+            assert text.count(present) == 1, f"{source} has {present!r} {text.count(present)} times"
+            text = text.replace(present, changed)
+        (copy / source).write_text(text)
     subprocess.run(["make", "-C", copy], check=True, capture_output=True)
     return copy / "build" / IMAGE.name
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from firmware.images import END_RECORD, PROTOCOL_2, built_with_fault
+from firmware.images import END_RECORD, built_with_fault, of_protocol_2
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import SERIAL, update
 
@@ -26,6 +26,11 @@ from noctule_gateway.wire.frames import (
 )
 
 APPLICATION = 0x1000
+
+
+@pytest.fixture(scope="module")
+def protocol_2(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return of_protocol_2(tmp_path_factory.mktemp("protocol-2"))
 
 
 @pytest.fixture
@@ -80,8 +85,8 @@ def test_an_acknowledgement_that_comes_while_the_sweep_goes_out_again_is_held_ag
         assert waiting(unit) == left
 
 
-def test_sweeps_that_waited_before_an_update_from_protocol_2_are_delivered_as_they_were():
-    with stepped_unit("--laps", "0", image=PROTOCOL_2) as unit:
+def test_sweeps_that_waited_before_an_update_from_protocol_2_are_delivered_as_they_were(protocol_2):
+    with stepped_unit("--laps", "0", image=protocol_2) as unit:
         assert unit.greet().protocol == 2
         assert unit.command(Single(0)) == Outcome.DONE
         old = unit.receive(Sweep2, 60.0)
@@ -93,9 +98,11 @@ def test_sweeps_that_waited_before_an_update_from_protocol_2_are_delivered_as_th
         assert waiting(unit) == 1
 
 
-def test_sweeps_that_waited_before_an_update_back_to_protocol_2_are_acknowledged_by_boot_and_sequence(unit, tmp_path):
+def test_sweeps_that_waited_before_an_update_back_to_protocol_2_are_acknowledged_by_boot_and_sequence(
+    unit, protocol_2, tmp_path
+):
     sweep = one_sweep(unit)
-    assert update(unit, update_of(PROTOCOL_2, tmp_path / "update.hex")) == Updated("0.3.0")
+    assert update(unit, update_of(protocol_2, tmp_path / "update.hex")) == Updated("0.3.0")
     assert unit.ask(AskHello(0), Hello).protocol == 2
     assert unit.receive(Sweep) == sweep
     unit.send(Ack2(sweep.boot, sweep.sequence))

@@ -9,7 +9,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
-from firmware.images import PROTOCOL_2, of_unit
+from firmware.images import of_protocol_2, of_unit
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 
 from noctule_gateway.link.events import Event, Refused, StatusRead, SweepRead
@@ -112,24 +112,26 @@ class Bench:
         self.run(10.0)
 
 
+@pytest.fixture(scope="module")
+def image_of(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """By protocol."""
+    return {2: of_protocol_2(tmp_path_factory.mktemp("protocol-2")), 3: IMAGE}
+
+
 @pytest.mark.parametrize(
-    ("images", "hand_s"),
-    [((IMAGE, IMAGE), 0.0), ((PROTOCOL_2, PROTOCOL_2), VOUCHES_FOR_S), ((IMAGE, PROTOCOL_2), VOUCHES_FOR_S)],
+    ("protocols", "hand_s"),
+    [((3, 3), 0.0), ((2, 2), VOUCHES_FOR_S), ((3, 2), VOUCHES_FOR_S)],
     ids=["3 and 3", "2 and 2", "3 and 2"],
 )
 def test_exchanged_plugs_cost_no_sweep_its_unit_and_no_unit_a_sweep(
-    tmp_path: Path, images: tuple[Path, Path], hand_s: float
+    tmp_path: Path, image_of: dict[int, Path], protocols: tuple[int, int], hand_s: float
 ) -> None:
     random = Random(1)
     with ExitStack() as stack:
-        units = [
-            stack.enter_context(
-                stepped_unit(
-                    "--laps", "0", "--seed", str(serial), image=of_unit(serial, tmp_path / f"{serial}.hex", image)
-                )
-            )
-            for serial, image in enumerate(images, start=1)
-        ]
+        units = []
+        for serial, protocol in enumerate(protocols, start=1):
+            image = of_unit(serial, tmp_path / f"{serial}.hex", image_of[protocol])
+            units.append(stack.enter_context(stepped_unit("--laps", "0", "--seed", str(serial), image=image)))
         bench = Bench(units)
         bench.run(15.0)  # half way between two HELLO
         for _ in range(6):
