@@ -2,7 +2,6 @@
 
 import logging
 import os
-import sys
 import threading
 from collections.abc import Callable
 from typing import NoReturn
@@ -11,10 +10,6 @@ from noctule import logs
 from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.threads import FAILED, end_process_when_one_fails
-
-# A delivery takes the interpreter back from a fit about ten times a sweep, in SQLite and Zenoh, and each time waits so
-# long: Python's own interval is 5 ms.
-_SWITCH_INTERVAL_S = 0.0005
 
 _log = logging.getLogger(__name__)
 
@@ -30,7 +25,6 @@ def run_process(
 
     ``ending`` is the process's, where it has one already; each line of the log begins with ``prefix``.
     """
-    sys.setswitchinterval(_SWITCH_INTERVAL_S)
     logs.set_up(log_format, prefix)
     end_process_when_one_fails()
     ending = ending or Ending()
