@@ -1,4 +1,4 @@
-// The life's page is `life:u32 complement:u32`. A life is used only when it is whole, and never again once its page has
+// The life's page is `life:u32 complement:u32`. A life is taken up only when it is whole, and never again once its page has
 // been erased: so no power cut lets two lives have the same boot number, or one life two.
 #include "life.h"
 
@@ -13,11 +13,6 @@
 
 static __xdata uint32_t life;
 
-static uint32_t read32(uint16_t address)
-{
-    return flash_read16(address) | (uint32_t)flash_read16(address + 2) << 16;
-}
-
 static void write32(uint16_t address, uint32_t value)
 {
     flash_write16(address, (uint16_t)value);
@@ -26,7 +21,7 @@ static void write32(uint16_t address, uint32_t value)
 
 static bool is_sound(void)
 {
-    return read32(PAGE) != 0 && read32(PAGE) == ~read32(PAGE + 4);
+    return flash_read32(PAGE) != 0 && flash_read32(PAGE) == ~flash_read32(PAGE + 4);
 }
 
 // Of what the ring's memory holds: after a power-up that is noise, for each of its 24,000 cells falls to either side and
@@ -48,7 +43,7 @@ void life_end(void)
 void life_start(void)
 {
     if (is_sound()) {
-        life = read32(PAGE);
+        life = flash_read32(PAGE);
         return;
     }
     life = draw(); // in force even if flash does not take it

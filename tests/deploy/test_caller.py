@@ -72,7 +72,7 @@ def test_an_expired_certificate_signs_nothing(made: SecuredFleet, callers: Calle
     message = b"noctule command 1\n" + KEY.encode() + b"\n" + PAYLOAD  # as the .proto file says
     signature = key.sign(message, ec.ECDSA(hashes.SHA256()))
     said = Caller(certificate=_der(old), signature=signature)
-    with pytest.raises(CallerError, match=r"operator\.anna\.g1, whose certificate is not valid now: renew it"):
+    with pytest.raises(CallerError, match=r"operator\.anna\.g1, whose certificate has expired: renew it"):
         callers.who(said.SerializeToString(), KEY, PAYLOAD)
 
 

@@ -72,7 +72,7 @@ def test_wherever_the_power_fails_no_two_boots_have_the_same_life_and_number(tmp
     # 4 bytes of the boot page and 1 of its tally, 8 of the life.
     contents = {LIFE_PAGE: SOUND_LIFE, BOOT_PAGES[0]: NO_BOOT, BOOT_PAGES[1]: NO_BOOT}
     image = with_flash(IMAGE, contents, tmp_path / "again.ihx")
-    for operation in range(1, 18, 2):
+    for operation in range(1, 18):
         with stepped_unit("--seed", str(operation), image=image) as unit:
             unit.step(fault={"kind": "power_cut_at_flash_operation", "number": operation})
             boots = []

@@ -68,7 +68,7 @@ def test_the_answer_to_reset_waits_for_a_long_sweep_before_it_and_still_goes_out
         unit.greet()
         assert unit.command(replace(QUICK, count=64)) == Outcome.DONE
         sweep = sweep_once(unit)
-        # HELLO has the sweep sent again once its CRC is checked, in five rounds; 540 bytes take 47 ms of the line.
+        # HELLO has the sweep sent again once its CRC is checked, in five rounds; 545 bytes take 47 ms of the line.
         unit.ask(AskHello(0), Hello)
         unit.run(0.02)
         unit.send(Reset(17))

@@ -89,7 +89,7 @@ def test_no_bit_of_it_can_flip_without_a_trace(recorded: Path, file: int, at: fl
         (lambda them: them.insert(1, them.pop(2)), "audit-2.jsonl, line 2 was changed, or the line before it"),
         (lambda them: them.insert(2, them[1]), "audit-2.jsonl, line 3 was changed, or the line before it"),
         (lambda them: them.pop(), "audit-3.jsonl, line 1 does not go on from the file before: lines at its end are"),
-        (lambda them: them.clear(), "audit-2.jsonl is empty"),
+        (lambda them: them.clear(), "audit-3.jsonl, line 1 does not go on from the file before: lines at its end are"),
     ],
 )
 def test_a_line_that_was_taken_out_or_moved_shows(copy: Path, alter, words: str) -> None:

@@ -149,13 +149,13 @@ def test_without_keys_on_a_bus_of_this_host_alone_an_image_is_taken_and_the_log_
     ("connect", "listen", "local"),
     [
         ([], ["tcp/127.0.0.1:7447"], True),
-        (["tcp/localhost:7447"], [], True),
-        ([], [], True),  # Noctule's default is a router on this host
+        (["tcp/localhost:7447"], [], False),  # where that router listens can't be seen
+        ([], [], False),
         ([], ["tcp/0.0.0.0:7447"], False),
         (["tcp/127.0.0.1:7447", "tcp/router-1:7447"], [], False),
     ],
 )
-def test_a_bus_is_local_where_all_its_endpoints_are(
+def test_a_bus_is_local_where_the_session_is_its_router_and_listens_on_loopback(
     connect: list[str], listen: list[str], local: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("NOCTULE_TLS", raising=False)

@@ -180,9 +180,11 @@ def wrong_device(answer: Callable[[bytes], bytes]) -> Iterator[str]:
 
         thread = threading.Thread(target=serve)
         thread.start()
-        yield f"socket://127.0.0.1:{listening.getsockname()[1]}"
-        listening.shutdown(socket.SHUT_RDWR)
-        thread.join()
+        try:
+            yield f"socket://127.0.0.1:{listening.getsockname()[1]}"
+        finally:
+            listening.shutdown(socket.SHUT_RDWR)
+            thread.join()
 
 
 def test_no_answer_and_what_can_not_be_read_and_a_line_that_sends_all_back_are_three_things(

@@ -100,7 +100,7 @@ def test_where_there_are_keys_only_a_signed_image_is_sent(bench, tmp_path):
     assert "was not taken: it is not signed: sign it (noctule-deploy firmware-sign)" in refused.stderr
     bench.image.with_name("signed.hex").write_bytes(sign(bench.image.read_bytes(), key))
     signed = update(bench._replace(image=bench.image.with_name("signed.hex")), "--unit", "u1", "--firmware", str(rules))
-    assert outcomes(signed) == {"u1": ("updated", "0.2.0 -> 0.9.0")}
+    assert outcomes(signed) == {"u1": ("updated", "0.3.0 -> 0.9.0")}
     assert f"0.9.0: signed by {public}" in signed.stdout
 
 

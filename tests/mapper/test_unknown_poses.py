@@ -26,7 +26,7 @@ from noctule_mapper.contour.contour import PoseState
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 
-# No room from these seeds on was ever looked at while the mapper was made.
+# Rooms that were judged before and never looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 10  # each kind of room once, random ones seven times
 LEAST_FOUND = 0.6
 

@@ -74,7 +74,9 @@ class Programs:
 
     def wait(self, name: str) -> int:
         """Wait until ``name`` has ended by itself and return its exit status."""
-        return self._running.pop(name).wait(END_WITHIN_S)
+        status = self._running[name].wait(END_WITHIN_S)
+        del self._running[name]
+        return status
 
     def runs(self, name: str) -> bool:
         """It was started, and nobody has ended it or seen its end."""

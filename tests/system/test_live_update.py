@@ -108,7 +108,8 @@ def test_a_unit_that_sweeps_is_updated_and_loses_no_sweep(tmp_path: Path, image:
         assert (cut.boot, cut.sequence, cut.log_sequence) == (before.boot, 0, before.log_head + 1)
         assert 0 < len(cut.readings) < 64
         assert (whole.boot, whole.sequence, len(whole.readings)) == (after.boot, 0, 64)
-        assert at.running.log("gateway").count("WARNING") == 0, at.running.log("gateway")
+        warnings = [line for line in at.running.log("gateway").splitlines() if "WARNING" in line]
+        assert not [line for line in warnings if "the host's clock: nothing synchronises it" not in line]
         again = at.rpc("update", "--image", image)
         assert json.loads(again.stdout)["detail"] == "has 0.9.0; --force sends it again"
 

@@ -44,14 +44,18 @@ def test_one_page_has_the_figures_of_every_site_and_a_site_that_hangs_does_not_d
         # Frozen as by a disk that hangs: it hears no SIGTERM.
         (hung, _) = [each for each in tree(running) if maps_a_site(each)]
         hung.suspend()
-        read_all(receiver)
-        others, began_s = tree(running), time.monotonic()
-        psutil.Process(running.pid("share")).terminate()
-        assert running.wait("share") == 0
-        wait_until(lambda: not any(map(works, others)), "it has left processes behind", within_s=END_WITHIN_S)
-        assert time.monotonic() - began_s < END_WITHIN_S
-        wait_for_line(receiver, "STOPPING=1")
-        assert running.log("share").count("does not end: it is killed; nothing stored is lost") == 1
+        try:
+            read_all(receiver)
+            others, began_s = tree(running), time.monotonic()
+            psutil.Process(running.pid("share")).terminate()
+            assert running.wait("share") == 0
+            wait_until(lambda: not any(map(works, others)), "it has left processes behind", within_s=END_WITHIN_S)
+            assert time.monotonic() - began_s < END_WITHIN_S
+            wait_for_line(receiver, "STOPPING=1")
+            assert running.log("share").count("does not end: it is killed; nothing stored is lost") == 1
+        finally:
+            with suppress(psutil.NoSuchProcess):
+                hung.kill()
 
 
 def read_all(receiver: socket.socket) -> None:

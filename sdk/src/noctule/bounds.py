@@ -179,6 +179,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "readings": Many(MAX_READINGS),
         "clock_drift": Number(-0.5, 0.5, "s/s"),
         "clock_epoch": _ID,
+        "life": _NUMBER_32,
     },
     "UnitStatus": {
         "site": _NAME,

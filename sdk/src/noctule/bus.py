@@ -51,7 +51,7 @@ def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.S
     listen = bus_config.endpoints_of(config, "listen")
     if open_to_all := bus_config.open_to_all(config):
         _log.warning(
-            "anybody who reaches %s can command and flash the units: listen on loopback, or give --tls FOLDER",
+            "anybody who reaches %s can command the units: listen on loopback, or give --tls FOLDER",
             endpoints.shown(open_to_all),
         )
     if missing := [endpoint for endpoint in listen if own_addresses.is_missing(endpoint)]:

@@ -119,11 +119,13 @@ def open_to_all(config: zenoh.Config) -> list[str]:
 
 
 def is_local(connect: Sequence[str], listen: Sequence[str], tls_folder: Path | None) -> bool:
-    """Whether a session without TLS has endpoints on loopback only. Raises BusConfigError, TlsError."""
+    """Whether a session is the router of its bus and listens on loopback only, without TLS: so nobody beyond this host
+    is on it. Where else another router listens can't be seen. Raises BusConfigError, TlsError.
+    """
     identity = tls.chosen(tls_folder)
     made = config(connect, listen, identity)
     places = [each for side in ("connect", "listen") for each in endpoints_of(made, side)]
-    return identity is None and all(map(endpoints.is_loopback, places))
+    return identity is None and is_router(made) and all(map(endpoints.is_loopback, places))
 
 
 def endpoints_of(config: zenoh.Config, side: str) -> list[str]:

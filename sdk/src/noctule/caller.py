@@ -86,8 +86,14 @@ def _checked(caller: Caller, authority: "Certificate", key: str, payload: bytes)
             "the command's signature does not hold: it was changed on its way, or is by another fleet's certificate"
         ) from error
     now = datetime.now(UTC)
-    if not certificate.not_valid_before_utc <= now <= certificate.not_valid_after_utc:
-        raise CallerError(f"the command is signed by {name}, whose certificate is not valid now: renew it")
+    if now > certificate.not_valid_after_utc:
+        raise CallerError(f"the command is signed by {name}, whose certificate has expired: renew it")
+    if now < certificate.not_valid_before_utc:
+        begins = f"{certificate.not_valid_before_utc:%Y-%m-%d %H:%M} UTC"
+        raise CallerError(
+            f"the command is signed by {name}, whose certificate is valid from {begins}, and this gateway's clock says "
+            f"{now:%Y-%m-%d %H:%M}: set the clock"
+        )
     if name.partition(".")[0] != Role.OPERATOR:
         raise CallerError(f"the command is signed by {name}: only operators command units")
     return name

@@ -131,6 +131,7 @@ class AuditLog:
         total = sum(size for _, size in present) + self._max_file_bytes
         while present and (total > self._max_bytes or len(present) >= MAX_FILES):
             path, size = present.pop(0)
+            _log.warning("%s is deleted to make room: copy the folder in time to keep what was commanded", path)
             path.unlink()
             total -= size
 

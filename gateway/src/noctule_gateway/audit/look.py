@@ -74,13 +74,11 @@ class _Chain:
             self.hash = self.last = None
             return
         *whole, rest = content.split(b"\n")
-        self.cut += bool(rest)
+        self.cut += bool(rest) or not content  # a power cut leaves these two
         begins = True
         for place, line in enumerate(whole, start=1):
             self._take_line(f"{path.name}, line {place}", line, begins)
             begins = False
-        if begins and not rest:
-            self.bad.append(f"{path.name} is empty")
 
     def _take_line(self, where: str, line: bytes, begins: bool) -> None:
         try:

@@ -52,9 +52,11 @@ class RecordedCommands:
 
 def _arguments(request: CommandRequest) -> Facts:
     """What the command was given; of an image, what tells it from another."""
-    image = request.image
-    arguments = MessageToDict(request, preserving_proto_field_name=True)
-    arguments.pop("request_id", None)
+    image, told = request.image, CommandRequest()
+    told.CopyFrom(request)
+    for name in ("request_id", "image"):
+        told.ClearField(name)
+    arguments = MessageToDict(told, preserving_proto_field_name=True)
     if image:
         arguments["image"] = f"{len(image)} bytes, SHA-256 {sha256(image).hexdigest()}"
     return {"arguments": arguments}

@@ -116,11 +116,17 @@ class UnitOnBus:
         except (BoundsError, CallerError, KeyFormatError) as error:
             if isinstance(error, CallerError):
                 self._forged.note(str(query.key_expr), error)
-            query.reply_err(str(error))
+            why = str(error)
+            self._outbox.post(lambda: _refuse(query, why))
             return
         self._newer.note(request, payload)
         reply = self._commands.carry_out(name, request, who)
         reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))
+
+
+def _refuse(query: zenoh.Query, why: str) -> None:
+    with query:
+        query.reply_err(why)
 
 
 def _reply(query: zenoh.Query, reply: "Future[CommandReply]") -> None:

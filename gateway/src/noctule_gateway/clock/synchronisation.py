@@ -21,7 +21,7 @@ class Synchronisation:
         try:
             clock = self._kernel_clock()
         except OSError:
-            self.counters = {}  # no figure, where a kernel does not tell
+            self.counters, self.detail = {}, ""  # nothing, where a kernel does not tell
             return
         self.counters = {
             "clock_unsynchronised": int(not clock.synchronised),

@@ -1,7 +1,7 @@
 """What a unit is asked of the gateway's own accord, and when; times are those that go into the link.
 
-HELLO now and again, because a reset may show in nothing else, and whenever an answer has not come, because another unit
-may be there. After a HELLO that finds another boot, CLOCK exchanges in a row, until the unit's time can be told;
+HELLO now and again, because a reset may show in nothing else, and when nothing at all has come for a while, because
+another unit may be there. After a HELLO that finds another boot, CLOCK exchanges in a row, until the unit's time can be told;
 SETTINGS once; STATUS and CLOCK in turn from then on.
 """
 
@@ -13,7 +13,7 @@ QUICK_CLOCKS = 8
 CLOCK_EVERY_S = 0.97  # not in step with STATUS, nor with what a unit does once a second
 STATUS_EVERY_S = 1.0
 HELLO_EVERY_S = 10.0
-HELLO_RETRY_S = 0.5
+HELLO_RETRY_S = 0.75  # longer than its time-out, so that over a bad line other enquiries have their turns, too
 SETTINGS_RETRY_S = 2.0
 
 

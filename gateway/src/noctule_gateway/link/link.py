@@ -106,8 +106,8 @@ class Link:
         if again is not None:
             self._out += again
             return []
-        if self.identified:
-            self._enquiries.greet(now_s)  # the plug may have been pulled, and another unit's put in
+        if self.identified and self._silence.may_be_a_pulled_plug:
+            self._enquiries.greet(now_s)  # another unit's plug may have been put in
         return self._settle(None, now_s) if self._orders.given else []
 
     def output(self, now_s: float) -> bytes:

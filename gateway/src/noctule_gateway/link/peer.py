@@ -45,6 +45,11 @@ class Silence:
         self._nothing_came = self._nothing_read = 0
 
     @property
+    def may_be_a_pulled_plug(self) -> bool:
+        """Nothing at all has come for a whole enquiry: over a bad line something mostly does."""
+        return self._nothing_came > 1
+
+    @property
     def lasts(self) -> bool:
         """There is nobody any more, or nobody to be understood."""
         return self._nothing_came >= SILENT_AFTER or self._nothing_read >= GARBLED_AFTER

@@ -129,7 +129,8 @@ class MapWorker:
                 if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
                     self._stepped_s = None
                     with self._fit_turn:
-                        self._fit_and_show(self._oldest_unfitted_s)
+                        if not self._closing:  # it may have waited long
+                            self._fit_and_show(self._oldest_unfitted_s)
         except BaseException as error:  # what comes out of Zenoh may be no Exception
             self._failure = error
             self._refuse_more()

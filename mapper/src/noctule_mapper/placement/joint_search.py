@@ -118,10 +118,11 @@ def margin_alone_nats(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> 
 
 def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
     """The hypothesis with its newest unit's plateaus among the others', and all poses adjusted but the ``fixed``."""
+    newest = len(hypothesis.placed) - 1
     units = {number for group in hypothesis.groups for number, _ in group}
-    if len(units) == len(hypothesis.placed):
+    if newest in units or not len(hypothesis.placed[newest].view):
         return hypothesis
-    groups = grouped(hypothesis.placed, hypothesis.groups, len(hypothesis.placed) - 1, hypothesis.marks)
+    groups = grouped(hypothesis.placed, hypothesis.groups, newest, hypothesis.marks)
     return replace(hypothesis, groups=groups, placed=tuple(adjusted(hypothesis.placed, groups, fixed)))
 
 
@@ -178,7 +179,7 @@ def _branches(hypothesis: Hypothesis, view: UnitView, found: Sequence[Standing])
 
 def _with(hypothesis: Hypothesis, view: UnitView, standing: Standing, waiting: tuple[UnitView, ...]) -> Hypothesis:
     placed = *hypothesis.placed, PlacedUnit(view, standing.pose, standing.covariance)
-    return Hypothesis(placed, hypothesis.groups, waiting, hypothesis.worth_nats + standing.worth_nats)
+    return replace(hypothesis, placed=placed, waiting=waiting, worth_nats=hypothesis.worth_nats + standing.worth_nats)
 
 
 def _in_frame_of(known: Sequence[PlacedUnit], hypothesis: Hypothesis) -> Hypothesis:

@@ -67,9 +67,7 @@ def view_of(unit: str, sweeps: Sequence[SweepReadings], config: MapperConfig) ->
     return UnitView(
         unit=unit,
         direction_rad=flat.echoes.axis_rad[surest],
-        direction_sigma_rad=np.sqrt(
-            np.maximum(flat.direction_sigma_rad[surest] ** 2 - np.radians(1.325) ** 2, 0) + np.radians(0.9) ** 2
-        ),
+        direction_sigma_rad=_direction_sigma_rad(flat, config)[surest],
         range_m=flat.echoes.range_m[surest],
         range_sigma_m=np.hypot(flat.range_sigma_m[surest], LEAST_RANGE_SIGMA_M),
         look_rad=looks.echoes.axis_rad,

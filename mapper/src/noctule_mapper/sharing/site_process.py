@@ -69,11 +69,11 @@ class SiteProcess:
         if self._process is not None and not self._process.is_alive():
             self._note_end(self._process, mine, now_s)
         if self._process is not None:
-            if not mine:
-                self.end()
-            elif (silent_s := self._heartbeat.silent_s(now_s)) >= self._hangs_after_s:
+            if (silent_s := self._heartbeat.silent_s(now_s)) >= self._hangs_after_s:
                 _log.error("the mapper of site %s has made no progress for %.0f s: it is killed", self.site, silent_s)
                 self._process.kill()
+            elif not mine:
+                self.end()
         elif self.is_due(mine, now_s) and self._is_free(other, now_s):
             self._start(now_s)
 

@@ -11,12 +11,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from noctule.campaign.campaign import Campaign, Outcome, Rules, UnitResult
 from noctule.campaign.image_version import version_of
 from noctule.campaign.unit_updates import UnitUpdates, Update, candidates
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, Tls, joined
 from noctule.client import Client
+from noctule.plain_text import plain
 
 SOME_LACK_IT, HALTED, STOPPED = 1, 3, 130  # exit status
 
@@ -75,7 +77,7 @@ def _run(campaign: Campaign, client: Client, given: Update) -> bool:
             for done in updates.update(units, given):
                 under_way.discard(done.unit)
                 result = campaign.note(done.unit, done.error, done.detail)
-                typer.echo(f"{result.unit}: {result.outcome}: {result.reason}", err=True)
+                typer.echo(plain(f"{result.unit}: {result.outcome}: {result.reason}"), err=True)
     except KeyboardInterrupt:
         campaign.leave(under_way)
         return True
@@ -93,7 +95,7 @@ def _print(campaign: Campaign, as_json: bool) -> None:
     told = ", ".join(f"{counts[outcome]} {outcome}" for outcome in Outcome if counts[outcome])
     typer.echo(f"{campaign.version}: {told}", err=True)
     if campaign.halted:
-        typer.echo(f"halted: {campaign.halted}", err=True)
+        typer.echo(plain(f"halted: {campaign.halted}"), err=True)
 
 
 def _json_line(result: UnitResult, version: str) -> str:
@@ -113,6 +115,6 @@ def _json_line(result: UnitResult, version: str) -> str:
 def _table(results: Sequence[UnitResult]) -> Table:
     table = Table("unit", "group", "tries", "outcome", "")
     for each in results:
-        reason = each.reason or each.before
-        table.add_row(each.unit, str(each.group or ""), str(each.tries or ""), each.outcome, reason)
+        cells = (each.unit, str(each.group or ""), str(each.tries or ""), each.outcome, each.reason or each.before)
+        table.add_row(*(Text(plain(cell)) for cell in cells))
     return table
