@@ -16,7 +16,7 @@ from mapper.judged_room import Run, run
 from scipy.stats import chi2
 
 pytestmark = pytest.mark.soak
-ROOMS = 100
+ROOMS = 200
 FIRST_SEED = 83_000
 KINDS = ("paper", "random", "hard")
 RATIO = {"paper": 1.05, "random": 1.15, "hard": 1.2}

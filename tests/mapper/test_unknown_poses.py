@@ -28,7 +28,7 @@ from noctule_mapper.messages import contour_message
 
 # Rooms that were judged before and never looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 10  # each kind of room once, random ones seven times
-LEAST_FOUND = 0.6
+LEAST_FOUND = 0.5
 
 
 @cache
