@@ -291,7 +291,13 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
             hello = command("hello", CommandRequest(request_id="e"))
             assert (hello.done, hello.status.serial, hello.status.firmware) == (True, 7, "0.1.0")
             assert "no command 'jump'" in command("jump", CommandRequest(request_id="f")).error
-            recorded = [json.loads(line) for line in (tmp_path / "audit-1.jsonl").read_text().splitlines()[1:]]
+
+            def audited() -> list[dict]:
+                return [json.loads(line) for line in (tmp_path / "audit-1.jsonl").read_text().splitlines()[1:]]
+
+            # An outcome is recorded beside the reply, not before it.
+            wait_until(lambda: len(audited()) == 14, "not all is recorded", within_s=10)
+            recorded = audited()
             assert {each["who"] for each in recorded if each["event"] == "given"} == {f"session {router.zid()}"}
             assert [(each["event"], each["command"], each["request_id"]) for each in recorded] == [
                 (event, name, request)
