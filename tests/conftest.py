@@ -1,7 +1,13 @@
 """What holds for every test."""
 
+from collections.abc import Iterator
+
 import pytest
+import zenoh
 from hypothesis import HealthCheck, settings
+from system.processes import free_ports
+
+from noctule import bus
 
 # Folders of tests that run real programs or map many rooms. They begin first, and the short ones fill the gaps.
 LONG = ("system", "viewer", "reproduction", "mapper")
@@ -20,3 +26,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return LONG.index(folder) if folder in LONG else len(LONG)
 
     items.sort(key=place)
+
+
+@pytest.fixture
+def sessions() -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
+    """A router and a client of it."""
+    (port,) = free_ports(1)
+    with (
+        bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as one,
+        bus.open_session(connect=[f"tcp/127.0.0.1:{port}"]) as other,
+    ):
+        yield one, other

@@ -1,5 +1,5 @@
 // The unit's life, which lasts as long as its boot numbers go up: those of a chip that was erased begin again, and its
-// sweeps are told by their life from sweeps of the same boot and sequence that were made before.
+// the life tells their sweeps from sweeps of the same boot and sequence that were made before.
 #ifndef LIFE_H
 #define LIFE_H
 

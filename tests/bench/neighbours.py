@@ -1,7 +1,7 @@
 """What a sick neighbour costs the healthy: a sweep's way from its unit to a reader's store, beside each sickness.
 
 Model units of one gateway sweep at a steady pace over TCP; a follower of their logs reads them over a router of its own
-process. The sick ones: a client that asks for logs without end; the same client frozen in the midst of its answers;
+process. The sick ones: a client that asks for logs without end; the same client frozen while it takes its answers;
 a gateway of the same site that is frozen, as by a hung disk; a line over which bytes come without end.
 """
 
@@ -153,7 +153,7 @@ def rows() -> list[str]:
         running.start("flood", sys.executable, "-c", FLOOD, endpoint)
         beside("a client that asks for logs without end")
         os.kill(running.pid("flood"), signal.SIGSTOP)
-        beside("the same client, frozen in the midst of its answers")
+        beside("the same client, frozen while it takes its answers")
         running.kill("flood")
         beside("nothing any more")
     return made

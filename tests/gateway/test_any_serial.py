@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from noctule import bounds
-from noctule.messages_pb2 import Sweep, SweepPlan, UnitStatus
+from noctule.messages_pb2 import CommandRequest, Sweep, SweepPlan, UnitStatus
 from noctule.site import FixedPose, Pose2, Sensor, Site, Unit
 from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.log.log_file import Retention
@@ -96,3 +96,16 @@ def test_any_bytes_and_any_sound_frames_end_no_server_and_make_nothing_beyond_th
     for record in desk.published:
         bounds.check(Sweep.FromString(record))
     assert desk.told
+
+
+def test_a_command_that_comes_when_the_server_has_ended_is_answered(tmp_path: Path) -> None:
+    log = SweepLog(tmp_path / "u1.sqlite", Retention())
+    try:
+        server = Desk(tmp_path, log).server
+        server.start()
+        server.stop()
+        server.join(time.monotonic() + 10.0)
+        reply = server.command("stop", CommandRequest(request_id="1")).result(timeout=1.0)
+    finally:
+        log.close()
+    assert (reply.done, reply.error) == (False, "the gateway that served it was stopped")

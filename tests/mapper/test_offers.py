@@ -1,28 +1,15 @@
 """Which mappers are ready to map a site: each knows all of them, and no two of one name."""
 
 import threading
-from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
-import zenoh
-from system.processes import free_ports, wait_until
+from system.processes import wait_until
 
-from noctule import bus
 from noctule_mapper.sharing.errors import SharingError
 from noctule_mapper.sharing.offers import Offers
 
 SITES = ["attic", "hall"]
-
-
-@pytest.fixture
-def sessions() -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
-    (port,) = free_ports(1)
-    with (
-        bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as one,
-        bus.open_session(connect=[f"tcp/127.0.0.1:{port}"]) as other,
-    ):
-        yield one, other
 
 
 def test_each_knows_who_is_ready_to_map_a_site_until_that_one_is_gone(sessions) -> None:

@@ -15,9 +15,8 @@ from sdk.conftest import FarEnd, Router, until_answered
 from typer.testing import CliRunner, Result
 
 from noctule import bus, keys
-from noctule.campaign.image_version import ImageVersionError
 from noctule.cli import commands
-from noctule.errors import NotServedError
+from noctule.errors import ImageVersionError, NotServedError
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 
 TIMEOUT_S = 60.0

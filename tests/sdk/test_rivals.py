@@ -1,25 +1,13 @@
 """A state that two programs publish is an alarm, also where both bear one name, until one of them is gone."""
 
-from collections.abc import Iterator
-
 import pytest
 import zenoh
-from system.processes import free_ports, wait_until
+from system.processes import wait_until
 
-from noctule import bus, keys
+from noctule import keys
 from noctule.bus import StatePublisher
 from noctule.messages_pb2 import ServiceStatus
 from noctule.rivals import GONE_AFTER_S, Rivals
-
-
-@pytest.fixture
-def sessions() -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
-    (port,) = free_ports(1)
-    with (
-        bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as one,
-        bus.open_session(connect=[f"tcp/127.0.0.1:{port}"]) as other,
-    ):
-        yield one, other
 
 
 class Service:

@@ -23,8 +23,14 @@ class CommandError(GatewayError):
     """A unit did not carry out a command."""
 
 
+BEING_UPDATED = "the unit is being updated: wait until that is over, its status says how far it is"
+
+
 class UnderWayError(CommandError):
     """A unit takes no command because it is being updated."""
+
+    def __init__(self) -> None:
+        super().__init__(BEING_UPDATED)
 
 
 class ImageError(GatewayError):

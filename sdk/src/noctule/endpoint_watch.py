@@ -14,7 +14,7 @@ _log = logging.getLogger(__name__)
 class EndpointWatch:
     """Looks at the endpoints of a session from begin() to close(), on a thread of its own.
 
-    A router needs all of ``connect``. A client needs one, so it is told of the others while one answers.
+    A router needs all of ``connect``. A client needs one, so the others are only named while one answers.
     """
 
     def __init__(self, connect: Sequence[str], listen: Sequence[str], is_router: bool) -> None:
@@ -44,7 +44,7 @@ class EndpointWatch:
         faults = {endpoints.shown([each]): reachability.unreachable(each) for each in self._connect}
         dead = {shown: reason for shown, reason in faults.items() if reason}
         if not self._is_router and len(dead) == len(faults):
-            dead = {}  # then the session is lost, which is told elsewhere
+            dead = {}  # then the session is lost, and BusWatch says so
         found = {shown: f"router {shown}: {reason}; start it, or name another" for shown, reason in dead.items()}
         for each in self._listen:
             if own_addresses.is_missing(each):

@@ -73,3 +73,7 @@ class NoSignatureError(ImageSignatureError):
 
 class UnknownKeyError(ImageSignatureError):
     """A firmware image signed by none of the known keys."""
+
+
+class ImageVersionError(NoctuleError):
+    """A file that does not say which firmware it is."""

@@ -15,7 +15,7 @@ from noctule.client import Client
 from noctule.errors import BusError
 
 LOOK_EVERY_S = 2.0
-_LOOKS = 3  # that find something wrong, before it is told: a gateway may just be starting
+_LOOKS = 3  # that find something wrong, before it is said: a gateway may just be starting
 _LISTED = 5
 
 _log = logging.getLogger(__name__)

@@ -12,6 +12,7 @@ from hashlib import sha256
 
 from noctule.caller import Who
 from noctule.messages_pb2 import CommandReply, CommandRequest
+from noctule_gateway.errors import BEING_UPDATED
 
 MAX_UNDER_WAY = 16  # commands to one unit
 MAX_IMAGES_UNDER_WAY = 1  # a unit is updated once at a time, and an image has up to a megabyte
@@ -78,7 +79,7 @@ class CommandCache:
         under_way = self._kind(name)
         under_way[:] = [reply for reply in under_way if not reply.done()]
         if name == UPDATE and len(under_way) >= MAX_IMAGES_UNDER_WAY:
-            return "the unit is being updated: wait until that is over, its status says how far it is"
+            return BEING_UPDATED
         if len(under_way) >= MAX_UNDER_WAY:
             return f"{len(under_way)} commands to this unit are under way: wait until they are answered, then try again"
         return ""

@@ -1,6 +1,6 @@
 """The host's wall clock: how far it is ahead of the clock that nobody sets, and whether somebody has set it.
 
-Sweeps carry its time. So an operator is told when it was set, and times told before and after that are marked: they
+Sweeps carry its time. So the status says when it was set, and times told before and after that are marked: they
 are of different epochs. Both of the kernel's clocks are slewed alike, so only a set changes their difference.
 """
 

@@ -34,7 +34,7 @@ class Rfc2217Port:
         self._line.port = address
         try:
             self._line.open()
-            self._line.is_negotiated()
+            self._line.end_negotiation()
             self._line.watch_far_end()
         except (OSError, ValueError, KeyError) as error:  # pyserial's own errors are OSErrors
             raise LineError(f"can't open {address}: {self._line.failure or error}") from error
@@ -94,7 +94,7 @@ class _BoundedSerial(rfc2217.Serial):
     def _network_timeout(self, step_s: float) -> None:
         self._step_s = step_s
 
-    def is_negotiated(self) -> None:
+    def end_negotiation(self) -> None:
         """The line is open: what is asked of the server from now on has time of its own."""
         self._negotiated = True
 

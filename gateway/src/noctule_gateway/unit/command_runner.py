@@ -21,7 +21,6 @@ from noctule_gateway.wire.frames import Settings
 AT_ONCE = ("hello", "status")
 SETTINGS = "settings"
 UPDATE = "update"
-BEING_UPDATED = "the unit is being updated: wait until that is over, its status says how far it is"
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class CommandRunner:
             if name in AT_ONCE:
                 self._end(command)
             elif self._updating is not None:
-                raise UnderWayError(BEING_UPDATED)
+                raise UnderWayError()
             elif name == UPDATE:
                 self._begin_update(command)
             elif name == SETTINGS or orders.needs_settings(name):

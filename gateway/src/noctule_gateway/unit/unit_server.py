@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
-from noctule_gateway.errors import CommandError, GatewayError, LineError
+from noctule_gateway.errors import BEING_UPDATED, CommandError, GatewayError, LineError
 from noctule_gateway.line.line import Line
 from noctule_gateway.link.events import (
     ClockRead,
@@ -27,7 +27,7 @@ from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status import reset_causes, unit_status
 from noctule_gateway.status.hearing import Hearing
 from noctule_gateway.status.unit_state import UnitState
-from noctule_gateway.unit.command_runner import BEING_UPDATED, CommandRunner
+from noctule_gateway.unit.command_runner import CommandRunner
 from noctule_gateway.unit.plans import wanted_plan
 from noctule_gateway.unit.sweep_intake import SweepIntake
 from noctule_gateway.unit.unit_report import UnitReport
@@ -71,7 +71,7 @@ class UnitServer:
         self._unit_report = UnitReport(served, self._link, self._intake)
         self._commands = CommandRunner(self._link, self._status, self._begin_update, admission)
         self._updater: Updater | None = None  # has the line in place of the link
-        self._line_is_open = False
+        self._line_is_open = self._is_over = False
         self._report_due_s = 0.0
         self._hearing = Hearing(unit.address)
 
@@ -93,11 +93,15 @@ class UnitServer:
         self._commands.stopped(_STOPPED)
         self._state = self._state.updating("")
         self._report(self._status())
+        self._is_over = True
 
     def command(self, name: str, request: CommandRequest) -> Future[CommandReply]:
         """Carry out a command of the bus; the reply says what went wrong. From any thread."""
         future: Future[CommandReply] = Future()
-        self._line.call(lambda: self._commands.begin(name, request, future))
+        if self._is_over:  # a command may have waited for the audit log
+            future.set_result(CommandReply(request_id=request.request_id, error=_STOPPED))
+        else:
+            self._line.call(lambda: self._commands.begin(name, request, future))
         return future
 
     @property

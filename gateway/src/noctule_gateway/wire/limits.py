@@ -12,8 +12,8 @@ from noctule_gateway.errors import CommandError
 from noctule_gateway.wire.frames import Configure
 from noctule_gateway.wire.units import PER_RADIAN
 
-PLAN = UNIT_PLAN | {"pings": Number(PINGS[0], PINGS[-1])}
-CALIBRATION = {
+PLAN_BOUNDS = UNIT_PLAN | {"pings": Number(PINGS[0], PINGS[-1])}
+CALIBRATION_BOUNDS = {
     "half_steps_per_turn": Number(3800, 4400),
     "backlash_half_steps": Number(0, 64),
     "home_bearing_rad": Number(-radians(180), -radians(148), "rad"),
@@ -21,7 +21,7 @@ CALIBRATION = {
 PAUSE_S = UNIT_PAUSE_S
 BEARING_RAD = UNIT_PLAN["first_bearing_rad"]
 WAYPOINT = Number(0, 0xFFFE)
-AIR_C = Number(-40, 85, "degrees C")
+TRIM_AIR_C = Number(-40, 85, "degrees C")
 
 _ROUNDING = 1e-6  # of a quantity that went through other units
 _OUTERMOST = round(BEARING_RAD.most * PER_RADIAN)

@@ -33,7 +33,7 @@ T = TypeVar("T", bound=Order)
 
 def configure(plan: SweepPlan, present: Configure) -> Configure:
     """``plan`` over the ``present`` one. Raises CommandError, which names the field, if a unit would not take it."""
-    limits.check_fields(plan, limits.PLAN)
+    limits.check_fields(plan, limits.PLAN_BOUNDS)
     order = _fitting(replace(present, **_given(plan, PLAN)))
     if plan.ListFields():
         limits.check_last_bearing(order)
@@ -42,7 +42,7 @@ def configure(plan: SweepPlan, present: Configure) -> Configure:
 
 def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
     """``calibration`` over the ``present`` one. Raises CommandError, which names the field, if a unit won't take it."""
-    limits.check_fields(calibration, limits.CALIBRATION)
+    limits.check_fields(calibration, limits.CALIBRATION_BOUNDS)
     given = _given(calibration, CALIBRATION)
     if calibration.HasField("home"):
         kinds = {home: kind for kind, home in HOMES.items()}
@@ -70,7 +70,7 @@ def _go_to(request: CommandRequest) -> GoTo:
 
 
 def _trim_temperature(request: CommandRequest) -> TrimTemperature:
-    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", PER_KELVIN, limits.AIR_C)))
+    return _fitting(TrimTemperature(0, _needed(request, "temperature_c", PER_KELVIN, limits.TRIM_AIR_C)))
 
 
 _SIMPLE: dict[str, Callable[[CommandRequest], Order]] = {

@@ -7,11 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
+from noctule_mapper.placement.pose_search import SAME_M, SAME_RAD
 from noctule_mapper.placement.reflector_models import Members, PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
-
-_SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +56,7 @@ def is_same(first: np.ndarray | None, second: np.ndarray | None) -> bool:
     if first is None or second is None:
         return first is second
     off_m, off_rad = np.hypot(*(first - second)[:2]), abs(wrapped(first[2] - second[2]))
-    return bool(off_m < _SAME_M and off_rad < _SAME_RAD)
+    return bool(off_m < SAME_M and off_rad < SAME_RAD)
 
 
 def is_part(one: Hypothesis, other: Hypothesis) -> bool:

@@ -35,9 +35,9 @@ def weighed(hypotheses: Sequence[Hypothesis], order: Sequence[UnitView], fixed: 
     ``order``, and of the closest the same from its other end; the way that is worse for the best one counts. The first
     ``fixed`` poses are known.
     """
-    settled = [_settled(one, fixed) for one in hypotheses]
+    at_rest = [replace(one, placed=settled(one.placed, fixed)) for one in hypotheses]
     chains = []
-    for one in settled:
+    for one in at_rest:
         by_unit = {each.view.unit: each for each in one.placed}
         chains.append([by_unit[view.unit] for view in order if view.unit in by_unit])
     forth_nats = np.array([_chain_nats(chain) for chain in chains])
@@ -47,14 +47,14 @@ def weighed(hypotheses: Sequence[Hypothesis], order: Sequence[UnitView], fixed: 
     over_nats = forth_nats - forth_nats[best]
     over_nats[close] = np.maximum(over_nats[close], back_nats[close] - back_nats[best])
     ranked = [best, *(number for number in np.argsort(-over_nats) if number != best)]
-    return [replace(settled[number], worth_nats=float(over_nats[number])) for number in ranked]
+    return [replace(at_rest[number], worth_nats=float(over_nats[number])) for number in ranked]
 
 
-def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
-    placed = hypothesis.placed
+def settled(placed: tuple[PlacedUnit, ...], fixed: int) -> tuple[PlacedUnit, ...]:
+    """The units where their echoes have them together; the first ``fixed`` poses are known."""
     for _ in range(_LAST_ROUNDS if len(placed) > fixed else 0):
         placed = tuple(adjusted(placed, grouped(placed), fixed))
-    return replace(hypothesis, placed=placed)
+    return placed
 
 
 def _chain_nats(chain: Sequence[PlacedUnit]) -> float:

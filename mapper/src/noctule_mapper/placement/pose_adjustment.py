@@ -8,6 +8,7 @@ import numpy as np
 from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
 from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.placement.reflector_models import (
+    NEAR_M,
     POINT_KINDS,
     Members,
     PlacedUnit,
@@ -102,7 +103,7 @@ class Problem:
         poses, marks = values[: 3 * units].reshape(-1, 3), values[3 * units :].reshape(-1, 4)
         pose, mark = poses[self.unit], marks[self.mark]
         way = mark[:, :2] - pose[:, :2]
-        away_m = np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.02)
+        away_m = np.maximum(np.hypot(way[:, 0], way[:, 1]), NEAR_M)
         cosine, sine = np.cos(mark[:, 0]), np.sin(mark[:, 0])
         wall_m = mark[:, 1] - pose[:, 0] * cosine - pose[:, 1] * sine
         along_m = pose[:, 1] * cosine - pose[:, 0] * sine

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from noctule_mapper.placement.landmarks import Landmarks
+from noctule_mapper.placement.reflector_models import NEAR_M
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
@@ -152,7 +153,7 @@ def _predicted(
     of_walls[..., 0, 1] = of_walls[..., 1, 0] = c[:, 0, 1] - along_m * c[:, 0, 0]
     of_walls[..., 1, 1] = c[:, 1, 1] - 2 * along_m * c[:, 0, 1] + along_m**2 * c[:, 0, 0]
     way = marks.point[:, :2] - place  # (k, p, 2)
-    away_m = np.maximum(np.hypot(way[..., 0], way[..., 1]), 0.02)
+    away_m = np.maximum(np.hypot(way[..., 0], way[..., 1]), NEAR_M)
     scale, radius_m = marks.point[:, 2], marks.point[:, 3]
     towards = way / away_m[..., None]
     turned = np.stack([-towards[..., 1], towards[..., 0]], axis=-1)

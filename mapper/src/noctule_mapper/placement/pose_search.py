@@ -27,7 +27,7 @@ _HOPELESS_NATS = 30.0  # below the best
 _FIT_STEPS = 3
 # Holds what the landmarks leave open where it is.
 _HOLD = np.diag([1 / 0.2**2, 1 / 0.2**2, 1 / np.radians(5.0) ** 2])
-_SAME_M, _SAME_RAD = 0.15, np.radians(6.0)
+SAME_M, SAME_RAD = 0.15, np.radians(6.0)
 _TOGETHER_NATS = 2.0  # most units of a site stand in one room
 # In random rooms a wall is heard by two units as often as not within 0.6 m along it, and ever more seldom beyond.
 _NEAR_M, _FAR_NATS_PER_M, _MOST_FAR_NATS = 0.6, 1.1, 6.0
@@ -140,7 +140,7 @@ def _crossings(view: UnitView) -> np.ndarray:
 
 def _best_of_cells(poses: np.ndarray, worth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Of the poses in each cell of a grid the worthiest, and what it is worth."""
-    cell = np.rint(poses / (_SAME_M, _SAME_M, _SAME_RAD)).astype(int)
+    cell = np.rint(poses / (SAME_M, SAME_M, SAME_RAD)).astype(int)
     order = np.argsort(-worth)
     _, first = np.unique(cell[order], axis=0, return_index=True)
     return poses[order[first]], worth[order[first]]
@@ -154,5 +154,5 @@ def _distinct(poses: np.ndarray, worth: np.ndarray, most: int) -> np.ndarray:
         chosen.append(best)
         apart_m = np.hypot(*(poses[left, :2] - poses[best, :2]).T)
         turned_rad = np.abs(wrapped(poses[left, 2] - poses[best, 2]))
-        left = left[(apart_m > _SAME_M) | (turned_rad > _SAME_RAD)]
+        left = left[(apart_m > SAME_M) | (turned_rad > SAME_RAD)]
     return np.array(chosen, dtype=int)

@@ -121,7 +121,7 @@ def point_models(rows: Rows, kind: Kind) -> Models:
 
     def residuals(at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         way = at[:, :2] - rows.place_m
-        away_m = np.maximum(np.hypot(*way.T), _NEAR_M)
+        away_m = np.maximum(np.hypot(*way.T), NEAR_M)
         towards = way / away_m[:, None]
         across = np.stack([-towards[:, 1], towards[:, 0]], axis=1)
         none, one = np.zeros((len(at), 2)), np.ones(len(at))
@@ -136,7 +136,7 @@ def point_models(rows: Rows, kind: Kind) -> Models:
     value, covariance, cost = _fitted(rows, value, residuals, known, np.array([0.0, 0.0, *mean]))
     # A priori it lies anywhere in direction and range as first heard, like a wall: dx dy = d / k of these.
     first = _first_rows(rows)
-    away_m = np.maximum(np.hypot(*(value[:, :2] - rows.place_m[first]).T), _NEAR_M)
+    away_m = np.maximum(np.hypot(*(value[:, :2] - rows.place_m[first]).T), NEAR_M)
     volume = (
         0.5 * np.linalg.slogdet(covariance)[1]
         - np.log(sigma).sum()
@@ -148,7 +148,7 @@ def point_models(rows: Rows, kind: Kind) -> Models:
 # Of the groups' values (g, v) at each plateau: errors of direction and of range, each with its slopes (n, v).
 _Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
 _STEPS = 5
-_NEAR_M, _LEAST_SCALE = 0.02, 0.1
+NEAR_M, _LEAST_SCALE = 0.02, 0.1  # nothing is nearer to a unit, as far as divisions go
 _ROBUST_SIGMAS = 2.0
 
 

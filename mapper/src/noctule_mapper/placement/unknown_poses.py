@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
+from noctule_mapper.placement.hypothesis_worth import settled
 from noctule_mapper.placement.joint_search import Pairs, margin_alone_nats, search
 from noctule_mapper.placement.landmarks import landmarks_of
-from noctule_mapper.placement.pose_adjustment import adjusted, grouped
+from noctule_mapper.placement.pose_adjustment import grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
@@ -24,7 +25,6 @@ from noctule_mapper.readings.angles import wrapped
 MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 14.0
 ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 12.0  # the same where all other units stand as they are
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
-_LAST_ROUNDS = 3  # of telling again which plateaus belong together, and adjusting
 _MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.028, np.radians(1.0)
 
 
@@ -52,9 +52,7 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     pairs = Pairs()
     rivals = search(known, unknown, pairs)
     best = rivals[0]
-    placed = best.placed
-    for _ in range(_LAST_ROUNDS if len(placed) > len(known) else 0):
-        placed = tuple(adjusted(placed, grouped(placed), len(known)))
+    placed = settled(best.placed, len(known))
     asked = {*(one.view.unit for one in placed[len(known) :]), *(one.view.unit for one in known[len(known) > 1 :])}
     alone = {unit: margin_alone_nats(placed, unit, pairs) for unit in asked if len(placed) > 1}
     square = _is_square(placed)

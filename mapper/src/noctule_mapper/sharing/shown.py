@@ -47,7 +47,7 @@ class _SiteShown:
 
 
 class Shown:
-    """The figures of the mapper ``name``; what they are is told by note(), from the main loop."""
+    """The figures of the mapper ``name``; note() keeps them, from the main loop."""
 
     def __init__(self, name: str) -> None:
         self._name = name

@@ -131,7 +131,7 @@ class SiteProcess:
 
 
 def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str) -> None:
-    """What such a process does: map until it is told to end, or until the process that it belongs to is gone.
+    """What such a process does: map until SIGTERM, or until the process that it belongs to is gone.
 
     ``heartbeat`` is the address at which that process listens, in systemd's place.
     """

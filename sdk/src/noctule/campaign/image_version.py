@@ -2,16 +2,12 @@
 
 import struct
 
-from noctule.errors import NoctuleError
+from noctule.errors import ImageVersionError
 
 _AT = 0x7FE0  # of an image's description: firmware/README.md, "Flash"
 _DESCRIPTION = struct.Struct("<HB3B")  # magic, hardware, version; lengths and CRCs follow
 _MAGIC = 0x4E49
 _DATA = 0
-
-
-class ImageVersionError(NoctuleError):
-    """A file that does not say which firmware it is."""
 
 
 def version_of(image: bytes, name: str) -> str:
