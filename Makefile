@@ -19,8 +19,8 @@ test: packages-test setup firmware
 BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py
 
 soak: packages-test setup firmware
-	pytest -m soak --timeout 900 --numprocesses 2 --dist loadfile --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
-	pytest -m soak --timeout 900 $(BY_THE_CLOCK)
+	pytest -m soak --timeout 1800 --numprocesses 2 --dist loadfile --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
+	pytest -m soak --timeout 1800 $(BY_THE_CLOCK)
 
 bench: packages-test setup firmware
 	-@sh deploy/packages.sh bench

@@ -53,7 +53,7 @@ def test_the_demo_as_a_command_refuses_the_folder_of_a_real_site_and_leaves_it_a
     ports = {f"DEMO_{name}_PORT": str(port) for name, port in zip(names, free_ports(len(names)), strict=True)}
     command = [sys.executable, "deploy/demo/run.py"]
     environment = os.environ | ports | {"DEMO_DATA": str(folder)}
-    ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=20)
+    ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
     assert ended.returncode == 1
     assert ended.stderr == (
         f"{folder} holds what the demo did not make (gateway, site.toml); nothing was changed: "

@@ -43,7 +43,7 @@ def test_a_child_that_its_dead_parent_left_is_ended_before_the_parent_is_started
     with kept("sleep 1000 & echo $!; exit 1") as process:
         pid = int(process.stdout.readline().split("|")[1])
         assert "c0 ended with status 1" in process.stdout.readline()
-        wait_until(lambda: not psutil.pid_exists(pid), "the child lives on", within_s=5)
+        wait_until(lambda: not psutil.pid_exists(pid), "the child lives on")
 
 
 def test_a_process_that_does_not_end_by_itself_is_killed() -> None:
@@ -72,7 +72,7 @@ def test_a_terminal_that_takes_nothing_holds_up_no_process(tmp_path: Path) -> No
     try:
         with kept(f"seq 200000; touch {done}; exec sleep 1000", stdout=stdout) as process:
             os.close(stdout)
-            wait_until(done.exists, "the process waits for the terminal", within_s=20)
+            wait_until(done.exists, "the process waits for the terminal")
             process.terminate()
             assert process.wait(END_WITHIN_S) == 0
     finally:

@@ -67,7 +67,7 @@ def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModul
         assert process.stdin is not None
         process.stdin.close()
         try:
-            assert process.wait(timeout=60) == 0
+            assert process.wait(timeout=120) == 0
         finally:
             process.kill()  # or leaving this block would wait for it without end
 

@@ -100,7 +100,7 @@ def life_of_a_run(image: Path) -> int:
             assert simulator.stdout is not None
             found = re.search(r"127\.0\.0\.1:(\d+)", simulator.stdout.readline())
             assert found is not None
-            with socket.create_connection(("127.0.0.1", int(found[1])), timeout=20) as line:
+            with socket.create_connection(("127.0.0.1", int(found[1])), timeout=120) as line:
                 reader = FrameReader()
                 while True:
                     line.sendall(encode(AskHello(1)))

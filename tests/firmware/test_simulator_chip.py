@@ -129,7 +129,7 @@ def running(compiled: Compile, tmp_path: Path) -> Run:
 def fault_of(image: Path, *options: str) -> str:
     """The words with which a simulation that must fail does."""
     command = ["noctule-sim", "--firmware", str(image), "--tcp", "127.0.0.1:0", "--speed", "max", "--duration", "1"]
-    ended = subprocess.run([*command, *options], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run([*command, *options], capture_output=True, text=True, timeout=120)
     assert ended.returncode != 0, ended.stdout
     return ended.stderr
 

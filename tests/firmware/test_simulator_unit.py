@@ -97,7 +97,7 @@ def simulator(image: Path, *options: str) -> Iterator[list[str]]:
             yield [line.split()[2].rstrip(",") for line in lines]
         finally:
             process.send_signal(signal.SIGTERM)
-            words = process.communicate(timeout=30)
+            words = process.communicate(timeout=120)
     assert process.returncode == 0, words
 
 
@@ -116,7 +116,7 @@ def tcp_cable(address: str) -> Iterator[Cable]:
 
 @contextmanager
 def pty_cable(device: str) -> Iterator[Cable]:
-    with serial.Serial(device, 115200, timeout=30) as port:
+    with serial.Serial(device, 115200, timeout=120) as port:
         yield Cable(port.write, lambda: port.read(1))
 
 

@@ -85,7 +85,7 @@ def range_m(echo: int) -> float:
 def refusal(*options: str) -> str:
     """What the simulator says when it refuses to run."""
     command = ["noctule-sim", "--firmware", str(IMAGE), "--duration", "0.1", "--tcp", "127.0.0.1:0", *options]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert ended.returncode == 1, ended.stdout
     return ended.stderr
 
@@ -424,7 +424,7 @@ def test_a_terminal_is_told_how_far_the_run_has_got():
     leader, follower = pty.openpty()
     command = ["noctule-sim", "--firmware", str(IMAGE), "--tcp", "127.0.0.1:0", "--duration", "1.5"]
     try:
-        subprocess.run(command, stdout=subprocess.PIPE, stderr=follower, check=True, timeout=60)
+        subprocess.run(command, stdout=subprocess.PIPE, stderr=follower, check=True, timeout=120)
         os.close(follower)
         told = read_to_the_end(leader).decode()
     finally:

@@ -19,7 +19,7 @@ from noctule_gateway.log.sweep_log import SweepLog
 
 SWEEPS = 90
 NAME = "u1.sqlite"
-_PATIENCE_S = 10.0
+_PATIENCE_S = 120.0
 
 
 @dataclass(frozen=True)

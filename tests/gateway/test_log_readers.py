@@ -10,7 +10,7 @@ import pytest
 from noctule_gateway.bus import log_readers
 from noctule_gateway.bus.log_readers import LogReaders
 
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 
 
 @pytest.fixture

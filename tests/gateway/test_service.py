@@ -119,7 +119,7 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
                 return [json.loads(line) for line in (tmp_path / "audit-1.jsonl").read_text().splitlines()[1:]]
 
             # An outcome is recorded beside the reply, not before it.
-            wait_until(lambda: len(audited()) == 14, "not all is recorded", within_s=10)
+            wait_until(lambda: len(audited()) == 14, "not all is recorded")
             recorded = audited()
             assert {each["who"] for each in recorded if each["event"] == "given"} == {f"session {router.zid()}"}
             assert [(each["event"], each["command"], each["request_id"]) for each in recorded] == [

@@ -45,7 +45,7 @@ def append(log: SweepLog, *arrivals: Arrival) -> list[Committed | LogError]:
     futures: list[Future[Committed | LogError]] = [Future() for _ in arrivals]
     for each, future in zip(arrivals, futures, strict=True):
         log.append(each, future.set_result)
-    return [future.result(timeout=20) for future in futures]
+    return [future.result(timeout=120) for future in futures]
 
 
 def read(log: SweepLog, first: int = 1) -> list[Sweep]:

@@ -73,7 +73,7 @@ class LiveSite:
             contour = self.client.contour()
             return contour if contour is not None and contour.sweeps == sweeps else None
 
-        contour = wait_until(newest, f"no contour of {sweeps} sweeps", within_s=60)
+        contour = wait_until(newest, f"no contour of {sweeps} sweeps")
         assert contour is not None
         return contour
 

@@ -30,7 +30,7 @@ class Relay:
     def start(self) -> None:
         arguments = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", "64MB"]
         self._process = subprocess.Popen([RERUN, *arguments], env=ENVIRONMENT)
-        wait_until(lambda: listens(self.port), "the relay does not listen", within_s=20)
+        wait_until(lambda: listens(self.port), "the relay does not listen")
 
     def freeze(self) -> None:
         """Take nothing any more, and leave the line open."""
@@ -93,7 +93,7 @@ class Viewer:
             chunks = self.seen()[path]
             return chunks if sum(chunk.num_rows for chunk in chunks) >= rows else []
 
-        return wait_until(enough, f"{path} has not {rows} rows", within_s=30)
+        return wait_until(enough, f"{path} has not {rows} rows")
 
     def values(self, path: str, column: str, rows: int = 1) -> list:
         """The values of a column of an entity, row by row, once there are that many."""
@@ -102,7 +102,7 @@ class Viewer:
             values = self._values(path, column)
             return values if len(values) >= rows else []
 
-        return wait_until(enough, f"{path} has not {rows} rows of {column}", within_s=30)
+        return wait_until(enough, f"{path} has not {rows} rows of {column}")
 
     def _values(self, path: str, column: str) -> list:
         batches = [chunk.to_record_batch() for chunk in self.seen()[path]]

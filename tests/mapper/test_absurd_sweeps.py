@@ -20,9 +20,6 @@ from noctule_mapper.messages import contour_message
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message
 from noctule_mapper.survey_fit import fit
 
-pytestmark = pytest.mark.timeout(
-    120
-)  # seconds: the slowest takes three on an idle processor; what hangs takes for ever
 ECHO = {"bearing_rad": 0.1, "time_of_flight_s": 0.006}
 
 

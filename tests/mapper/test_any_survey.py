@@ -21,7 +21,7 @@ from noctule_mapper.messages import contour_message, features_message, tile_mess
 from noctule_mapper.readings.sweep import SweepError, from_message
 from noctule_mapper.survey_fit import fit
 
-pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.timeout(300)]
+pytestmark = pytest.mark.filterwarnings("error")
 WITHIN_S = 30  # a survey of a few sweeps takes well under one on an idle processor
 
 FINE_RAD = [math.radians(4.5 * step - 135) for step in range(61)]

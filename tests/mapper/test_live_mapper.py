@@ -60,7 +60,7 @@ def test_who_joins_late_gets_features_grid_and_status_too(site: LiveSite) -> Non
     site.client.on_features(features.append)
     site.client.on_grid(tiles.append)
     site.client.on_service_status(statuses.append)
-    wait_until(lambda: features and tiles and statuses, "no late joiner's features, tiles and status", within_s=20)
+    wait_until(lambda: features and tiles and statuses, "no late joiner's features, tiles and status")
     newest: Features = features[0]
     tile: GridTile = tiles[0]
     status: ServiceStatus = statuses[0]
@@ -98,10 +98,10 @@ def test_a_sweep_without_a_pose_is_counted_and_passed_over_and_the_status_says_w
     site.client.on_service_status(statuses.append)
     site.play(survey[:1])
     lacking = "echoes from 1 place; a wall needs 3, a cylinder 3"
-    wait_until(lambda: statuses and statuses[-1].detail == lacking, "the status does not say why", within_s=20)
+    wait_until(lambda: statuses and statuses[-1].detail == lacking, "the status does not say why")
     site.play(survey[1:])
     site.contour_of(4)
-    wait_until(lambda: statuses and statuses[-1].counters["sweeps_taken"] == 6, "the status does not come", within_s=20)
+    wait_until(lambda: statuses and statuses[-1].counters["sweeps_taken"] == 6, "the status does not come")
     assert statuses[-1].counters["sweeps_unusable"] == 2
     assert "2 sweeps of u1 left out, the last: sweep" in statuses[-1].detail
     assert "has no pose" in statuses[-1].detail
@@ -116,7 +116,7 @@ def test_sweeps_that_leave_the_window_leave_the_map(site: LiveSite, tmp_path: Pa
     site.start_mapper("--config", str(config))
     site.play(survey[:20])
     site.play(survey[20:30])
-    wait_until(lambda: site.contour_of(10).time == survey[29].start, "no contour of the last sweeps", within_s=30)
+    wait_until(lambda: site.contour_of(10).time == survey[29].start, "no contour of the last sweeps")
     assert_same_map(site.contour_of(10), fit(survey[20:30]))
 
 
@@ -130,14 +130,14 @@ def test_who_joins_late_is_told_of_no_tile_that_has_lost_all_its_evidence(site: 
     site.play(survey[:8])
     site.contour_of(8)
     site.play(survey[8:])
-    wait_until(lambda: site.contour_of(8).time == survey[-1].start, "no contour of the last sweeps", within_s=30)
+    wait_until(lambda: site.contour_of(8).time == survey[-1].start, "no contour of the last sweeps")
     alone = Mapper()
     for sweep in survey[8:]:
         alone.register_sweep(from_message(sweep))
     expected = {(tile.tile_x, tile.tile_y) for tile in alone.grid.tiles()}
     told: set[tuple[int, int]] = set()
     site.client.on_grid(lambda tile: told.add((tile.tile_x, tile.tile_y)))
-    wait_until(lambda: told >= expected, "not all tiles for a late joiner", within_s=20)
+    wait_until(lambda: told >= expected, "not all tiles for a late joiner")
     assert told == expected
 
 
@@ -155,7 +155,7 @@ def test_a_cylinder_carried_elsewhere_while_the_mapper_is_down_moves_on_its_map(
     site.play(second[:30])
     site.start_mapper()
     site.play(second[30:])
-    wait_until(lambda: site.contour_of(44).time == second[-1].start, "no contour of the second round", within_s=60)
+    wait_until(lambda: site.contour_of(44).time == second[-1].start, "no contour of the second round")
     new = site.contour_of(44)
     assert new.version > old.version
     ((x_m, _, _), (new_x_m, _, _)) = *before.cylinders, *after.cylinders
@@ -196,7 +196,7 @@ def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSi
     nobody = "tcp/127.0.0.1:9"  # the discard port, where nothing listens
     where = ("--site", SITE, "--data", str(tmp_path), "--connect", nobody)
     site.running.start("mapper", "noctule-mapper", "run", *where)
-    wait_until(lambda: "no router answers" in site.running.log("mapper"), "it does not say that it waits", within_s=20)
+    wait_until(lambda: "no router answers" in site.running.log("mapper"), "it does not say that it waits")
     assert site.running.end("mapper") == 0
 
 
@@ -228,7 +228,7 @@ main(sys.argv[1:])
 def test_a_thread_that_dies_takes_the_mapper_with_it(site: LiveSite, tmp_path: Path) -> None:
     where = ("--site", SITE, "--data", str(tmp_path), "--connect", site.endpoint, "--rerun", "none")
     site.running.start("mapper", "python", "-c", _THREAD_DIES, "run", *where)
-    wait_until(lambda: "a key of 65536" in site.running.log("mapper"), "nothing is said", within_s=20)
+    wait_until(lambda: "a key of 65536" in site.running.log("mapper"), "nothing is said")
     assert "CRITICAL" in site.running.log("mapper")
     assert "noctule-follow" in site.running.log("mapper")
     assert site.running.end("mapper") == 70
@@ -248,7 +248,7 @@ def test_a_sweep_that_broke_the_map_is_told_in_the_status_until_after_a_restart(
     site.client.on_service_status(statuses.append)
     site.start_mapper()
     site.contour_of(3)
-    wait_until(lambda: statuses and statuses[-1].detail, "no detail", within_s=20)
+    wait_until(lambda: statuses and statuses[-1].detail, "no detail")
     assert (held, statuses[-1].counters["sweeps_set_aside"]) == (0, 1)
     assert f"sweep {bad.log_sequence} of {bad.log_id!r} (unit 'u1', IndexError: no such bin)" in statuses[-1].detail
 
@@ -268,11 +268,11 @@ def test_a_store_that_takes_no_more_is_told_once_and_in_the_status_and_costs_no_
     process.rlimit(psutil.RLIMIT_FSIZE, (journal, psutil.RLIM_INFINITY))
     site.play(survey[4:])
     full = f"the mapper's store {tmp_path / SITE}.sqlite3 can't be used"
-    wait_until(lambda: full in statuses[-1].detail, "the status does not say it", within_s=20)
-    wait_until(lambda: statuses[-1].counters["log_failed"] >= 4, "it is not tried again", within_s=20)
+    wait_until(lambda: full in statuses[-1].detail, "the status does not say it")
+    wait_until(lambda: statuses[-1].counters["log_failed"] >= 4, "it is not tried again")
     process.rlimit(psutil.RLIMIT_FSIZE, (psutil.RLIM_INFINITY, psutil.RLIM_INFINITY))
     site.contour_of(8)
-    wait_until(lambda: full not in statuses[-1].detail, "the status still says it", within_s=20)
+    wait_until(lambda: full not in statuses[-1].detail, "the status still says it")
     log = site.running.log("mapper")
     assert (log.count("the sweeps wait in the gateways' logs"), log.count("Traceback")) == (1, 0)
     assert site.running.end("mapper") == 0

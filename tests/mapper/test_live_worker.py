@@ -24,7 +24,7 @@ from noctule_mapper.messages import contour_message
 from noctule_mapper.readings.sweep import SweepReadings, from_message
 from noctule_mapper.rerun_view.log import RerunLog
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 NEAR_M = 0.02  # a cylinder is where it was put: ten of a fit's errors in the paper's room
 CARRIED_TO = (0.30, 0.35, 0.448)  # from (1.384, 0.480), on the other side of the room
 

@@ -58,7 +58,7 @@ def put_s(line: RerunLink, drawing: Drawing) -> float:
 
 
 def wait_for_connections(line: RerunLink, count: int) -> None:
-    wait_until(lambda: line.counters()["rerun_connections"] >= count, "no connection to the relay", within_s=20)
+    wait_until(lambda: line.counters()["rerun_connections"] >= count, "no connection to the relay")
 
 
 @pytest.fixture
@@ -145,7 +145,6 @@ def test_a_slow_relay_holds_up_the_worker_alone_and_gets_the_present_once_it_is_
     ("frozen_s", "drawings_per_s"),
     [(15, 50), pytest.param(60, 13, marks=pytest.mark.soak)],  # 13: four units at 0.3 s a sweep
 )
-@pytest.mark.timeout(300)
 def test_a_frozen_relay_costs_the_drawing_process_little_memory_and_shows_the_present_once_it_goes_on(
     far_end: Relay, tmp_path: Path, frozen_s: int, drawings_per_s: int
 ) -> None:
@@ -192,7 +191,7 @@ def test_a_drawing_that_keeps_failing_is_logged_once(far_end: Relay, caplog: pyt
     with link(far_end.url) as line:
         for _ in range(20):
             line.put(Drawing(fault, (), time_s=0.0, sweep=0, subject="contour"))
-        wait_until(lambda: line.counters()["rerun_failures"] == 20, "not all were tried", within_s=20)
+        wait_until(lambda: line.counters()["rerun_failures"] == 20, "not all were tried")
     errors = [record for record in caplog.records if record.levelno == logging.ERROR]
     assert [record.getMessage() for record in errors] == ["can't draw contour: viewers miss it, mapping goes on"]
 

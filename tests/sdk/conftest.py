@@ -11,7 +11,7 @@ from google.protobuf.message import Message
 
 from noctule import bus
 
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 
 
 class Collected(list[Any]):

@@ -10,7 +10,7 @@ from noctule.errors import BusError
 from noctule.mailbox import Mailbox
 from noctule.messages_pb2 import CommandReply, CommandRequest, Contour, LogRecords, Sweep, UnitStatus
 
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 
 
 def run(main):

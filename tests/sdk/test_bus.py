@@ -30,7 +30,7 @@ def test_a_client_waits_for_its_router(endpoint, caplog):
     client = threading.Thread(target=lambda: opened.append(bus.open_session([endpoint])))
     client.start()
     with bus.open_session(listen=[endpoint]) as router:
-        client.join(timeout=20.0)
+        client.join(timeout=120)
         assert [str(zid) for zid in opened[0].info.routers_zid()] == [str(router.info.zid())]
         opened[0].close()
     assert all(endpoint in record.getMessage() for record in caplog.records)

@@ -31,7 +31,7 @@ from noctule.messages_pb2 import (
 from noctule.replay import Replay
 
 EXAMPLE = Path(__file__).parents[2] / "sdk" / "examples" / "watch_walls.py"
-TIMEOUT_S = 60.0
+TIMEOUT_S = 120.0
 
 
 def sweeps(count=3):

@@ -14,7 +14,7 @@ RADAR = "".join(f"{angle},{120 + angle % 7}." for angle in [*range(15, 166), *ra
 
 
 def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([NOCTULE, "import", *arguments], cwd=folder, capture_output=True, text=True, timeout=60)
+    return subprocess.run([NOCTULE, "import", *arguments], cwd=folder, capture_output=True, text=True, timeout=120)
 
 
 @pytest.fixture

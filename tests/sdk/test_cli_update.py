@@ -19,7 +19,7 @@ from noctule.cli import commands
 from noctule.errors import ImageVersionError, NotServedError
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 120.0
 NEWER = "0.9.0"
 
 

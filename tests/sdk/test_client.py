@@ -195,7 +195,7 @@ def test_a_present_that_is_late_does_not_come_after_what_is_newer(client, far, c
     far.answer(key, asked.put, client.session)
     joining = threading.Thread(target=client.on_contour, args=(collected.add,))
     joining.start()
-    query = asked.get(timeout=10)
+    query = asked.get(timeout=120)
     far.publish(key, Contour(version=2))
     collected.wait_for(len)
     query.reply(key, Contour(version=1).SerializeToString())

@@ -235,7 +235,7 @@ def test_the_command_prints_a_line_for_each_finding(tmp_path: Path, router) -> N
     file = tmp_path / "attic.toml"
     file.write_text("no site")
     command = ["noctule", "doctor", str(file), "--data", str(tmp_path / "none"), "--connect", router.endpoint]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
     lines = ended.stdout.splitlines()
     assert ended.returncode == 1 and ended.stderr == ""
     assert lines[0].startswith(f"fault    site file: {file} is not a TOML file")

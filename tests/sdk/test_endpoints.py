@@ -46,7 +46,7 @@ with bus.open_session(listen=endpoints) as router:
 
 def test_an_address_that_comes_later_is_listened_on_then_and_the_others_at_once() -> None:
     command = ["unshare", "--map-root-user", "--net", sys.executable, "-c", ADDRESS_COMES_LATER]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert "this host does not have the address of tcp/10.9.9.9:7447 yet: waiting for it" in done.stderr
 

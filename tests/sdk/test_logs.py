@@ -44,7 +44,7 @@ except ValueError:
     logging.getLogger("door").exception("failed")
 warnings.warn("old")
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120)
     failed, warned = [json.loads(each) for each in done.stderr.splitlines()]
     assert failed["message"] == "failed" and failed["exception"].endswith("ValueError: the door\nis open")
     assert warned["level"] == "WARNING" and "UserWarning: old" in warned["message"]

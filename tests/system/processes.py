@@ -15,6 +15,8 @@ import psutil
 
 ROOT = Path(__file__).parents[2]
 T = TypeVar("T")
+PATIENCE_S = 120.0
+"""How long a test waits for what a loaded machine may take its time over. It is no promise of the product."""
 END_WITHIN_S = 20.0
 
 
@@ -47,7 +49,7 @@ class Programs:
         for each in tree:
             with contextlib.suppress(psutil.NoSuchProcess):
                 each.kill()
-        psutil.wait_procs(tree, END_WITHIN_S)
+        psutil.wait_procs(tree, PATIENCE_S)
 
     def end(self, name: str) -> int:
         """Ask ``name`` to end (SIGTERM) and return its exit status; fails if it takes too long or leaves children."""
@@ -74,7 +76,7 @@ class Programs:
 
     def wait(self, name: str) -> int:
         """Wait until ``name`` has ended by itself and return its exit status."""
-        status = self._running[name].wait(END_WITHIN_S)
+        status = self._running[name].wait(PATIENCE_S)
         del self._running[name]
         return status
 
@@ -113,7 +115,7 @@ def programs(folder: Path) -> Iterator[Programs]:
         started.kill_all()
 
 
-def wait_until(condition: Callable[[], T | None], what: str, within_s: float, every_s: float = 0.1) -> T:
+def wait_until(condition: Callable[[], T | None], what: str, within_s: float = PATIENCE_S, every_s: float = 0.1) -> T:
     """Call ``condition`` until it is true and return what it gave; fail with ``what`` when time is up."""
     deadline_s = time.monotonic() + within_s
     while not (value := condition()):

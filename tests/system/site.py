@@ -62,7 +62,7 @@ def wait_for_sweeps(room: PaperRoom, running: Programs, count: int) -> None:
         return any(status.log_head >= count for status in client.unit_statuses())
 
     with Client(SITE, connect=[room.connect]) as client:
-        wait_until(logged, f"fewer than {count} sweeps in the log", within_s=120)
+        wait_until(logged, f"fewer than {count} sweeps in the log")
 
 
 def wait_for_contour(room: PaperRoom, running: Programs) -> Contour:
@@ -74,4 +74,4 @@ def wait_for_contour(room: PaperRoom, running: Programs) -> Contour:
         return contour if contour is not None and contour.sweeps >= SURVEY_SWEEPS else None
 
     with Client(SITE, connect=[room.connect]) as client:
-        return wait_until(whole, "no contour of the whole survey", within_s=120)
+        return wait_until(whole, "no contour of the whole survey")

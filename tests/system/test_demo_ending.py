@@ -38,7 +38,7 @@ class Demo:
             os.chdir(ROOT)
             os.execvpe(SHELL[0], SHELL, environment)
         self.shell = psutil.Process(pid)
-        self.make = wait_until(lambda: next(iter(self.shell.children()), None), "make does not start", within_s=10)
+        self.make = wait_until(lambda: next(iter(self.shell.children()), None), "make does not start")
         self.seen: set[psutil.Process] = set()
         self._printed = bytearray()
         self._closing = threading.Event()
@@ -71,12 +71,12 @@ class Demo:
 
     def wait_until_begun(self) -> None:
         """Wait until every process has been started."""
-        wait_until(lambda: len(self.tree()) >= 2 + len(PARTS), f"not all has begun: {self.tree()}", within_s=30)
+        wait_until(lambda: len(self.tree()) >= 2 + len(PARTS), f"not all has begun: {self.tree()}")
 
     def wait_until_up(self) -> None:
         """Wait until every process runs as what it is, and every port is listened on."""
-        wait_until(lambda: all(map(self.part, PARTS)), f"not all of {PARTS} run", within_s=30)
-        wait_until(lambda: all(map(listens, self.ports.values())), f"not all of {self.ports} are open", within_s=30)
+        wait_until(lambda: all(map(self.part, PARTS)), f"not all of {PARTS} run")
+        wait_until(lambda: all(map(listens, self.ports.values())), f"not all of {self.ports} are open")
 
     def press_ctrl_c(self) -> None:
         os.write(self._window, b"\x03")
@@ -139,22 +139,22 @@ def test_a_demo_that_ends_when_all_is_up_leaves_no_process_and_no_port(ending: s
 def test_a_part_that_is_killed_is_started_again_and_ctrl_c_ends_all_without_a_complaint(tmp_path: Path) -> None:
     with demo(tmp_path) as running:
         with Client(SITE, connect=[f"tcp/127.0.0.1:{running.ports['ZENOH']}"]) as client:
-            wait_until(lambda: logged(client) >= 2, "no two sweeps", within_s=60)
+            wait_until(lambda: logged(client) >= 2, "no two sweeps")
             before = logged(client)
             assert before < SURVEY_SWEEPS - 1, "too late to see sweeps come after the gateway was killed"
             killed = running.part("noctule-gateway")
             assert killed is not None
             killed.kill()
-            wait_until(lambda: mapped(client) > before + 1, "the map does not go on", within_s=60)
-        wait_until(lambda: "Watch the map at http" in running.printed, "the address is not printed", within_s=30)
+            wait_until(lambda: mapped(client) > before + 1, "the map does not go on")
+        wait_until(lambda: "Watch the map at http" in running.printed, "the address is not printed")
         assert "gateway was ended by SIGKILL; started again in 1 s" in running.printed
         again = running.part("noctule-gateway")
         assert again is not None and again.pid != killed.pid
-        wait_until(lambda: "The map is complete" in running.printed, "the truth's watcher is silent", within_s=60)
+        wait_until(lambda: "The map is complete" in running.printed, "the truth's watcher is silent")
         assert "truth     | \033[0mno router" not in running.printed
 
         assert_ends_all(running, Demo.press_ctrl_c)
-        wait_until(lambda: "The demo has ended" in running.printed, "it does not say that it has ended", within_s=10)
+        wait_until(lambda: "The demo has ended" in running.printed, "it does not say that it has ended")
         last_words = running.printed.split("^C")[-1].lower()
         assert not any(word in last_words for word in ("error", "traceback", "***")), last_words
 
@@ -174,7 +174,7 @@ def test_a_reader_that_ends_after_the_first_line_ends_the_demo_without_a_word_mo
     )
     tree: list[psutil.Process] = []
     try:
-        wait_until(lambda: len(starter.children()) == len(PARTS), "not all parts run", within_s=30)
+        wait_until(lambda: len(starter.children()) == len(PARTS), "not all parts run")
         tree = starter.children(recursive=True)
         assert starter.stdout.readline()
         starter.stdout.close()

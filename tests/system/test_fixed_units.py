@@ -74,7 +74,6 @@ def test_a_unit_keeps_five_fine_sweeps_while_nobody_acknowledges(lounge: Site) -
         assert status.sweeps_waiting == 5
 
 
-@pytest.mark.timeout(300)
 def test_the_demo_of_the_lounge_maps_the_walls_that_both_its_units_hear(lounge: Site, tmp_path: Path) -> None:
     names = ("ZENOH", "RERUN", "WEB")
     ports = dict(zip(names, free_ports(len(names)), strict=True)) | {"UNIT": free_port_range(2)}

@@ -96,4 +96,4 @@ def wait_for_cursors(endpoint: str, running: Programs, heads: dict[str, int]) ->
         client.on_service_status(
             lambda status: seen.update({cursor.unit: cursor.log_sequence for cursor in status.cursors})
         )
-        wait_until(passed, "the mapper's cursors stay behind", within_s=60)
+        wait_until(passed, "the mapper's cursors stay behind")

@@ -32,7 +32,7 @@ def mapper(data: Path, site: str = "attic") -> tuple[str, ...]:
 
 def run_until(running: Programs, name: str, command: tuple[str, ...], said: str) -> None:
     running.start(name, *command)
-    wait_until(lambda: said in running.log(name), f"{name} did not say {said!r}", within_s=60)
+    wait_until(lambda: said in running.log(name), f"{name} did not say {said!r}")
 
 
 @pytest.mark.parametrize("role", ["gateway", "mapper"])

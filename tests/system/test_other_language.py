@@ -34,8 +34,8 @@ def test_a_subscriber_in_rust_decodes_sweeps_and_statuses_by_their_schemas(tmp_p
                 printed = running.log("rust").split("\n")[:-1]  # what follows the last line's end is not whole
                 return [line for line in map(json.loads, printed) if line["message"] == message]
 
-            sweeps = wait_until(lambda: lines_of("noctule.v1.Sweep")[:3], "no sweeps", within_s=60)
-            wait_until(lambda: lines_of("noctule.v1.UnitStatus"), "no statuses", within_s=10)
+            sweeps = wait_until(lambda: lines_of("noctule.v1.Sweep")[:3], "no sweeps")
+            wait_until(lambda: lines_of("noctule.v1.UnitStatus"), "no statuses")
             logged = {sweep.log_sequence: sweep for sweep in client.history("u1")}
     for line in sweeps:
         decoded = json_format.ParseDict(line["value"], Sweep())

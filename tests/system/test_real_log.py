@@ -68,7 +68,7 @@ def test_a_live_mapper_finds_the_two_walls_when_the_log_is_replayed_over_zenoh(l
             *("--rerun", "none"),
         )
         with Client(SITE, connect=[endpoint]) as client:
-            contour = wait_until(mapped, "no contour that rests on the last sweep", within_s=120)
+            contour = wait_until(mapped, "no contour that rests on the last sweep")
         running.end("mapper")
         running.end("replay")
     assert_corridor(contour)

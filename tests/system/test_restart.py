@@ -16,7 +16,6 @@ from noctule_mapper.survey_fit import fit
 SAME_M = 1e-3  # a refit from the same sweeps differs by rounding alone; a missing sweep moves walls by more
 
 
-@pytest.mark.timeout(300)
 def test_a_gateway_and_a_mapper_killed_in_mid_survey_lose_no_sweep_and_end_with_the_same_map(tmp_path: Path) -> None:
     room = paper_room(tmp_path)
     with programs(tmp_path) as running:

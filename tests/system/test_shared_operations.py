@@ -35,7 +35,7 @@ def test_one_page_has_the_figures_of_every_site_and_a_site_that_hangs_does_not_d
             found = scrape(address).get("noctule_build_info", [])
             return {labels["site"]: labels["service"] for labels, _ in found if labels["role"] == "mapper"}
 
-        wait_until(lambda: sites_shown() == {"attic": "m1", "hall": "m1"}, "not all sites are shown", within_s=90)
+        wait_until(lambda: sites_shown() == {"attic": "m1", "hall": "m1"}, "not all sites are shown")
         found = scrape(address)
         assert found["noctule_share_sites_mapped"] == [({"site": "", "service": "m1"}, 2.0)]
         memory = {labels["site"]: value for labels, value in found["noctule_site_process_resident_memory_bytes"]}

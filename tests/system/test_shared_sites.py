@@ -43,7 +43,7 @@ def wait_for_owners(router: zenoh.Session, running: Programs, members: Sequence[
         running.check()
         return other_mappers(router, SITES, but="") == expected
 
-    wait_until(mapped, f"the sites are not mapped as {expected}", within_s=90)
+    wait_until(mapped, f"the sites are not mapped as {expected}")
 
 
 def start_logged_unit(running: Programs, folder: Path, endpoint: str) -> None:
@@ -74,10 +74,10 @@ def test_sites_of_a_killed_mapper_are_mapped_by_the_others_with_all_that_was_log
         for name in NAMES:
             start(running, tmp_path, endpoint, name)
         wait_for_owners(router, running, NAMES)
-        held = wait_until(lambda: swept(router), "no contour of the unit's sweeps", within_s=60)
+        held = wait_until(lambda: swept(router), "no contour of the unit's sweeps")
         running.kill(owner)
         wait_for_owners(router, running, others)
-        wait_until(lambda: swept(router) >= held, "the heir has not what the killed one had", within_s=60)
+        wait_until(lambda: swept(router) >= held, "the heir has not what the killed one had")
         start(running, tmp_path, endpoint, owner)
         wait_for_owners(router, running, NAMES)
         for name in NAMES:

@@ -23,9 +23,9 @@ def traced(trace: Path) -> list[str]:
 
 def asked(trace: Path) -> list[str]:
     """The system calls of a command that has ended that went to another host, or to what resolves names."""
-    first = wait_until(trace.read_text, "nothing was traced", within_s=10).split()[0]
+    first = wait_until(trace.read_text, "nothing was traced").split()[0]
     ended = re.compile(rf"^{first} +\+\+\+ (exited|killed)", re.M)
-    wait_until(lambda: ended.search(trace.read_text(errors="replace")), "the trace has no end", within_s=10)
+    wait_until(lambda: ended.search(trace.read_text(errors="replace")), "the trace has no end")
     return [line for line in trace.read_text(errors="replace").splitlines() if _goes_out(line)]
 
 

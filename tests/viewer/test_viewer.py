@@ -39,7 +39,7 @@ def start_relay(running: Programs, *options: str) -> Relay:
     port, web_port = free_ports(2)
     relay = Relay("127.0.0.1", port, web_port, "64MB")
     running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *options)
-    wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen", within_s=60)
+    wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen")
     return relay
 
 
@@ -50,7 +50,7 @@ def native_viewer(relay: Relay) -> Iterator[ViewerClient]:
     arguments = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1280x760"]
     process = subprocess.Popen([RERUN, relay.url, *arguments], env=os.environ | {"RUST_LOG": "error"})
     try:
-        wait_until(lambda: listens(port), "the viewer does not listen", within_s=20)
+        wait_until(lambda: listens(port), "the viewer does not listen")
         yield ViewerClient(f"rerun+http://127.0.0.1:{port}/proxy")
     finally:
         process.terminate()
@@ -120,7 +120,7 @@ def test_the_relay_shows_its_status_on_the_bus_of_a_site_where_it_is_given_one(r
     with bus.open_session(listen=[endpoint]) as session, Client("house", session=session) as client:
         got: list[ServiceStatus] = []
         client.on_service_status(got.append)
-        wait_until(lambda: got, "no status came", within_s=20)
+        wait_until(lambda: got, "no status came")
         assert (got[0].site, got[0].name, got[0].role, got[0].detail) == ("house", "viewer", "viewer", "")
         running.end("viewer")
 
@@ -134,7 +134,7 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
             picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
             return [row for colour in (WALL, CYLINDER) if (row := middle_row(picture, colour)) is not None]
 
-        wait_until(lambda: len(rows()) == 2, "wall and cylinder are not to be seen", within_s=60, every_s=0.5)
+        wait_until(lambda: len(rows()) == 2, "wall and cylinder are not to be seen", every_s=0.5)
         wall_row, cylinder_row = rows()
         views = {view.name: view.reports for view in viewer.get_state().views}
     assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
@@ -155,20 +155,20 @@ def test_cells_of_the_grid_that_nobody_has_looked_into_are_as_dark_as_the_ground
             found, counts = np.unique(ground.reshape(-1, 3), axis=0, return_counts=True)
             return {tuple(map(int, colour)) for colour in found[counts > 1000]}
 
-        wait_until(lambda: any(colour[2] > 50 for colour in colours()), "the tile is not to be seen", within_s=60)
+        wait_until(lambda: any(colour[2] > 50 for colour in colours()), "the tile is not to be seen")
         assert (0, 0, 0) not in colours()
 
 
 def test_an_idle_relay_leaves_the_processor_alone(running: Programs) -> None:
     start_relay(running)
-    wait_until(lambda: "Watch the map" in running.log("viewer"), "no address", within_s=60)
+    wait_until(lambda: "Watch the map" in running.log("viewer"), "no address")
     tree = viewer_processes(running)
     # A busy process beside it gets what a busy relay would get, however loaded the machine is: with a layout file as
     # its source Rerun 0.41 was as busy as that.
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
         try:
             before_s, beside = processor_s(tree), [psutil.Process(busy.pid)]
-            wait_until(lambda: processor_s(beside) > 1.5, "nothing gets the processor", within_s=60)
+            wait_until(lambda: processor_s(beside) > 1.5, "nothing gets the processor")
             took_s = processor_s(tree) - before_s
         finally:
             busy.kill()
@@ -180,7 +180,7 @@ def test_a_viewer_that_comes_late_gets_the_layout_once_and_no_empty_recording(
 ) -> None:
     relay = start_relay(running)
     with late_joiner(relay.url, tmp_path) as watching:
-        layout = wait_until(watching.layouts, "no layout", within_s=30)
+        layout = wait_until(watching.layouts, "no layout")
         assert layout == [rerun_paths.APPLICATION_ID]
         assert watching.seen() == {}
 
@@ -189,7 +189,7 @@ def test_the_relay_ends_with_the_command_that_started_it_even_if_that_is_killed(
     relay = start_relay(running)
     command, process = viewer_processes(running)
     command.kill()
-    wait_until(lambda: not process.is_running(), "the relay lives on", within_s=20)
+    wait_until(lambda: not process.is_running(), "the relay lives on")
     assert not listens(relay.port)
 
 
@@ -197,7 +197,7 @@ def test_a_relay_that_dies_ends_the_command_with_its_status(running: Programs) -
     start_relay(running)
     command, process = viewer_processes(running)
     process.kill()
-    assert command.wait(timeout=20) == 128 + signal.SIGKILL
+    assert command.wait(timeout=120) == 128 + signal.SIGKILL
     assert "the relay ended by itself, with status -9" in running.log("viewer")
 
 
@@ -231,4 +231,4 @@ def run_viewer(*arguments: str) -> subprocess.CompletedProcess[str]:
     """noctule-viewer to its end, without a screen."""
     environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [Path(sys.executable).with_name("noctule-viewer"), *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
