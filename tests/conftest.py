@@ -1,5 +1,6 @@
 """What holds for every test."""
 
+import os
 from collections.abc import Iterator
 
 import pytest
@@ -12,8 +13,15 @@ from noctule import bus
 # Folders of tests that run real programs or map many rooms. They begin first, and the short ones fill the gaps.
 LONG = ("system", "viewer", "reproduction", "mapper")
 
-# The machines are noisy: how long an example takes, or takes to be drawn, tells nothing.
-settings.register_profile("noisy machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# The machines are noisy: how long an example takes, or takes to be drawn, tells nothing. CI judges a change by the same
+# examples each time (as hypothesis's own profile for it does); everybody else draws new ones at each run.
+settings.register_profile(
+    "noisy machine",
+    deadline=None,
+    derandomize=bool(os.environ.get("CI")),
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("noisy machine")
 
 

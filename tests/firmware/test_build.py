@@ -94,7 +94,7 @@ CHANGED = ["src/crc.c", "src/protocol.h", "hal/chip.h", "loader/page.c", "loader
 def test_a_change_of_any_source_builds_anew(built, changed):
     (built / changed).touch()
     assert make(built, "--question").returncode == 1
-    make(built, check=True)
+    make(built, "--touch", check=True)  # nothing has changed but the time of a file
 
 
 def test_a_unit_image_is_what_is_flashed_and_its_settings_page(built):

@@ -93,8 +93,8 @@ def test_the_compiled_kernel_says_of_every_cell_of_a_contact_region_what_the_sen
         dx_m, dy_m = (column + 0.5) * CONFIG.cell_m - x_m, (row + 0.5) * CONFIG.cell_m - y_m
         off = off_arc(np.hypot(dx_m, dy_m), range_m, eps_m)
         trust = direction_trust(wrapped(np.arctan2(dy_m, dx_m) - direction), 6 * eps_m / range_m)
-        level = np.vectorize(arc_level)(trust, np.minimum(off, 1))
-        expected = np.where(((off <= 1) & (trust > 0))[..., None], table[level][..., :2], 0)
+        spoken_of, expected = (off <= 1) & (trust > 0), np.zeros_like(said)
+        expected[spoken_of] = table[np.vectorize(arc_level)(trust[spoken_of], off[spoken_of])][..., :2]
         assert expected.any()
         np.testing.assert_allclose(said, expected, rtol=0, atol=2e-6)  # single precision
 
