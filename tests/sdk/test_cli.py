@@ -135,8 +135,26 @@ def test_units_of_a_site_file_shows_those_that_nobody_serves(noctule, tmp_path):
 
 @pytest.mark.usefixtures("router")
 def test_units_of_an_empty_site_asks_for_the_gateway(noctule):
-    code, out, _ = finish(noctule("units", "hall"))
-    assert code == 0 and "site 'hall' has no units on the bus: is its gateway up?" in out
+    code, _, err = finish(noctule("units", "hall"))
+    assert code == 1 and "site 'hall' has no units on the bus: is its gateway up?\n" in err
+
+
+@pytest.mark.usefixtures("site")
+def test_who_mistypes_a_site_is_told_which_there_are(noctule):
+    code, _, err = finish(noctule("units", "rom"))
+    assert code == 1 and err.endswith("is its gateway up? Sites on the bus: room.\n")
+    code, _, err = finish(noctule("log", "rom", "u1"))
+    assert code == 1 and err.endswith("correct the name. Sites on the bus: room.\n")
+    process = noctule("watch", "rom")
+    assert "site 'rom' yet. Sites on the bus: room." in process.stderr.readline()
+
+
+@pytest.mark.usefixtures("site")
+def test_units_are_json_lines_on_demand(noctule):
+    code, out, _ = finish(noctule("units", "room", "--json"))
+    (row,) = map(json.loads, out.splitlines())
+    assert code == 0
+    assert (row["unit"], row["served"], row["status"]["log_head"]) == ("u1", True, "3")
 
 
 def test_without_a_router_a_command_says_so_and_fails(noctule, endpoint):
@@ -150,6 +168,8 @@ def test_log_prints_a_survey_from_a_sequence_on(noctule):
     code, out, _ = finish(noctule("log", "room", "u1", "--from", 2))
     assert code == 0
     assert [json.loads(line)["log_sequence"] for line in out.splitlines()] == ["2", "3"]
+    code, _, err = finish(noctule("log", "room", "u1", "--from", 4))
+    assert code == 1 and err == "noctule: unit 'u1' has no sweep 4 yet: its log ends at 3\n"
     code, _, err = finish(noctule("log", "room", "u9"))
     assert code == 1 and "no gateway serves unit 'u9'" in err
 
@@ -161,7 +181,18 @@ def test_schema_lists_the_messages_and_shows_one(noctule):
     code, out, _ = finish(noctule("schema", "noctule.v1.Reading"))
     assert code == 0 and 'name: "time_of_flight_s"' in out and "pose" not in out
     code, _, err = finish(noctule("schema", "noctule.v1.Swoop"))
-    assert code == 1 and "nobody on the bus knows the schema of noctule.v1.Swoop" in err
+    assert code == 1 and err == "noctule: no message is named noctule.v1.Swoop: did you mean noctule.v1.Sweep?\n"
+    code, _, err = finish(noctule("schema", "Conture"))
+    assert code == 1 and err == "noctule: no message is named Conture: did you mean noctule.v1.Contour?\n"
+
+
+def test_what_can_not_be_read_or_written_is_told_before_a_router_is_looked_for(noctule, tmp_path):
+    code, _, err = finish(noctule("replay", tmp_path / "none.jsonl", "--site", "room"))
+    assert code == 2 and "does not exist" in err
+    code, _, err = finish(noctule("record", "room", tmp_path / "sweeps.csv"))
+    assert code == 2 and "is neither .jsonl nor .mcap" in err
+    code, _, err = finish(noctule("record", "room", tmp_path / "none" / "sweeps.jsonl"))
+    assert code == 2 and "there is no folder" in err
 
 
 @pytest.mark.usefixtures("site")

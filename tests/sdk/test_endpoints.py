@@ -1,6 +1,7 @@
 """Endpoints that are not there: own addresses that come later, routers that are dead."""
 
 import logging
+import re
 import subprocess
 import sys
 import time
@@ -11,14 +12,16 @@ import pytest
 from sdk.conftest import Router
 from system.processes import free_ports
 
-from noctule import bus
+from noctule import bus, endpoints
 from noctule.bus_watch import BusWatch
+from noctule.errors import BusConfigError, BusError
 
 # In a network of its own, where it may give itself an address.
 ADDRESS_COMES_LATER = """
 import logging, subprocess, time
-from noctule import bus
+from noctule import bus, endpoints
 from noctule.bus_watch import BusWatch
+from noctule.errors import BusConfigError, BusError
 
 def ip(*arguments):
     subprocess.run(["ip", *arguments], check=True)
@@ -82,3 +85,28 @@ def test_a_dead_router_is_named_in_status_and_log_until_it_answers(
         other = Router(dead)
         wait_for("")
         other.stop()
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ("http://x", "'http://x' is no endpoint: write tcp/HOST:PORT"),
+        ("10.0.0.7:7447", "'10.0.0.7:7447' is no endpoint: write tcp/HOST:PORT"),
+        ("tcp/127.0.0.1", "tcp/127.0.0.1 has no port: write tcp/HOST:PORT"),
+        ("tls/router-1:", "tls/router-1: has no port: write tls/HOST:PORT"),
+        ("tcp/127.0.0.1:99999", "tcp/127.0.0.1:99999: port 99999 is none: give 1 to 65535"),
+    ],
+)
+def test_an_endpoint_that_makes_no_sense_is_refused_at_once_in_words(written: str, told: str) -> None:
+    with pytest.raises(BusConfigError, match=f"^{re.escape(told)}$"):
+        bus.open_session([written])  # it would wait for ever for a router
+
+
+@pytest.mark.parametrize("written", ["tcp/[::1]:7447", "tls/router-1:7447?rel=0#iface=eth0", "unixsock-stream//run/z"])
+def test_an_endpoint_that_zenoh_can_use_is_left_to_it(written: str) -> None:
+    assert endpoints.fault(written) == ""
+
+
+def test_a_host_that_nobody_knows_is_no_matter_of_certificates() -> None:
+    with pytest.raises(BusError, match=r"^no router answers: tcp/nowhere\.invalid:7447: no host is known"):
+        bus.open_session(["tcp/nowhere.invalid:7447"], patience_s=0.0)

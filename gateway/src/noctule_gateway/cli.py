@@ -17,6 +17,7 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.systemd import ServiceManager
 from noctule.threads import end_process_when_one_fails
+from noctule.version_option import version_option
 from noctule_gateway.audit.look import AuditLook, copy_audit, look_at_audit
 from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Retention
@@ -49,11 +50,11 @@ TlsFolder = Annotated[
     ),
 ]
 
-app = typer.Typer(add_completion=False, help="Serial scanner units to Zenoh.")
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 @app.callback()
-def main() -> None:
+def main(_version: Annotated[bool, version_option("noctule-gateway")] = False) -> None:
     """Serial scanner units to Zenoh."""
 
 

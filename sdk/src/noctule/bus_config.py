@@ -42,6 +42,8 @@ def is_router(config: zenoh.Config) -> bool:
 
 def config(connect: Sequence[str], listen: Sequence[str], identity: tls.Identity | None) -> zenoh.Config:
     """The configuration of a session. Raises BusConfigError."""
+    if faults := list(filter(None, map(endpoints.fault, (*connect, *listen)))):
+        raise BusConfigError("; ".join(faults))
     if identity is not None:
         made = _read_config(identity.folder / tls.CONFIG, f"the folder of {identity.common_name} has")
     elif path := os.environ.get(CONFIG_VARIABLE):

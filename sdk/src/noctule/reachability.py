@@ -3,6 +3,7 @@
 import socket
 import ssl
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from noctule import endpoints, tls
 
@@ -14,23 +15,33 @@ _NOTHING_THERE = "start one, or name another endpoint"
 def why_no_router(connect: Sequence[str], identity: tls.Identity | None) -> str:
     """What to tell an operator when no session comes about with any of the endpoints."""
     found = {endpoint: _knock(endpoint, identity) for endpoint in connect}
-    if all(reason == _NOTHING_THERE for reason in found.values()):
+    if all(knock.reason == _NOTHING_THERE for knock in found.values()):
         return f"no router answers at {endpoints.shown(connect)}: {_NOTHING_THERE}"
-    reasons = "; ".join(f"{endpoints.shown([endpoint])}: {reason}" for endpoint, reason in found.items())
-    return f"refused or unreachable: certificate? {reasons}"
+    reasons = "; ".join(f"{endpoints.shown([endpoint])}: {knock.reason}" for endpoint, knock in found.items())
+    refused = any(knock.answered for knock in found.values())
+    return f"refused or unreachable: certificate? {reasons}" if refused else f"no router answers: {reasons}"
 
 
-def _knock(endpoint: str, identity: tls.Identity | None) -> str:
+@dataclass(frozen=True)
+class _Knock:
+    """Why no session comes about at an endpoint; ``answered`` if something listens there."""
+
+    reason: str
+    answered: bool = False
+
+
+def _knock(endpoint: str, identity: tls.Identity | None) -> _Knock:
     place = endpoints.host_and_port(endpoint)
     if place is None:
-        return "no session comes about"
+        return _Knock("no session comes about")
     try:
         with socket.create_connection(place, _KNOCK_S) as connection:
-            return _greet(connection, place[0], identity) if endpoints.protocol(endpoint) == "tls" else _PLAIN
+            secured = endpoints.protocol(endpoint) == "tls"
+            return _Knock(_greet(connection, place[0], identity) if secured else _PLAIN, answered=True)
     except ConnectionRefusedError:
-        return _NOTHING_THERE
+        return _Knock(_NOTHING_THERE)
     except (OSError, UnicodeError) as error:
-        return _why_unreachable(error, place[0])
+        return _Knock(_why_unreachable(error, place[0]))
 
 
 def unreachable(endpoint: str) -> str:

@@ -1,5 +1,6 @@
 """The units of a site as an operator wants to see them: one row for each gateway that serves one, or one without."""
 
+import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
@@ -38,13 +39,18 @@ def rows(
     read = _read_last(services)
     named = {unit.name for unit in site.units} if site else None
     result: list[UnitRow] = []
-    for name in sorted({*alive, *by_unit, *read, *(named or ())}):
+    for name in sorted({*alive, *by_unit, *read, *(named or ())}, key=_natural):
         stranger = "not in the site file" if named is not None and name not in named else ""
         found = [_with_status(status) for status in by_unit.get(name, [])]
         if not found:
             found = [_without_status(name, name in alive, read.get(name), bool(named) and not stranger)]
         result += [_and_told(row, stranger) for row in found]
     return result
+
+
+def _natural(name: str) -> list[str | int]:
+    """u2 before u10."""
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 @dataclass(frozen=True)

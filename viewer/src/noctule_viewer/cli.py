@@ -12,18 +12,19 @@ from noctule import logs, tls
 from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
+from noctule.version_option import version_option
 from noctule_viewer.presence import Presence
 from noctule_viewer.relay import RERUN, Relay, environment
 
 _log = logging.getLogger(__name__)
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    help="The Rerun relay and the layout of the viewer.",
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
 _DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit="512MB")
+
+
+@app.callback()
+def main(_version: Annotated[bool, version_option("noctule-viewer")] = False) -> None:
+    """The Rerun relay and the layout of the viewer."""
 
 
 @app.command()

@@ -6,9 +6,11 @@ for that.
 
 import sys
 from collections.abc import Sequence
+from typing import Annotated
 
 import typer
 
+from noctule.version_option import version_option
 from noctule_mapper.cli.calibrate import calibrate
 from noctule_mapper.cli.export import export
 from noctule_mapper.cli.fit import fit
@@ -18,11 +20,14 @@ from noctule_mapper.cli.share import share
 from noctule_mapper.cli.store import backup, check
 from noctule_mapper.cli.survey import survey
 
-app = typer.Typer(
-    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, help="Sweeps to contours."
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 for _command in (run, share, fit, calibrate, survey, export, reproduce, check, backup):
     app.command()(_command)
+
+
+@app.callback()
+def _noctule_mapper(_version: Annotated[bool, version_option("noctule-mapper")] = False) -> None:
+    """Sweeps to contours."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

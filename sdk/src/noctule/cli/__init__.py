@@ -3,7 +3,7 @@
 import logging
 import signal
 import sys
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 try:
     import typer
@@ -15,17 +15,21 @@ from noctule.cli import ask, command, doctor, import_scan, record, replay, show,
 from noctule.errors import NoctuleError
 from noctule.logs import TextFormatter
 from noctule.plain_text import plain
+from noctule.version_option import version_option
 
 commands = typer.Typer(
-    help="Look at a Noctule site, record and replay it, ask its units.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, doctor.doctor, update.update):
     commands.command()(each)
 commands.command("import")(import_scan.import_)
 commands.add_typer(command.rpc, name="rpc")
+
+
+@commands.callback()
+def _noctule(_version: Annotated[bool, version_option("noctule")] = False) -> None:
+    """Look at a Noctule site, record and replay it, ask its units."""
 
 
 def app() -> None:

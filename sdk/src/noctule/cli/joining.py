@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from noctule import bus, tls
+from noctule import bus, sites, tls
 from noctule.client import Client
 
 SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
@@ -34,10 +34,12 @@ UnitName = Annotated[str, typer.Argument(metavar="UNIT", help="The unit's name."
 DEFAULT_CONNECT: list[str] = []
 
 
-def may_read(tls_folder: Path | None) -> str:
-    """A question for one who finds nothing on the bus: routers hide what a certificate may not read."""
+def nothing_found(client: Client, tls_folder: Path | None) -> str:
+    """For one who finds nothing of a site: which others there are, and that routers hide what one may not read."""
+    others = [site for site in sites.on_bus(client.session) if site != client.site]
+    told = f" Sites on the bus: {', '.join(others)}." if others else ""
     identity = tls.chosen(tls_folder)
-    return "" if identity is None else f" May {identity.common_name} read this site?"
+    return told if identity is None else f"{told} May {identity.common_name} read this site?"
 
 
 @contextmanager

@@ -10,12 +10,25 @@ import typer
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined
 from noctule.log_follower import LogFollower
 from noctule.read_watch import ReadWatch
-from noctule.recording import Recording
+from noctule.recording import JOURNAL_SUFFIX, Recording
+from noctule.survey import MCAP_SUFFIX
+
+
+def _out(name: str) -> Path:
+    out = Path(name)
+    if out.suffix not in (JOURNAL_SUFFIX, MCAP_SUFFIX):
+        raise typer.BadParameter(f"{name} is neither {JOURNAL_SUFFIX} nor {MCAP_SUFFIX}: name it by what it is to be")
+    if not out.absolute().parent.is_dir():
+        raise typer.BadParameter(f"there is no folder {out.absolute().parent}: make it, or name another")
+    return out
 
 
 def record(
     site: SiteName,
-    out: Annotated[Path, typer.Argument(metavar="OUT.jsonl|OUT.mcap", help="Goes on where it ends if it is there.")],
+    out: Annotated[
+        Path,
+        typer.Argument(parser=_out, metavar="OUT.jsonl|OUT.mcap", help="Goes on where it ends if it is there."),
+    ],
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
 ) -> None:

@@ -27,7 +27,9 @@ def _speed(text: str) -> float:
 
 
 def replay(
-    file: Annotated[Path, typer.Argument(metavar="SURVEY", help="JSON lines or MCAP of sweeps.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="SURVEY", help="JSON lines or MCAP of sweeps.", exists=True, dir_okay=False)
+    ],
     site: Annotated[str, typer.Option(help="The site to replay it as.")],
     speed: Annotated[float, typer.Option(parser=_speed, metavar="X|max", help="How many times as fast.")] = 1.0,
     connect: Connect = DEFAULT_CONNECT,

@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from datetime import datetime
+from datetime import UTC, datetime
+from json import dumps
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -17,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from noctule import keys, poses, survey, unit_list
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, may_read
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, nothing_found
 from noctule.errors import BusError
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
 from noctule.plain_text import plain
@@ -25,12 +26,15 @@ from noctule.site import load
 from noctule.unit_list import UnitRow
 
 M = TypeVar("M", bound=Message)
+_WIDEST = 1000
+_UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
 
 
 def units(
     site: Annotated[str, typer.Argument(metavar="SITE|SITE.toml", help="The site's name, or its site file.")],
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
+    json: Annotated[bool, typer.Option("--json", help="JSON lines: {unit, served, since, detail, status}.")] = False,
 ) -> None:
     """Show a site's units: which gateway serves them, in which state and since when, how long their logs are.
 
@@ -43,13 +47,14 @@ def units(
         with ThreadPoolExecutor() as pool:  # at once, for a gateway that hangs lets each question run out of time
             statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
         rows = unit_list.rows(alive, statuses.result(), services.result(), file)
-    table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
-    for row in rows:
-        table.add_row(*(Text(plain(cell)) for cell in (row.unit, *_cells(row), row.detail)))
-    if rows:
-        Console().print(table)
+        if not rows:
+            raise BusError(f"site {name!r} has no units on the bus: is its gateway up?{nothing_found(client, tls)}")
+    if json:
+        for row in rows:
+            typer.echo(_json(row))
     else:
-        typer.echo(f"site {name!r} has no units on the bus: is its gateway up?{may_read(tls)}")
+        # A reader that is no terminal gets whole lines.
+        Console(width=None if sys.stdout.isatty() else _WIDEST).print(_table(rows))
 
 
 def watch(
@@ -68,6 +73,8 @@ def watch(
             over.set()
 
     with suppress(KeyboardInterrupt), joined(site, connect, tls, patience_s=None) as client:
+        if not client.units():
+            typer.echo(f"nobody serves a unit of site {site!r} yet.{nothing_found(client, tls)}", err=True)
         client.on_sweep(lambda sweep: show(keys.sweep(site, sweep.unit), sweep))
         client.on_unit_status(lambda status: show(keys.unit_status(site, status.unit), status))
         client.on_contour(lambda contour: show(keys.contour(site), contour))
@@ -82,6 +89,23 @@ def _told(ask: Callable[[], list[M]]) -> list[M]:
         return ask()
     except BusError:
         return []
+
+
+def _table(rows: list[UnitRow]) -> Table:
+    table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
+    for row in rows:
+        gateway, *others = _cells(row)
+        well = row.status is not None and row.status.state not in _UNWELL
+        cells = [Text(plain(cell), style="" if well else "red") for cell in (row.unit, gateway, *others, row.detail)]
+        table.add_row(*cells)
+    return table
+
+
+def _json(row: UnitRow) -> str:
+    since = "null" if row.since_ns is None else f'"{datetime.fromtimestamp(row.since_ns / 1e9, UTC).isoformat()}"'
+    status = "null" if row.status is None else survey.to_json(row.status)
+    head = dumps({"unit": row.unit, "served": row.served, "detail": row.detail})
+    return f'{head[:-1]}, "since": {since}, "status": {status}}}'
 
 
 def _cells(row: UnitRow) -> list[str]:
