@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -197,8 +198,10 @@ def test_what_can_not_be_read_or_written_is_told_before_a_router_is_looked_for(n
 
 @pytest.mark.usefixtures("site")
 def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
-    code, out, _ = finish(noctule("rpc", "room", "u1", "hello"))
+    code, out, _ = finish(noctule("rpc", "--json", "room", "u1", "hello"))
     assert code == 0 and json.loads(out)["status"]["firmware"] == "replay"
+    code, out, _ = finish(noctule("rpc", "room", "u1", "status"))
+    assert code == 0 and out.startswith("u1: sweeping\n") and re.search("^  log +1 to 3$", out, re.MULTILINE)
     code, _, err = finish(noctule("rpc", "room", "u1", "configure", "--count", 5))
     assert code == 1 and "unit 'u1' did not configure: unit 'u1' is a replayed survey" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "dance"))

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from noctule import survey
+from noctule.cli import replies
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined
 from noctule.client import Client
 from noctule.errors import BusError
@@ -41,16 +42,24 @@ rpc = typer.Typer(no_args_is_help=True)
 
 @dataclass(frozen=True)
 class _Addressed:
-    """The unit that the command line names."""
+    """The unit that the command line names, and how its reply is to be shown."""
 
     site: str
     unit: str
+    json: bool
 
 
 @rpc.callback()
-def _address(context: typer.Context, site: SiteName, unit: UnitName) -> None:
+def _address(
+    context: typer.Context,
+    site: SiteName,
+    unit: UnitName,
+    json: Annotated[
+        bool, typer.Option("--json", help="The reply as JSON: noctule rpc --json SITE UNIT status.")
+    ] = False,
+) -> None:
     """Have a unit carry out a command. Each command has its own options: noctule rpc SITE UNIT COMMAND --help."""
-    context.obj = _Addressed(site, unit)
+    context.obj = _Addressed(site, unit, json)
 
 
 def _add_plain(name: str, summary: str) -> None:
@@ -215,7 +224,8 @@ def _ask(context: typer.Context, client: Client, request: CommandRequest, timeou
     reply: CommandReply = client.command(unit, command, request, timeout_s)
     if not reply.done:
         raise BusError(f"unit {unit!r} did not {command}: {reply.error}")
-    typer.echo(survey.to_json(reply))
+    shown = [survey.to_json(reply)] if context.obj.json else map(plain, replies.lines(unit, command, reply))
+    typer.echo("\n".join(shown))
 
 
 def _radians(angle_deg: float | None) -> float | None:

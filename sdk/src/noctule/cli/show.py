@@ -19,6 +19,7 @@ from rich.text import Text
 
 from noctule import keys, poses, survey, unit_list
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, nothing_found
+from noctule.cli.replies import state
 from noctule.errors import BusError
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
 from noctule.plain_text import plain
@@ -114,7 +115,7 @@ def _cells(row: UnitRow) -> list[str]:
     if status is None:
         return ["?" if row.served else "none", "?" if row.served else "not served", since, *[""] * 5]
     log = f"{status.log_tail}-{status.log_head}" if status.log_head else "empty"
-    shown = [status.gateway, _state(status), since, log]
+    shown = [status.gateway, state(status), since, log]
     if not status.firmware:
         return [*shown, "", str(status.serial or ""), "", ""]  # it has not said HELLO to this gateway yet
     return [*shown, status.firmware, str(status.serial), str(status.boot), f"{status.clock_error_s * 1e3:.2f} ms"]
@@ -130,7 +131,7 @@ def _show_line(_key: str, message: Message) -> None:
         case Sweep():
             typer.echo(_sweep_line(message))
         case UnitStatus():
-            told = f"{message.unit:<8} {_state(message)}, log at {message.log_head} {message.detail}"
+            told = f"{message.unit:<8} {state(message)}, log at {message.log_head} {message.detail}"
             typer.echo(plain(told.rstrip()))
         case Contour():
             typer.echo(_contour_line(message))
@@ -153,9 +154,3 @@ def _contour_line(contour: Contour) -> str:
         f"{'contour':<8} {contour.version}: {len(contour.walls)} walls{one_place}, {len(contour.cylinders)} cylinders"
         f"{touches}, {contour.sweeps} sweeps"
     )
-
-
-def _state(status: UnitStatus) -> str:
-    if status.state not in UnitStatus.State.values():
-        return f"state {status.state} of a newer gateway"
-    return UnitStatus.State.Name(status.state).removeprefix("STATE_").lower()
