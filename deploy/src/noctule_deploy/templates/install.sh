@@ -1,0 +1,56 @@
+#!/bin/sh
+# Made by noctule-deploy render: installs host $host, and brings it up to date when it is run again.
+#   sh install.sh WHEELS      WHEELS is the folder that make wheels has filled
+# DESTDIR=FOLDER sh install.sh WHEELS installs into an image and starts nothing.
+set -eu
+here=$$(cd "$$(dirname "$$0")" && pwd)
+root=$${DESTDIR:-}
+wheels=$${1:-$$here/wheels}
+venv=$$root/opt/noctule
+changed=
+
+fail() { echo "install.sh: $$1" >&2; exit 1; }
+put() { # FILE MODE: a file of this folder goes to its place, unless it is there already
+    cmp -s "$$here/$$1" "$$root/$$1" && return
+    install -D -m "$$2" "$$here/$$1" "$$root/$$1"
+    echo "$$root/$$1 has changed"
+    changed=yes
+}
+only() { # FOLDER: nothing stays in it that this folder does not have
+    for file in "$$root/$$1"/*; do
+        if [ -e "$$file" ] && [ ! -e "$$here/$$1/$${file##*/}" ]; then rm "$$file" && changed=yes; fi
+    done
+}
+
+[ -n "$$root" ] || [ "$$(id -u)" -eq 0 ] || fail "run it as root, or name an image's folder in DESTDIR"
+$needs
+ls "$$wheels"/noctule-*.whl >/dev/null 2>&1 || fail "$$wheels has no wheels: make wheels in the project, copy dist here, name it"
+
+stamp=$$(cat "$$wheels"/*.whl "$$wheels"/constraints.txt "$$here/install.sh" | sha256sum)
+if [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ]; then
+    [ -x "$$venv/bin/pip" ] || python3 -m venv "$$venv"
+    # Files and not names, so that no package of these names comes from anywhere else.
+    set -- $packages
+    "$$venv/bin/pip" install --quiet --disable-pip-version-check --constraint "$$wheels/constraints.txt" "$$@"
+    "$$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$$@"
+    echo "$$stamp" >"$$venv/stamp"
+    echo "$$venv has changed"
+    changed=yes
+fi
+
+$files
+
+[ -z "$$root" ] || exit 0 # the image's first boot does the rest
+systemd-sysusers noctule.conf
+systemd-tmpfiles --create noctule.conf
+for unit in /etc/systemd/system/noctule-*.service; do
+    case " $services " in *" $${unit##*/} "*) continue ;; esac
+    [ -e "$$unit" ] || continue
+    systemctl disable --now "$${unit##*/}" # it has left this host
+    rm "$$unit"
+done
+systemctl daemon-reload
+$udev
+systemctl enable $services
+if [ -n "$$changed" ]; then systemctl restart $services; else systemctl start $services; fi
+echo "$host is up: $services"
