@@ -10,7 +10,7 @@ _WRITES = "/rerun.sdk_comms.v1alpha1.MessageProxyService/Write*"
 
 def caddyfile(viewer: Viewer, web: Web) -> str:
     """The configuration of Caddy for a viewer's page."""
-    users = "".join(f"\t\t{name} {hashed}\n" for name, hashed in web.users.items())
+    users = "".join(f"\t\t\t{name} {hashed}\n" for name, hashed in web.users.items())
     origin = f"https://{web.name}:{web.port}"
     relay = quote(f"rerun+{origin}/proxy", safe="")
     vouched = "" if web.certificate == "acme" else "\ttls internal\n"
@@ -24,20 +24,23 @@ def caddyfile(viewer: Viewer, web: Web) -> str:
 
 {origin} {{
 {vouched}\
-	basicauth {{
+	# In this order, and the login first: Caddy's own would answer some requests before it.
+	route {{
+		basicauth {{
 {users}\
+		}}
+		@writes path {_WRITES}
+		respond @writes "Who watches may not write." 403
+		@bare {{
+			path /
+			not query url=*
+		}}
+		redir @bare /?url={relay}&theme=dark
+		@data path {_DATA}
+		reverse_proxy @data h2c://127.0.0.1:{viewer.port} {{
+			flush_interval -1
+		}}
+		reverse_proxy 127.0.0.1:{viewer.web_port}
 	}}
-	@writes path {_WRITES}
-	respond @writes "Who watches may not write." 403
-	@bare {{
-		path /
-		not query url=*
-	}}
-	redir @bare /?url={relay}&theme=dark
-	@data path {_DATA}
-	reverse_proxy @data h2c://127.0.0.1:{viewer.port} {{
-		flush_interval -1
-	}}
-	reverse_proxy 127.0.0.1:{viewer.web_port}
 }}
 """
