@@ -10,15 +10,21 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from noctule.errors import NoctuleError
+from noctule.plain_text import plain
 from noctule_deploy import check as checking
 from noctule_deploy import firmware_key as firmware_keys
-from noctule_deploy import fleet_file
+from noctule_deploy import fleet_file, generations
 from noctule_deploy import render as rendering
+from noctule_deploy import status as fleet_status
 from noctule_deploy.fleet import ROUTER, Fleet
 from noctule_deploy.hosts import programs
 from noctule_deploy.render import Place
+from noctule_deploy.status import Row, State
 
 EXAMPLES = {"fleet.toml": "example_fleet.toml", "house.toml": "example_site.toml"}
 
@@ -37,6 +43,7 @@ Ca = Annotated[
 ]
 Subject = Annotated[str, typer.Argument(metavar="NAME", help="Role and name, as in gateway.attic.")]
 
+_WIDE = 240  # columns
 DEFAULT_FLEET, DEFAULT_OUT = Path("fleet.toml"), Path("rendered")
 
 
@@ -107,6 +114,30 @@ def check(fleet: FleetFile = DEFAULT_FLEET, out: Out = DEFAULT_OUT, ca: Ca = Non
 
 
 @app.command()
+def status(
+    fleet: FleetFile = DEFAULT_FLEET,
+    out: Out = DEFAULT_OUT,
+    tls_folder: Annotated[
+        Path | None,
+        typer.Option("--tls", metavar="FOLDER", help="Certificate and key; those of an operator in --out if left out."),
+    ] = None,
+) -> None:
+    """Show how every program of the fleet fares, by what it says on the bus.
+
+    Exit status: 0 all is well, 1 something is not, 3 a certificate expires within 30 days.
+    """
+    with _told(out):
+        read, place = fleet_file.load(fleet), _place(out, None)
+        known = generations.load(out)
+        folder = tls_folder or fleet_status.own_folder(read, place, known)
+        heard = fleet_status.listen(read, folder)
+        rows = fleet_status.rows(read, heard, fleet_status.expiries(read, place, known), _now())
+    _show(rows)
+    bad = {each.state for each in rows} - {State.WELL}
+    raise typer.Exit(0 if not bad else 3 if bad == {State.EXPIRES} else 1)
+
+
+@app.command()
 def firmware_key(
     file: Annotated[Path, typer.Argument(metavar="KEY.pem", help="The new private key; keep it off all hosts.")],
 ) -> None:
@@ -126,6 +157,18 @@ def firmware_sign(
     """Sign a firmware image in its place. An image may be signed by several keys, one after the other."""
     with _told(image):
         typer.echo(f"{image} is signed by key {firmware_keys.sign(image, key)}")
+
+
+def _show(rows: list[Row]) -> None:
+    table = Table("host", "program", "site", "state", "version", "certificate until", "detail")
+    for each in rows:
+        until = f"{each.expires:%Y-%m-%d}" if each.expires else ""
+        state = Text(each.state, style="green" if each.state is State.WELL else "red")
+        cells = (each.host, each.program, each.site, state, each.version, until, plain(each.detail))
+        table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in cells))
+    console = Console()
+    # Where there is no terminal the words stay whole.
+    (console if console.is_terminal else Console(width=_WIDE)).print(table)
 
 
 @contextmanager

@@ -8,7 +8,6 @@ from importlib.resources import files
 from pathlib import PurePosixPath
 from string import Template
 
-from noctule import tls
 from noctule_deploy.fleet import ROUTER
 from noctule_deploy.hosts import WEB, Program
 
@@ -45,7 +44,15 @@ _LINES: dict[str, tuple[str, ...]] = {
         "CacheDirectoryMode=0700",
         "Environment=NUMBA_CACHE_DIR=/var/cache/noctule/$subject",
     ),
-    "viewer": (*_NOTIFIES, *_NO_CAPABILITIES, *_NO_DEVICES, *_ALONE, *_NO_NEW_CODE),
+    "viewer": (
+        *_NOTIFIES,
+        *_NO_CAPABILITIES,
+        *_NO_DEVICES,
+        *_ALONE,
+        *_NO_NEW_CODE,
+        # Of setpriv, which binds the relay to its parent and sets the capabilities to what they are: none.
+        "SystemCallFilter=capset",
+    ),
     WEB: (*_NO_DEVICES, "ProtectClock=yes", *_NO_NEW_CODE, "Environment=XDG_DATA_HOME=/var/lib/noctule/$subject"),
 }
 
@@ -73,11 +80,12 @@ def users(programs: Iterable[Program]) -> str:
 
 
 def owners(private: Mapping[PurePosixPath, str]) -> str:
-    """What systemd-tmpfiles does: files with secrets, by their paths, are their users' only."""
-    lines = [f"z {path} 0600 {user} {user}" for path, user in private.items()]
-    folders = {path.parent: user for path, user in private.items() if path.name == tls.PRIVATE_KEY}
-    lines += [f"z {folder} 0700 {user} {user}" for folder, user in folders.items()]
-    return "# Made by noctule-deploy render.\n" + "".join(f"{line}\n" for line in lines)
+    """What systemd-tmpfiles does: files with secrets are their users' only.
+
+    Their folders stay root's: systemd does not trust what root has in a folder of another user.
+    """
+    lines = (f"z {path} 0600 {user} {user}\n" for path, user in private.items())
+    return "# Made by noctule-deploy render.\n" + "".join(lines)
 
 
 def _ports(port: int) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor"
 
 def client(fleet: Fleet, folder: PurePosixPath) -> dict[str, Any]:
     """The configuration of a client: every router is one to fall back on. ``folder`` is where its host keeps it."""
-    endpoints = [_reached(router) for router in fleet.router]
+    endpoints = [endpoint(router) for router in fleet.router]
     sides = {"connect": _connect(endpoints), "listen": {"endpoints": []}}
     return {"mode": "client"} | sides | _common(folder, {"protocols": ["tls"]}, listens=False)
 
@@ -30,9 +30,14 @@ def router(fleet: Fleet, own: Router, generations: dict[str, Generations], folde
     return {
         "mode": "router",
         "listen": {"endpoints": [f"tls/{_bracketed(own.listen)}:{own.port}"]},
-        "connect": _connect([_reached(each) for each in above]),
+        "connect": _connect([endpoint(each) for each in above]),
         "access_control": access_control(fleet, generations),
     } | common
+
+
+def endpoint(router: Router) -> str:
+    """Where others reach a router."""
+    return f"tls/{_bracketed(router.address)}:{router.port}"
 
 
 def access_control(fleet: Fleet, generations: dict[str, Generations]) -> dict[str, Any]:
@@ -92,10 +97,6 @@ def _common(folder: PurePosixPath, link: dict[str, Any], listens: bool) -> dict[
 
 def _connect(endpoints: list[str]) -> dict[str, Any]:
     return {"endpoints": endpoints, **_FOR_EVER, "retry": _RETRY}
-
-
-def _reached(router: Router) -> str:
-    return f"tls/{_bracketed(router.address)}:{router.port}"
 
 
 def _bracketed(address: str) -> str:

@@ -28,7 +28,8 @@ ls "$$wheels"/noctule-*.whl >/dev/null 2>&1 || fail "$$wheels has no wheels: mak
 
 stamp=$$(cat "$$wheels"/*.whl "$$wheels"/constraints.txt "$$here/install.sh" | sha256sum)
 if [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ]; then
-    [ -x "$$venv/bin/pip" ] || python3 -m venv "$$venv"
+    # The system's own Python: the services can't see one in somebody's home.
+    [ -x "$$venv/bin/pip" ] || /usr/bin/python3 -m venv "$$venv" || fail "apt-get install python3-venv"
     # Files and not names, so that no package of these names comes from anywhere else.
     set -- $packages
     "$$venv/bin/pip" install --quiet --disable-pip-version-check --constraint "$$wheels/constraints.txt" "$$@"
