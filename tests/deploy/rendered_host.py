@@ -61,11 +61,11 @@ class RenderedHost:
         return text
 
 
-def _denied(unit: str) -> set[str]:
+def _denied(unit: str) -> frozenset[str]:
     """The system calls that the unit's filter lines do not allow, in systemd's own words and order."""
-    allowed: set[str] = set()
+    allowed: frozenset[str] = frozenset()
     for line in re.findall(r"^SystemCallFilter=(.*)$", unit, re.MULTILINE):
-        named = {call for word in line.lstrip("~").split() for call in _calls(word)}
+        named = frozenset(call for word in line.lstrip("~").split() for call in _calls(word))
         allowed = allowed - named if line.startswith("~") else allowed | named
     return _calls("@known") - allowed
 

@@ -17,7 +17,7 @@ from noctule_deploy import zenoh_config
 from noctule_deploy.errors import RenderError
 from noctule_deploy.fleet import ROUTER, Fleet, Member
 from noctule_deploy.generations import Generations, common_name
-from noctule_deploy.hosts import Program, programs
+from noctule_deploy.hosts import programs
 from noctule_deploy.render import Place
 
 _PATIENCE_S = 3.0
@@ -97,20 +97,20 @@ def expiries(fleet: Fleet, place: Place, known: Mapping[str, Generations]) -> di
 def rows(fleet: Fleet, heard: Heard, expiries: Mapping[str, datetime], now: datetime) -> list[Row]:
     """A row for each program of the fleet, those without a host at the end; one for each site that a mapper has."""
     running = {(each.role, each.name): each for each in programs(fleet)}
+    hosts = {each.subject: each.host for each in running.values()}
     found: list[Row] = []
     for router in fleet.router:
-        program = running.get((ROUTER, router.name))
         subject = f"{ROUTER}.{router.name}"
         up = router.name in heard.routers
         state = _with_expiry(State.WELL if up else State.AWAY, expiries.get(subject), now)
         detail = "" if up else "no answer, or it refuses this certificate"
-        found.append(Row(_host(program), subject, "", state, "", expiries.get(subject), detail))
+        found.append(Row(hosts.get(subject, ""), subject, "", state, "", expiries.get(subject), detail))
     for member in fleet.members():
         if member.role not in _WITHOUT_STATUS:
             program = running.get((member.role, member.name))
             subject = program.subject if program and program.subject else member.subject
             said = _said(member, subject, heard.services)
-            found += _of_member(member, _host(program), said, expiries.get(subject), now)
+            found += _of_member(member, hosts.get(subject, ""), said, expiries.get(subject), now)
     return sorted(found, key=lambda row: (not row.host, row.host))
 
 
@@ -160,7 +160,3 @@ def _state(status: ServiceStatus, now: datetime) -> State:
 def _with_expiry(state: State, expires: datetime | None, now: datetime) -> State:
     soon = expires is not None and expires - now <= tls.ALARM
     return State.EXPIRES if state is State.WELL and soon else state
-
-
-def _host(program: Program | None) -> str:
-    return program.host if program else ""
