@@ -167,9 +167,10 @@ def test_the_script_installs_every_file_and_nothing_the_second_time(made: tuple[
     pip = root / "opt/noctule/bin/pip"  # the packages themselves come from an index: here is none
     pip.parent.mkdir(parents=True)
     pip.symlink_to("/bin/true")
-    retired = root / "etc/noctule/bus/mapper.mapper-1/firmware.toml"
-    retired.parent.mkdir(parents=True)
-    retired.write_text("")
+    retired = [root / "etc/noctule/bus" / each for each in ("mapper.mapper-1/firmware.toml", "mapper.old/private.key")]
+    for each in retired:
+        each.parent.mkdir(parents=True)
+        each.write_text("")
     install = ("sh", host / "install.sh", wheels)
     ran(*install, env={"DESTDIR": str(root), "PATH": "/usr/bin:/bin"})
     for path in (host / "etc").rglob("*"):
@@ -177,5 +178,5 @@ def test_the_script_installs_every_file_and_nothing_the_second_time(made: tuple[
             placed = root / path.relative_to(host)
             assert placed.read_bytes() == path.read_bytes()
             assert stat.S_IMODE(placed.stat().st_mode) == stat.S_IMODE(path.stat().st_mode)
-    assert not retired.exists()
+    assert not any(each.exists() for each in retired)
     assert ran(*install, env={"DESTDIR": str(root), "PATH": "/usr/bin:/bin"}) == ""

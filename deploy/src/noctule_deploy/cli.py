@@ -21,6 +21,7 @@ from noctule_deploy import firmware_key as firmware_keys
 from noctule_deploy import fleet_file, generations
 from noctule_deploy import render as rendering
 from noctule_deploy import status as fleet_status
+from noctule_deploy.errors import FleetFileError
 from noctule_deploy.fleet import ROUTER, Fleet
 from noctule_deploy.hosts import programs
 from noctule_deploy.render import Place
@@ -35,7 +36,7 @@ app = typer.Typer(
     help="From one file, all that the hosts of a fleet need: certificates, access rules, services, and how they fare.",
 )
 
-FleetFile = Annotated[Path, typer.Argument(metavar="[FLEET.toml]", help="The fleet file.")]
+FleetFile = Annotated[Path, typer.Argument(metavar="FLEET.toml", help="The fleet file.")]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Where the rendered folders are.")]
 Ca = Annotated[
     Path | None,
@@ -51,13 +52,15 @@ def main() -> None:
     """Run the command line; what went wrong stands in one line."""
     try:
         app()
+    except FleetFileError as error:
+        sys.exit(str(error))  # each of its lines begins with the file
     except NoctuleError as error:
         sys.exit(f"noctule-deploy: {error}")
 
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="The folder; made if missing.")] = Path(),
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The folder; made if missing.")] = Path(),
 ) -> None:
     """Write an example of a fleet file and its site file, with comments. Both can be rendered as they are."""
     with _told(folder):

@@ -87,6 +87,12 @@ def _hashed(value: str) -> str:
     return value
 
 
+def _port(value: int) -> int:
+    if not 1 <= value <= 65535:
+        raise ValueError("give a port from 1 to 65535")
+    return value
+
+
 def _option(value: str) -> str:
     if not value or any(ord(letter) < 32 for letter in value):
         raise ValueError("write each word of the command line as an element of its own")
@@ -101,7 +107,7 @@ SiteFile = Annotated[str, AfterValidator(_file)]
 Adapter = Annotated[str, AfterValidator(_adapter)]
 PasswordHash = Annotated[str, AfterValidator(_hashed)]
 Options = list[Annotated[str, AfterValidator(_option)]]
-Port = Annotated[int, Field(ge=1, le=65535)]
+Port = Annotated[int, AfterValidator(_port)]
 
 
 class _Table(BaseModel):

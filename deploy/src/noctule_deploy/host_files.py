@@ -6,7 +6,6 @@ from importlib.resources import files
 from pathlib import Path, PurePosixPath
 from string import Template
 
-from noctule import tls
 from noctule_deploy import udev, units
 from noctule_deploy.caddy import caddyfile
 from noctule_deploy.fleet import ROUTER, Fleet
@@ -85,7 +84,7 @@ def _install(host: str, own: list[Program], found: list[HostFile]) -> str:
         host=host,
         needs="\n".join(f'[ -n "$root" ] || [ -x {program} ] || fail "{what}"' for program, what in needs),
         packages=" ".join(f'"$wheels"/{each}-*.whl' for each in wheels),
-        files="\n".join(_placed(found)),
+        files="\n".join(f"put {each.path} {each.mode:o}" for each in found),
         services=" ".join(each.service for each in own),
         udev=_UDEV if has_udev else "",
     )
@@ -94,10 +93,3 @@ def _install(host: str, own: list[Program], found: list[HostFile]) -> str:
 def _private(found: list[HostFile]) -> dict[PurePosixPath, str]:
     """Of each file that is read by one user only, this user."""
     return {PurePosixPath("/") / each.path: each.owner for each in found if each.owner}
-
-
-def _placed(found: list[HostFile]) -> Iterator[str]:
-    for folder in dict.fromkeys(each.path.parent for each in found if each.path.name == tls.PRIVATE_KEY):
-        yield f"only {folder}"
-    for each in found:
-        yield f"put {each.path} {each.mode:o}"

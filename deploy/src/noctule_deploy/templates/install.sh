@@ -17,16 +17,21 @@ put() { # FILE MODE: a file of this folder goes to its place, unless it is there
     changed=yes
 }
 only() { # FOLDER: nothing stays in it that this folder does not have
-    for file in "$$root/$$1"/*; do
-        if [ -e "$$file" ] && [ ! -e "$$here/$$1/$${file##*/}" ]; then rm "$$file" && changed=yes; fi
+    [ -d "$$root/$$1" ] || return 0
+    for file in $$(cd "$$root/" && find "$$1" -type f); do
+        [ ! -e "$$here/$$file" ] || continue
+        rm "$$root/$$file"
+        echo "$$root/$$file is of no more use: removed"
+        changed=yes
     done
+    find "$$root/$$1" -type d -empty -delete
 }
 
 [ -n "$$root" ] || [ "$$(id -u)" -eq 0 ] || fail "run it as root, or name an image's folder in DESTDIR"
 $needs
 ls "$$wheels"/noctule-*.whl >/dev/null 2>&1 || fail "$$wheels has no wheels: make wheels in the project, copy dist here, name it"
 
-stamp=$$(cat "$$wheels"/*.whl "$$wheels"/constraints.txt "$$here/install.sh" | sha256sum)
+stamp=$$({ echo '$packages'; cat "$$wheels"/*.whl "$$wheels"/constraints.txt; } | sha256sum)
 if [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ]; then
     # The system's own Python: the services can't see one in somebody's home.
     [ -x "$$venv/bin/pip" ] || /usr/bin/python3 -m venv "$$venv" || fail "apt-get install python3-venv"
@@ -39,6 +44,7 @@ if [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ]; then
     changed=yes
 fi
 
+only etc/noctule/bus
 $files
 
 [ -z "$$root" ] || exit 0 # the image's first boot does the rest
