@@ -2,12 +2,14 @@
 
 import json
 import re
+import shlex
 import stat
 import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+import yaml
 import zenoh
 from typer.testing import CliRunner
 
@@ -120,6 +122,21 @@ def test_caddy_takes_its_configuration(made: tuple[Path, Place], tmp_path: Path)
     file = made[1].out / "server/etc/noctule/Caddyfile"
     home = {"HOME": str(tmp_path), "XDG_DATA_HOME": str(tmp_path), "PATH": "/usr/bin"}
     assert "Valid configuration" in ran("caddy", "validate", "--adapter", "caddyfile", "--config", file, env=home)
+
+
+def test_the_containers_of_a_host_run_the_commands_of_its_units(made: tuple[Path, Place]) -> None:
+    for host in ("attic-pi", "server", "hub"):
+        compose = yaml.safe_load((made[1].out / host / "compose.yaml").read_text())["services"]
+        units = [path for path in unit_files(made[1]).values() if host in path.parts]
+        assert sorted(compose) == sorted(path.stem.removeprefix("noctule-") for path in units)
+        for path in units:
+            (line,) = re.findall(r"^ExecStart=(.*)$", path.read_text(), re.MULTILINE)
+            service = compose[path.stem.removeprefix("noctule-")]
+            command = shlex.split(line.replace("%%", "%"))
+            assert service["command"] == (command[1:] if "router" in path.stem else command)
+            assert (service["read_only"], service["cap_drop"], service["network_mode"]) == (True, ["ALL"], "host")
+    gateway = yaml.safe_load((made[1].out / "attic-pi/compose.yaml").read_text())["services"]["gateway-attic"]
+    assert gateway["devices"] == ["/dev/noctule/u1:/dev/noctule/u1"]
 
 
 def test_zenoh_takes_every_configuration_and_its_files_are_where_the_host_has_them(made: tuple[Path, Place]) -> None:

@@ -8,6 +8,7 @@ from string import Template
 
 from noctule_deploy import udev, units
 from noctule_deploy.caddy import caddyfile
+from noctule_deploy.compose import compose
 from noctule_deploy.fleet import ROUTER, Fleet
 from noctule_deploy.hosts import CADDYFILE, WEB, Program, certificate_folder, programs, site_file
 
@@ -43,7 +44,12 @@ def host_files(fleet: Fleet, host: str, certificates: Mapping[str, Path]) -> lis
     own = [each for each in programs(fleet) if each.host == host]
     found = [*_of_systemd(fleet, own), *_of_programs(fleet, own), *_of_bus(fleet, own, certificates)]
     found.append(HostFile(PurePosixPath("etc/tmpfiles.d/noctule.conf"), units.owners(_private(found)).encode()))
-    return [*found, HostFile(PurePosixPath("install.sh"), _install(host, own, found).encode())]
+    gateways = [each for each in fleet.gateway if each.host == host]
+    return [
+        *found,
+        HostFile(PurePosixPath("install.sh"), _install(host, own, found).encode()),
+        HostFile(PurePosixPath("compose.yaml"), compose(own, gateways).encode()),
+    ]
 
 
 def _of_systemd(fleet: Fleet, own: list[Program]) -> Iterator[HostFile]:
