@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from deploy.rendered_host import RenderedHost
-from system.processes import ROOT, free_ports, listens, programs, wait_until
+from system.processes import PATIENCE_S, ROOT, free_ports, listens, programs, wait_until
 from typer.testing import CliRunner
 
 from noctule_deploy import cli
@@ -49,7 +49,6 @@ sites = ["*"]
 """
 PASSWORD = "night-flight"
 HASHED = "$2b$04$abcdefghijklmnopqrstuubKjiNwI71ul7nETs8D9Wbpfd3CpQAoS"  # bcrypt at its least cost
-WITHIN_S = 60
 READ, WRITE = (f"/rerun.sdk_comms.v1alpha1.MessageProxyService/{name}Messages" for name in ("Read", "Write"))
 # SQLite gives files of root to their folder's owner (fchown), which a service that is not root never tries. Rust's
 # allocator asks for memory of this processor (mbind), and goes on without.
@@ -93,7 +92,7 @@ def answer(port: int, method: str, path: str, password: str | None = PASSWORD) -
     """Status and first bytes of what the page's host answers."""
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE  # Caddy's own authority is of this test only
-    connection = http.client.HTTPSConnection("localhost", port, context=context, timeout=WITHIN_S)
+    connection = http.client.HTTPSConnection("localhost", port, context=context, timeout=PATIENCE_S)
     headers = {"Content-Type": "application/grpc-web+proto"} if method == "POST" else {}
     if password:
         headers["Authorization"] = "Basic " + base64.b64encode(f"anna:{password}".encode()).decode()
@@ -150,7 +149,7 @@ def test_a_rendered_host_maps_its_site_and_serves_the_map_to_those_who_log_in(
             running.check()
             return stored(data) >= 10 and listens(ports["page"]) and listens(ports["files"])
 
-        wait_until(up, "no sweeps are stored, or there is no page", WITHIN_S)
+        wait_until(up, "no sweeps are stored, or there is no page")
         check_page(ports["page"])
         states = status(tmp_path)
         assert set(states) == {"router.one", "gateway.attic", "mapper.cartographer", "viewer.screen"}

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from noctule.errors import NoctuleError
 from noctule.plain_text import plain
+from noctule.version_option import version_option
 from noctule_deploy import check as checking
 from noctule_deploy import firmware_key as firmware_keys
 from noctule_deploy import fleet_file, generations
@@ -29,12 +30,7 @@ from noctule_deploy.status import Row, State
 
 EXAMPLES = {"fleet.toml": "example_fleet.toml", "house.toml": "example_site.toml"}
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    help="From one file, all that the hosts of a fleet need: certificates, access rules, services, and how they fare.",
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
 FleetFile = Annotated[Path, typer.Argument(metavar="FLEET.toml", help="The fleet file.")]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Where the rendered folders are.")]
@@ -56,6 +52,11 @@ def main() -> None:
         sys.exit(str(error))  # each of its lines begins with the file
     except NoctuleError as error:
         sys.exit(f"noctule-deploy: {error}")
+
+
+@app.callback()
+def _noctule_deploy(_version: Annotated[bool, version_option("noctule-deploy")] = False) -> None:
+    """From one file, all that the hosts of a fleet need: certificates, access rules, services, and how they fare."""
 
 
 @app.command()
