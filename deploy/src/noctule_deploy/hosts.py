@@ -78,7 +78,6 @@ def sites_of(fleet: Fleet, watcher: Mapper | Viewer) -> list[str]:
 
 
 def _router(fleet: Fleet, router: Router) -> tuple[str, ...]:
-    # Not certificate_folder(), which asks for all programs.
     return "/usr/bin/zenohd", "--config", str(_folder(fleet, f"{ROUTER}.{router.name}") / tls.CONFIG)
 
 

@@ -1,12 +1,12 @@
 #!/bin/sh
 # Made by noctule-deploy render: installs host $host, and brings it up to date when it is run again.
 #   sh install.sh WHEELS      WHEELS is the folder that make wheels has filled
-# DESTDIR=FOLDER sh install.sh WHEELS installs into an image and starts nothing.
+# DESTDIR=FOLDER sh install.sh puts the files below FOLDER and does no more: for a look at them, or for a package.
 set -eu
 here=$$(cd "$$(dirname "$$0")" && pwd)
 root=$${DESTDIR:-}
 wheels=$${1:-$$here/wheels}
-venv=$$root/opt/noctule
+venv=/opt/noctule
 changed=
 
 fail() { echo "install.sh: $$1" >&2; exit 1; }
@@ -27,27 +27,30 @@ only() { # FOLDER: nothing stays in it that this folder does not have
     find "$$root/$$1" -type d -empty -delete
 }
 
-[ -n "$$root" ] || [ "$$(id -u)" -eq 0 ] || fail "run it as root, or name an image's folder in DESTDIR"
+[ -n "$$root" ] || [ "$$(id -u)" -eq 0 ] || fail "run it as root"
 $needs
-ls "$$wheels"/noctule-*.whl >/dev/null 2>&1 || fail "$$wheels has no wheels: make wheels in the project, copy dist here, name it"
 
-stamp=$$({ echo '$packages'; cat "$$wheels"/*.whl "$$wheels"/constraints.txt; } | sha256sum)
-if [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ]; then
+packages() { # Files and not names, so that no package of these names comes from anywhere else.
+    set -- $packages
+    stamp=$$({ echo '$packages'; cat "$$wheels"/*.whl "$$wheels"/constraints.txt; } | sha256sum)
+    [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ] || return 0
     # The system's own Python: the services can't see one in somebody's home.
     [ -x "$$venv/bin/pip" ] || /usr/bin/python3 -m venv "$$venv" || fail "apt-get install python3-venv"
-    # Files and not names, so that no package of these names comes from anywhere else.
-    set -- $packages
     "$$venv/bin/pip" install --quiet --disable-pip-version-check --constraint "$$wheels/constraints.txt" "$$@"
     "$$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$$@"
     echo "$$stamp" >"$$venv/stamp"
     echo "$$venv has changed"
     changed=yes
-fi
+}
 
+if [ -z "$$root" ]; then
+    ls "$$wheels"/noctule-*.whl >/dev/null 2>&1 || fail "$$wheels has no wheels: make wheels in the project, copy dist here, name it"
+    packages
+fi
 only etc/noctule/bus
 $files
 
-[ -z "$$root" ] || exit 0 # the image's first boot does the rest
+[ -z "$$root" ] || exit 0
 systemd-sysusers noctule.conf
 systemd-tmpfiles --create noctule.conf
 for unit in /etc/systemd/system/noctule-*.service; do
