@@ -1,11 +1,11 @@
-# make demo | test | soak | bench | lint: each does the set-up it needs, and is quick the second time.
+# make demo | test | soak | bench | lint | wheels: each does the set-up it needs, and is quick the second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint setup packages-run packages-test firmware clean
+.PHONY: demo test soak bench lint wheels setup packages-run packages-test firmware clean
 
 demo: packages-run setup firmware
 	@python deploy/demo/run.py
@@ -35,6 +35,14 @@ lint: packages-test setup firmware
 	cd sdk/examples/watch_any && sh ../../../deploy/cargo.sh fmt --check
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
 
+# What the hosts of a fleet install, in dist/, with the versions of all that it needs.
+WHEELS := noctule noctule-gateway noctule-mapper noctule-viewer noctule-deploy
+wheels: $(UV)
+	@rm -rf dist
+	@for package in $(WHEELS); do $(UV) build --quiet --wheel --package $$package --out-dir dist || exit 1; done
+	@$(UV) export --quiet --locked --no-dev --all-packages --no-emit-workspace --no-hashes --output-file dist/constraints.txt
+	@ls dist
+
 packages-run packages-test:
 	@sh deploy/packages.sh $(@:packages-%=%)
 
@@ -50,4 +58,4 @@ firmware: setup
 	.tools/bin/pip install --quiet uv==$(UV_VERSION)
 
 clean:
-	rm -rf .venv .tools .demo firmware/build firmware/simulator/target sdk/examples/watch_any/target
+	rm -rf .venv .tools .demo dist firmware/build firmware/simulator/target sdk/examples/watch_any/target

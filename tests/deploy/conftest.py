@@ -6,14 +6,14 @@ from datetime import UTC, datetime
 import pytest
 from deploy.secured_fleet import SecuredFleet, rendered, running_routers
 
-from noctule_deploy import fleet, render
+from noctule_deploy import fleet_file, render
 
 
 @pytest.fixture(scope="module")
 def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SecuredFleet]:
     """Two linked routers; the certificate service.alarm.g1 was revoked, gateway.attic.g1 is being renewed."""
     made = rendered(tmp_path_factory.mktemp("fleet"))
-    members = fleet.load(made.file)
+    members = fleet_file.load(made.file)
     render.revoke(members, made.place, "service.alarm", datetime.now(UTC))
     render.renew(members, made.place, "gateway.attic", datetime.now(UTC))
     with running_routers(made):

@@ -12,7 +12,7 @@ import zenoh
 from system.processes import listens, programs, wait_until
 
 from noctule import bus, tls
-from noctule_deploy import fleet, render
+from noctule_deploy import fleet_file, render
 from noctule_deploy.render import Place
 
 FOLDER = "/nowhere/bus"
@@ -95,7 +95,7 @@ def rendered(folder: Path, top: str = "", now: datetime | None = None) -> Secure
     file = folder / "fleet.toml"
     file.write_text(FLEET.format(top=top, one=ports[0], two=ports[1]))
     place = Place(folder / "rendered", folder / "authority")
-    render.render(fleet.load(file), place, now or datetime.now(UTC))
+    render.render(fleet_file.load(file), place, now or datetime.now(UTC))
     return SecuredFleet(file, place, ports)
 
 

@@ -21,7 +21,7 @@ def deploy(*arguments: str | Path) -> str:
 
 
 def on(made: SecuredFleet) -> tuple[str | Path, ...]:
-    return ("--fleet", made.file, "--out", made.place.out, "--ca", made.place.ca)
+    return (made.file, "--out", made.place.out, "--ca", made.place.ca)
 
 
 def with_rules(made: SecuredFleet) -> set[str]:
@@ -69,10 +69,10 @@ def test_a_key_is_never_overwritten_and_none_that_others_may_read_signs(tmp_path
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ('oldest = "0.9"\nkeys = {}', "firmware: oldest is '0.9': write a version as 0.9.0"),
-        ("keys = {}", "firmware: keys is {}"),
-        ('keys = { release = "eA==" }', "firmware.keys: release is 'eA==': copy what noctule-deploy firmware-key"),
-        ('oldset = "0.9.0"', "firmware: oldset is not known here: did you mean oldest?"),
+        ('oldest = "0.9"\nkeys = {}', "[firmware]: oldest is '0.9': write a version as 0.9.0"),
+        ("keys = {}", "[firmware]: keys is {}"),
+        ('keys = { release = "eA==" }', "[firmware.keys]: release is 'eA==': copy what noctule-deploy firmware-key"),
+        ('oldset = "0.9.0"', "[firmware]: oldset is not known here: did you mean oldest?"),
     ],
 )
 def test_a_mistake_in_the_table_of_firmware_is_named(tmp_path: Path, table: str, words: str) -> None:

@@ -13,7 +13,7 @@ from deploy.secured_fleet import SecuredFleet, rendered
 from typer.testing import CliRunner
 
 from noctule import tls
-from noctule_deploy import check, cli, fleet, render
+from noctule_deploy import check, cli, fleet_file, render
 from noctule_deploy.check import Severity
 from noctule_deploy.errors import RenderError
 
@@ -44,12 +44,12 @@ def admitted(made: SecuredFleet, subject: str) -> list[str]:
 
 
 def findings(made: SecuredFleet, now: datetime = NOW) -> list[check.Finding]:
-    return check.check(fleet.load(made.file), made.place, now)
+    return check.check(fleet_file.load(made.file), made.place, now)
 
 
 def test_rendering_twice_changes_nothing(made: SecuredFleet) -> None:
     before = contents(made)
-    assert render.render(fleet.load(made.file), made.place, NOW + timedelta(days=1)) == []
+    assert render.render(fleet_file.load(made.file), made.place, NOW + timedelta(days=1)) == []
     assert contents(made) == before
 
 
@@ -83,7 +83,7 @@ def test_a_router_has_no_scouting_and_denies_what_no_rule_allows(made: SecuredFl
 def test_a_name_that_joins_the_fleet_gets_a_folder_and_stands_in_the_routers_rules(made: SecuredFleet) -> None:
     before = contents(made)
     made.file.write_text(made.file.read_text() + '[[viewer]]\nname = "door"\nsites = ["house"]\n')
-    touched = render.render(fleet.load(made.file), made.place, NOW)
+    touched = render.render(fleet_file.load(made.file), made.place, NOW)
     assert {path.name for path in touched} == {"router.one.g1", "router.two.g1", "viewer.door.g1"}
     assert admitted(made, "viewer.door") == ["viewer.door.g1"]
     after = contents(made)
@@ -91,7 +91,7 @@ def test_a_name_that_joins_the_fleet_gets_a_folder_and_stands_in_the_routers_rul
 
 
 def test_a_renewal_admits_the_last_two_generations_and_a_revocation_only_the_new_one(made: SecuredFleet) -> None:
-    members = fleet.load(made.file)
+    members = fleet_file.load(made.file)
     old_key = (made.folder("gateway.attic.g1") / tls.PRIVATE_KEY).read_bytes()
     render.renew(members, made.place, "gateway.attic", NOW)
     assert admitted(made, "gateway.attic") == ["gateway.attic.g1", "gateway.attic.g2"]
@@ -109,7 +109,7 @@ def test_a_name_that_leaves_the_fleet_and_comes_back_is_not_admitted_with_its_ol
     assert without != whole
     for text in (without, without, whole):
         made.file.write_text(text)
-        render.render(fleet.load(made.file), made.place, NOW)
+        render.render(fleet_file.load(made.file), made.place, NOW)
     assert admitted(made, "viewer.screen") == ["viewer.screen.g2"]
 
 
@@ -117,7 +117,7 @@ def test_a_router_that_moves_gets_a_new_certificate_for_its_old_key(made: Secure
     folder = made.folder("router.two.g1")
     key, certificate = ((folder / name).read_bytes() for name in (tls.PRIVATE_KEY, tls.CERTIFICATE))
     made.file.write_text(made.file.read_text().replace('address = "localhost"', 'address = "router-2.example.net"'))
-    render.render(fleet.load(made.file), made.place, NOW)
+    render.render(fleet_file.load(made.file), made.place, NOW)
     assert (folder / tls.PRIVATE_KEY).read_bytes() == key
     assert (folder / tls.CERTIFICATE).read_bytes() != certificate
 
@@ -125,18 +125,18 @@ def test_a_router_that_moves_gets_a_new_certificate_for_its_old_key(made: Secure
 def test_a_missing_authority_is_never_replaced_by_another(made: SecuredFleet) -> None:
     made.place.ca.rename(made.place.ca.with_name("safe"))
     with pytest.raises(RenderError, match=r"has no authority, .* name its folder \(--ca\)"):
-        render.render(fleet.load(made.file), made.place, NOW)
+        render.render(fleet_file.load(made.file), made.place, NOW)
 
 
 def test_what_was_revoked_is_not_admitted_again_because_the_generations_are_lost(made: SecuredFleet) -> None:
     (made.place.out / "generations.json").unlink()
     with pytest.raises(RenderError, match=r"generations.json is gone: bring it back from your backup"):
-        render.render(fleet.load(made.file), made.place, NOW)
+        render.render(fleet_file.load(made.file), made.place, NOW)
 
 
 def test_a_name_that_is_none_of_the_fleet_can_not_be_revoked(made: SecuredFleet) -> None:
     with pytest.raises(RenderError, match=r"'gateway.atic' .* names are router.one, .*gateway.attic"):
-        render.revoke(fleet.load(made.file), made.place, "gateway.atic", NOW)
+        render.revoke(fleet_file.load(made.file), made.place, "gateway.atic", NOW)
 
 
 def test_a_sound_rendering_has_no_findings(made: SecuredFleet) -> None:
@@ -168,7 +168,7 @@ def test_the_check_sees_a_fleet_file_that_was_changed_and_not_rendered(made: Sec
 
 def test_the_check_sees_rules_that_still_admit_a_revoked_generation(made: SecuredFleet) -> None:
     stale = (made.folder("router.one.g1") / tls.CONFIG).read_bytes()
-    render.revoke(fleet.load(made.file), made.place, "viewer.screen", NOW)
+    render.revoke(fleet_file.load(made.file), made.place, "viewer.screen", NOW)
     (made.folder("router.one.g1") / tls.CONFIG).write_bytes(stale)
     (finding,) = findings(made)
     assert "router.one.g1" in finding.text and finding.severity is Severity.WRONG
@@ -176,11 +176,11 @@ def test_the_check_sees_rules_that_still_admit_a_revoked_generation(made: Secure
 
 def test_the_commands_exit_status_says_how_it_stands(tmp_path: Path) -> None:
     made = rendered(tmp_path, "valid_days = 20")
-    options = ["--fleet", str(made.file), "--out", str(made.place.out), "--ca", str(made.place.ca)]
+    options = [str(made.file), "--out", str(made.place.out), "--ca", str(made.place.ca)]
     run = CliRunner().invoke
     assert run(cli.app, ["check", *options]).exit_code == 3
     made.file.write_text(made.file.read_text().replace("valid_days = 20", "valid_days = 700"))
-    for subject in fleet.load(made.file).subjects():
+    for subject in fleet_file.load(made.file).subjects():
         assert run(cli.app, ["renew", subject, *options]).exit_code == 0
     assert run(cli.app, ["check", *options]).exit_code == 0
     (made.place.ca / "ca.key").chmod(0o640)

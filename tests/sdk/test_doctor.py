@@ -208,7 +208,7 @@ def test_a_site_file_with_a_mistake_is_a_fault_in_its_own_words(tmp_path: Path) 
 
 
 def test_a_fleet_is_checked_by_noctule_deploy(tmp_path: Path) -> None:
-    subprocess.run(["noctule-deploy", "init", str(tmp_path / "fleet.toml")], check=True, capture_output=True)
+    subprocess.run(["noctule-deploy", "init", str(tmp_path)], check=True, capture_output=True)
     found = list(configuration.check_fleet(tmp_path / "fleet.toml"))
     assert {each.level for each in found} == {Level.FAULT}
     assert any("noctule-deploy render" in each.text for each in found)

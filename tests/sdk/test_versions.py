@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-PROGRAMS = ["noctule", "noctule-gateway", "noctule-mapper", "noctule-viewer"]
+PROGRAMS = ["noctule", "noctule-gateway", "noctule-mapper", "noctule-viewer", "noctule-deploy"]
 
 
 def said(*command: str) -> str:

@@ -11,7 +11,8 @@ from noctule.errors import TlsError
 from noctule_deploy import authority, generations
 from noctule_deploy.fleet import Fleet
 from noctule_deploy.generations import common_name
-from noctule_deploy.render import Place, Wanted, wanted
+from noctule_deploy.host_files import hosts
+from noctule_deploy.render import Place, Wanted, host_tree, superfluous, wanted
 
 
 class Severity(IntEnum):
@@ -40,6 +41,8 @@ def check(fleet: Fleet, place: Place, now: datetime) -> list[Finding]:
     for each in wanted(fleet, expected):
         findings += _folder(place.out / each.common_name, each, now)
     findings += _old_keys(place, fleet, expected)
+    if not any(each.severity is Severity.WRONG for each in findings):  # the hosts' folders are made of those above
+        findings += (each for host in hosts(fleet) for each in _host(fleet, host, place, expected))
     return findings
 
 
@@ -70,6 +73,18 @@ def _folder(folder: Path, wanted: Wanted, now: datetime) -> Iterator[Finding]:
     firmware = folder / firmware_rules.FILE
     if (firmware.read_bytes() if firmware.exists() else None) != wanted.firmware:
         yield _wrong(f"{firmware} does not fit the fleet file: run noctule-deploy render, copy the folder to its host")
+
+
+def _host(fleet: Fleet, host: str, place: Place, known: dict[str, generations.Generations]) -> Iterator[Finding]:
+    tree = host_tree(fleet, host, place, known)
+    for each in tree:
+        path = place.out / host / each.path
+        if not path.is_file() or path.read_bytes() != each.content:
+            yield _wrong(f"{path} does not fit the fleet file: run noctule-deploy render, copy the folder to its host")
+        elif each.path.name == tls.PRIVATE_KEY:
+            yield from _private(path)
+    for path in superfluous(place.out / host, tree):
+        yield _wrong(f"{path} is of no use to host {host}: run noctule-deploy render")
 
 
 def _old_keys(place: Place, fleet: Fleet, known: dict[str, generations.Generations]) -> Iterator[Finding]:

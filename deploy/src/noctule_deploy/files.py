@@ -23,7 +23,7 @@ def write_new_key(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def write_atomically(path: Path, content: bytes) -> bool:
+def write_atomically(path: Path, content: bytes, mode: int = 0o644) -> bool:
     """Give a file this content; False where it has it already, and then nothing is written. Raises RenderError."""
     if path.is_file() and path.read_bytes() == content:
         return False
@@ -32,7 +32,7 @@ def write_atomically(path: Path, content: bytes) -> bool:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        Path(file.name).chmod(0o644)
+        Path(file.name).chmod(mode)
         Path(file.name).replace(path)
     except OSError as error:
         raise RenderError(f"{path} can't be written: {error.strerror}") from error

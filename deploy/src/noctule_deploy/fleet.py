@@ -1,25 +1,25 @@
-"""The fleet file: which routers, gateways, mappers, people and services there are, and what each is there for."""
+"""The fleet: which routers, gateways, mappers, people and services there are, and what each is there for.
 
-import difflib
+``host`` names the machine that runs a program: noctule-deploy renders a folder for each. A program without one is
+installed by hand.
+"""
+
 import ipaddress
-import tomllib
-from collections import Counter
+import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 from noctule import firmware_rules, firmware_signature, keys
 from noctule.errors import FirmwareKeyError, KeyFormatError
 from noctule.firmware_rules import FirmwareRules
 from noctule.keys import Role
-from noctule_deploy.errors import FleetFileError
 
 ROUTER = "router"
 LONGEST_NAME = 40  # a certificate's common name has 64 characters: role, name and generation
-_ALIKE = 0.7  # of difflib, as in the site file
-_TOP = ["router", "gateway", "mapper", "operator", "viewer", "service"]
+OWN_FOLDERS = ("ca",)  # what render makes beside the hosts' folders
 
 
 def _name(value: str) -> str:
@@ -61,9 +61,53 @@ def _key(value: str) -> str:
     return value
 
 
+def _host(value: str) -> str:
+    if value in OWN_FOLDERS:
+        raise ValueError("name the host otherwise: the authority's folder has this name")
+    return _name(value)
+
+
+def _file(value: str, info: ValidationInfo) -> str:
+    """A file's path is relative to the fleet file."""
+    path = Path(info.context or ".") / value
+    if not path.is_file():
+        raise ValueError(f"{path} is not there: a path is relative to the fleet file")
+    return str(path)
+
+
+def _adapter(value: str) -> str:
+    if not re.fullmatch(r"[\w.:+-]+", value):
+        raise ValueError("copy ID_SERIAL_SHORT of udevadm info --name /dev/ttyUSB0")
+    return value
+
+
+def _hashed(value: str) -> str:
+    if not re.fullmatch(r"\$2[aby]\$\d\d\$[./A-Za-z0-9]{53}", value):
+        raise ValueError("write the hash of a password, as caddy hash-password prints it")
+    return value
+
+
+def _port(value: int) -> int:
+    if not 1 <= value <= 65535:
+        raise ValueError("give a port from 1 to 65535")
+    return value
+
+
+def _option(value: str) -> str:
+    if not value or any(ord(letter) < 32 for letter in value):
+        raise ValueError("write each word of the command line as an element of its own")
+    return value
+
+
 Name = Annotated[str, AfterValidator(_name)]
 Site = Annotated[str, AfterValidator(_site)]
 Address = Annotated[str, AfterValidator(_address)]
+Host = Annotated[str, AfterValidator(_host)]
+SiteFile = Annotated[str, AfterValidator(_file)]
+Adapter = Annotated[str, AfterValidator(_adapter)]
+PasswordHash = Annotated[str, AfterValidator(_hashed)]
+Options = list[Annotated[str, AfterValidator(_option)]]
+Port = Annotated[int, AfterValidator(_port)]
 
 
 class _Table(BaseModel):
@@ -71,27 +115,63 @@ class _Table(BaseModel):
 
 
 class Router(_Table):
-    """A router: where others reach it, and where it listens."""
+    """A router: where others reach it, and where it listens. ``host`` runs zenohd; without one, a gateway may be it."""
 
     name: Name
     address: Address
-    port: int = Field(default=7447, ge=1, le=65535)
+    port: Port = 7447
     listen: Address = "0.0.0.0"
+    host: Host | None = None
 
 
 class Gateway(_Table):
-    """A gateway: the units that it serves."""
+    """A gateway: the units that it serves, and by which USB serial adapter (its serial number) each is connected.
+
+    ``router`` names the router that this gateway is itself, in a small site without zenohd.
+    """
 
     name: Name
     site: Name
     units: list[Name] = Field(min_length=1)
+    host: Host | None = None
+    site_file: SiteFile | None = None
+    adapters: dict[Name, Adapter] = {}
+    router: Name | None = None
+    options: Options = []
 
 
 class Watcher(_Table):
-    """A mapper, operator, viewer or service: the sites that it is for, or "*"."""
+    """An operator: the sites that it is for, or "*"."""
 
     name: Name
     sites: list[Site] = Field(min_length=1)
+
+
+class Mapper(Watcher):
+    """A mapper of one site, or one of those that share several."""
+
+    host: Host | None = None
+    options: Options = []
+
+
+class Web(_Table):
+    """The page behind Caddy: its name, who may log in (a bcrypt hash each), and who vouches for its certificate."""
+
+    name: Address
+    port: Port = 443
+    certificate: Literal["internal", "acme"] = "internal"
+    users: dict[Name, PasswordHash] = Field(min_length=1)
+
+
+class Viewer(Watcher):
+    """A relay for those who watch; on loopback, behind Caddy where it has a ``web`` table."""
+
+    host: Host | None = None
+    port: Port = 9876
+    web_port: Port = 9090
+    memory_limit: str = Field(default="512MB", pattern=r"^\d+(MB|GB|%)$")
+    web: Web | None = None
+    options: Options = []
 
 
 class Tracked(_Table):
@@ -142,9 +222,9 @@ class Fleet(_Table):
     firmware: Firmware | None = None
     router: list[Router] = Field(min_length=1)
     gateway: list[Gateway] = []
-    mapper: list[Watcher] = []
+    mapper: list[Mapper] = []
     operator: list[Watcher] = []
-    viewer: list[Watcher] = []
+    viewer: list[Viewer] = []
     service: list[Service] = []
 
     def members(self) -> Iterator[Member]:
@@ -163,88 +243,6 @@ class Fleet(_Table):
         """The common names of all certificates, routers' too, but for the generation."""
         return [f"{ROUTER}.{each.name}" for each in self.router] + [member.subject for member in self.members()]
 
-
-def load(path: Path) -> Fleet:
-    """The fleet of a file. Raises FleetFileError."""
-    try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        raise FleetFileError(f"{path} is not there: noctule-deploy init writes an example of one") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise FleetFileError(f"{path} can't be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise FleetFileError(f"{path} is not TOML: {error}") from error
-    try:
-        fleet = Fleet.model_validate(entries)
-    except ValidationError as error:
-        raise FleetFileError(f"{path}: " + "; ".join(_words(each, entries) for each in error.errors())) from error
-    for problem in _contradictions(fleet):
-        raise FleetFileError(f"{path}: {problem}")
-    return fleet
-
-
-def _contradictions(fleet: Fleet) -> Iterator[str]:
-    """What each table may say but not all together."""
-    names = Counter(each.name for kind in _TOP[1:] for each in getattr(fleet, kind))
-    names_of_routers = Counter(each.name for each in fleet.router)
-    for name, count in [*names.items(), *names_of_routers.items()]:
-        if count > 1:
-            yield f"name {name!r} is given {count} times: give each table a name of its own"
-    served = Counter((each.site, unit) for each in fleet.gateway for unit in each.units)
-    for (site, unit), count in served.items():
-        if count > 1:
-            yield f"unit {unit!r} of site {site!r} has {count} gateways: keep it with one"
-    sites = {each.site for each in fleet.gateway}
-    for kind in _TOP[2:]:
-        for number, each in enumerate(getattr(fleet, kind), start=1):
-            for site in each.sites:
-                if site not in sites | {keys.ANY}:
-                    yield f"[[{kind}]] {number}: sites has {site!r}, {_unserved(site, sites)}"
-    for number, service in enumerate(fleet.service, start=1):
-        for tracked in service.tracks:
-            if (tracked.site, tracked.unit) not in served:
-                units = {unit for site, unit in served if site == tracked.site}
-                where = f"unit {tracked.unit!r} of site {tracked.site!r}"
-                yield f"[[service]] {number}: tracks {where}, {_unserved(tracked.unit, units)}"
-
-
-def _unserved(word: str, served: set[str]) -> str:
-    return "which no gateway serves" + (_meant(word, served) or ": add it to a gateway, or correct it")
-
-
-def _words(error: Any, entries: dict[str, Any]) -> str:
-    """One of pydantic's findings as an operator reads it: table, key, what is wrong, what to do."""
-    *above, key = error["loc"]
-    table: Any = entries
-    for step in above:
-        table = table[step]
-    if isinstance(key, int):  # an element of a list
-        above, key = above[:-1], f"{above[-1]}[{key}]"
-    models = {"gateway": Gateway, "router": Router, "service": Service, "firmware": Firmware}
-    model = models.get(str(above[0]), Watcher) if above else Fleet
-    where = _place([*above])
-    match error["type"]:
-        case "extra_forbidden":
-            known = set(model.model_fields)
-            hint = _meant(str(key), known) or f": correct or remove it (known: {', '.join(sorted(known))})"
-            return f"{where}{key} is not known here{hint}"
-        case "missing":
-            near = difflib.get_close_matches(str(key), set(table) - set(model.model_fields), 1, _ALIKE)
-            return f"{where}{key} is missing: add it" + (f" (did you write it as {near[0]}?)" if near else "")
-        case "value_error":
-            return f"{where}{key} is {error['input']!r}: {error['ctx']['error']}"
-    return f"{where}{key} is {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}"
-
-
-def _place(above: list[str | int]) -> str:
-    match above:
-        case []:
-            return ""
-        case [str(kind), int(index), *below]:
-            return f"[[{kind}]] {index + 1}: " + "".join(f"{step}." for step in below if isinstance(step, str))
-    return ".".join(map(str, above)) + ": "
-
-
-def _meant(word: str, known: set[str]) -> str:
-    near = difflib.get_close_matches(word, known, 1, _ALIKE)
-    return f": did you mean {near[0]}?" if near else ""
+    def sites(self) -> list[str]:
+        """The sites that gateways serve, in their order."""
+        return list(dict.fromkeys(each.site for each in self.gateway))

@@ -1,4 +1,4 @@
-"""Everything that a fleet's hosts need, in one folder for each certificate; what is right already is left alone."""
+"""Everything that a fleet needs: a folder for each certificate and each host. What is right already is left alone."""
 
 import json
 from collections.abc import Iterator
@@ -16,11 +16,13 @@ from noctule_deploy.errors import RenderError
 from noctule_deploy.files import make_private_folder, write_atomically
 from noctule_deploy.fleet import ROUTER, Fleet
 from noctule_deploy.generations import Generations, common_name
+from noctule_deploy.host_files import HostFile, host_files, hosts
+from noctule_deploy.hosts import certificate_folder
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a fleet is rendered: ``out`` holds a folder for each certificate, ``ca`` the authority's key."""
+    """Where a fleet is rendered: ``out`` has a folder for each certificate and host, ``ca`` the authority's key."""
 
     out: Path
     ca: Path
@@ -59,11 +61,11 @@ def wanted(fleet: Fleet, known: dict[str, Generations]) -> Iterator[Wanted]:
     firmware = firmware_rules.to_toml(fleet.firmware.rules()).encode() if fleet.firmware else None
     for each in fleet.router:
         subject = f"{ROUTER}.{each.name}"
-        config = as_json(zenoh_config.router(fleet, each, known))
+        config = as_json(zenoh_config.router(fleet, each, known, certificate_folder(fleet, subject)))
         # A gateway of a small site is its own router.
         yield Wanted(common_name(subject, known[subject].newest), (each.address,), config, firmware)
-    config = as_json(zenoh_config.client(fleet))
     for member in fleet.members():
+        config = as_json(zenoh_config.client(fleet, certificate_folder(fleet, member.subject)))
         own = firmware if member.role is Role.GATEWAY else None
         yield Wanted(common_name(member.subject, known[member.subject].newest), (), config, own)
 
@@ -90,9 +92,37 @@ def _write(fleet: Fleet, place: Place, known: dict[str, Generations], now: datet
     issuer = authority.open_or_create(place.ca, now)
     generations.save(place.out, known)  # first: a revocation holds whatever comes after
     valid = timedelta(days=fleet.valid_days)
-    return [
+    touched = [
         place.out / each.common_name for each in wanted(fleet, known) if _write_one(each, place, issuer, now, valid)
     ]
+    return touched + [place.out / host for host in hosts(fleet) if _write_host(fleet, host, place, known)]
+
+
+def host_tree(fleet: Fleet, host: str, place: Place, known: dict[str, Generations]) -> list[HostFile]:
+    """The files of a host with what the folders of its certificates hold. Raises OSError."""
+    folders = {each: place.out / common_name(each, known[each].newest) for each in fleet.subjects()}
+    return host_files(fleet, host, folders)
+
+
+def superfluous(folder: Path, tree: list[HostFile]) -> list[Path]:
+    """Files of an earlier rendering in a host's folder, which must not reach the host."""
+    wanted = {folder / each.path for each in tree}
+    return [each for each in sorted((folder / "etc").rglob("*")) if each.is_file() and each not in wanted]
+
+
+def _write_host(fleet: Fleet, host: str, place: Place, known: dict[str, Generations]) -> bool:
+    folder = place.out / host
+    make_private_folder(folder)
+    tree = host_tree(fleet, host, place, known)
+    touched = False
+    for each in tree:
+        path = folder / each.path
+        make_private_folder(path.parent)
+        touched |= write_atomically(path, each.content, each.mode)
+    for each in superfluous(folder, tree):
+        each.unlink()
+        touched = True
+    return touched
 
 
 def _write_one(wanted: Wanted, place: Place, issuer: authority.Authority, now: datetime, valid: timedelta) -> bool:

@@ -15,24 +15,29 @@ _FOR_EVER = {"timeout_ms": -1, "exit_on_failure": False}
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
 
 
-def client(fleet: Fleet) -> dict[str, Any]:
-    """The configuration of a client: every router is one to fall back on."""
-    endpoints = [_reached(router) for router in fleet.router]
+def client(fleet: Fleet, folder: PurePosixPath) -> dict[str, Any]:
+    """The configuration of a client: every router is one to fall back on. ``folder`` is where its host keeps it."""
+    endpoints = [endpoint(router) for router in fleet.router]
     sides = {"connect": _connect(endpoints), "listen": {"endpoints": []}}
-    return {"mode": "client"} | sides | _common(fleet, {"protocols": ["tls"]}, listens=False)
+    return {"mode": "client"} | sides | _common(folder, {"protocols": ["tls"]}, listens=False)
 
 
-def router(fleet: Fleet, own: Router, generations: dict[str, Generations]) -> dict[str, Any]:
+def router(fleet: Fleet, own: Router, generations: dict[str, Generations], folder: PurePosixPath) -> dict[str, Any]:
     """The configuration of a router, which opens a link to each router above it in the fleet file."""
     above = fleet.router[: fleet.router.index(own)]
-    common = _common(fleet, {"protocols": ["tls"]}, listens=True)
+    common = _common(folder, {"protocols": ["tls"]}, listens=True)
     common["transport"]["unicast"] = {"max_sessions": _MAX_SESSIONS, "accept_pending": _ACCEPT_PENDING}
     return {
         "mode": "router",
         "listen": {"endpoints": [f"tls/{_bracketed(own.listen)}:{own.port}"]},
-        "connect": _connect([_reached(each) for each in above]),
+        "connect": _connect([endpoint(each) for each in above]),
         "access_control": access_control(fleet, generations),
     } | common
+
+
+def endpoint(router: Router) -> str:
+    """Where others reach a router."""
+    return f"tls/{_bracketed(router.address)}:{router.port}"
 
 
 def access_control(fleet: Fleet, generations: dict[str, Generations]) -> dict[str, Any]:
@@ -72,8 +77,7 @@ def _rules(subject: str, rules: Iterable[Rule]) -> list[dict[str, Any]]:
     ]
 
 
-def _common(fleet: Fleet, link: dict[str, Any], listens: bool) -> dict[str, Any]:
-    folder = PurePosixPath(fleet.folder)
+def _common(folder: PurePosixPath, link: dict[str, Any], listens: bool) -> dict[str, Any]:
     certificate, key = str(folder / tls.CERTIFICATE), str(folder / tls.PRIVATE_KEY)
     files: dict[str, Any] = {
         "root_ca_certificate": str(folder / tls.AUTHORITY),
@@ -93,10 +97,6 @@ def _common(fleet: Fleet, link: dict[str, Any], listens: bool) -> dict[str, Any]
 
 def _connect(endpoints: list[str]) -> dict[str, Any]:
     return {"endpoints": endpoints, **_FOR_EVER, "retry": _RETRY}
-
-
-def _reached(router: Router) -> str:
-    return f"tls/{_bracketed(router.address)}:{router.port}"
 
 
 def _bracketed(address: str) -> str:

@@ -30,7 +30,7 @@ def check_fleet(file: Path) -> Iterator[Finding]:
     if program is None:
         yield Finding(Level.WARNING, "fleet file", "noctule-deploy is not installed here: check it where it is")
         return
-    command = [program, "check", "--fleet", str(file), "--out", str(file.parent / "rendered")]
+    command = [program, "check", str(file), "--out", str(file.parent / "rendered")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=_LONGEST_S, check=False)
     level = {0: Level.OK, _EXPIRES_SOON: Level.WARNING}.get(ended.returncode, Level.FAULT)
     for line in (ended.stdout + ended.stderr).splitlines():
