@@ -22,14 +22,17 @@ ENVIRONMENT = os.environ | {"RUST_LOG": "error"}
 class Relay:
     """A relay on a port of its own, up only between start() and kill()."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory_limit: str = "64MB") -> None:
         (self.port,) = free_ports(1)
+        self._memory_limit = memory_limit
         self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        arguments = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", "64MB"]
-        self._process = subprocess.Popen([RERUN, *arguments], env=ENVIRONMENT)
+        arguments = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port)]
+        self._process = subprocess.Popen(
+            [RERUN, *arguments, "--server-memory-limit", self._memory_limit], env=ENVIRONMENT
+        )
         wait_until(lambda: listens(self.port), "the relay does not listen")
 
     def freeze(self) -> None:
@@ -50,9 +53,9 @@ class Relay:
 
 
 @contextmanager
-def relay() -> Iterator[Relay]:
+def relay(memory_limit: str = "64MB") -> Iterator[Relay]:
     """A relay that is not up yet, and surely down at the end."""
-    made = Relay()
+    made = Relay(memory_limit)
     try:
         yield made
     finally:

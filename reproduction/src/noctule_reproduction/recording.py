@@ -11,7 +11,7 @@ from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message, features_message, tile_message
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
 from noctule_mapper.rerun_view.recording import log, map_view
 
 FIGURES = "figures"

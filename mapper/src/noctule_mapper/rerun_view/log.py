@@ -12,7 +12,8 @@ from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, Uni
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view import status as rerun_status
-from noctule_mapper.rerun_view.link import Drawing, Entries, Link, NoLink, RerunLink
+from noctule_mapper.rerun_view.drawing import Drawing, Entries
+from noctule_mapper.rerun_view.link import Link, NoLink, RerunLink
 
 _TRAIL_POSES = 500
 

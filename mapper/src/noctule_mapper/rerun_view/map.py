@@ -21,7 +21,7 @@ from noctule.messages_pb2 import (
 )
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
 
 Colour = tuple[int, int, int]
 

@@ -10,7 +10,7 @@ from noctule.messages_pb2 import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import features_message, tile_message
 from noctule_mapper.rerun_view import map as rerun_map
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
 
 SUMMARY = "summary"
 _CALM = [17, 21, 28]

@@ -4,7 +4,7 @@ import rerun as rr
 
 from noctule import rerun_paths
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
 
 _STATES: dict[int, tuple[str, tuple[int, int, int]]] = {
     UnitStatus.STATE_UNSPECIFIED: ("unknown", (90, 96, 106)),
