@@ -1,8 +1,10 @@
 """What the mapper shows, read back as a viewer is sent it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 
 import cv2
 import numpy as np
@@ -31,17 +33,24 @@ from noctule_mapper.rerun_view.log import RerunLog
 QUARTER_RAD = np.pi / 2
 
 
-@pytest.fixture
-def shown(tmp_path: Path) -> Iterator[tuple[RerunLog, Viewer]]:
-    """A log, and a viewer of it."""
+@contextmanager
+def logged(folder: Path, now: Callable[[], float] = monotonic) -> Iterator[tuple[RerunLog, Viewer]]:
+    """A log by the clock ``now``, and a viewer of it."""
     with relay() as far_end:
         far_end.start()
-        log = RerunLog(far_end.url, "paper-room")
+        log = RerunLog(far_end.url, "paper-room", now)
         try:
-            with viewer(far_end.url, tmp_path) as watching:
+            with viewer(far_end.url, folder) as watching:
                 yield log, watching
         finally:
             log.close()
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Iterator[tuple[RerunLog, Viewer]]:
+    """A log, and a viewer of it."""
+    with logged(tmp_path) as made:
+        yield made
 
 
 def readings(sequence: int, x_m: float) -> SweepReadings:
@@ -183,10 +192,24 @@ def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(sho
     ]
     states = watching.values(rerun_paths.unit_state("u1"), "StateChange:state", rows=4)
     assert states == [["sweeping"], ["fault"], ["idle"], ["disconnected"]]
-    assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars", rows=7) == [[2.0]] * 7
 
 
-def test_the_mappers_figures_come_with_a_heartbeat_that_says_the_hour(shown: tuple[RerunLog, Viewer]) -> None:
+def test_figures_that_come_each_second_are_drawn_every_ten_and_counters_only_when_they_change(tmp_path: Path) -> None:
+    now_s = 0
+    with logged(tmp_path, lambda: now_s) as (log, watching):
+        for now_s in range(61):
+            log.show_unit_status(status(UnitStatus.STATE_SWEEPING))
+            log.show_service_status(ServiceStatus(counters={"contours": now_s // 20, "sweeps_unusable": 0}), "5 walls")
+        log.show_event("the end")
+        watching.wait_for(rerun_paths.LOG)
+        assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars") == [[2.0]] * 7
+        contours = watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars")
+        assert contours == [[0.0], [1.0], [2.0], [3.0]]
+        assert watching.values(rerun_paths.mapper_counter("sweeps_unusable"), "Scalars:scalars") == [[0.0]]
+        assert len(watching.values(rerun_paths.HEARTBEAT, "TextDocument:text")) == 7
+
+
+def test_the_mappers_figures_come_with_a_heading_that_says_what_the_map_holds(shown: tuple[RerunLog, Viewer]) -> None:
     log, watching = shown
     log.show_service_status(ServiceStatus(site="paper-room", counters={"contours": 12}), "5 walls")
     assert watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars") == [[12.0]]

@@ -4,7 +4,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from datetime import datetime
-from time import time
+from time import monotonic, time
 from typing import Any
 
 from noctule import keys, poses, rerun_paths
@@ -14,6 +14,7 @@ from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view import status as rerun_status
 from noctule_mapper.rerun_view.drawing import Drawing, Entries
 from noctule_mapper.rerun_view.link import Link, NoLink, RerunLink
+from noctule_mapper.rerun_view.thinning import Thinning
 
 _TRAIL_POSES = 500
 
@@ -24,7 +25,7 @@ class RerunLog:
     The time of what was measured is the sweep's; the time of what the mapper says of itself and of units is the host's.
     """
 
-    def __init__(self, url: str | None, site: str) -> None:
+    def __init__(self, url: str | None, site: str, now: Callable[[], float] = monotonic) -> None:
         """``site`` names the recording, so that a restarted mapper goes on with it; without ``url`` nothing is shown.
 
         Raises RelayAddressError.
@@ -35,6 +36,7 @@ class RerunLog:
         self._poses: dict[str, tuple[float, float, float]] = {}  # of units whose stated pose is unknown
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
+        self._thinning = Thinning(now)
 
     def recall_sweep(self, readings: SweepReadings) -> None:
         """Take note of a sweep from before a restart: it has been shown."""
@@ -76,8 +78,9 @@ class RerunLog:
     def show_unit_status(self, status: UnitStatus) -> None:
         """A unit's state and clock, and in the log what it tells its operator."""
         now_s = time()
-        if status.state != UnitStatus.STATE_DISCONNECTED:
-            self._show(rerun_paths.unit_clock_error(status.unit), now_s, rerun_status.draw_clock, status)
+        clock = rerun_paths.unit_clock_error(status.unit)
+        if status.state != UnitStatus.STATE_DISCONNECTED and self._thinning.is_due(clock):
+            self._show(None, now_s, rerun_status.draw_clock, status)
         if self._states.get(status.unit) != status.state:
             self._states[status.unit] = status.state
             self._show(rerun_paths.unit_state(status.unit), now_s, rerun_status.draw_state, status)
@@ -88,10 +91,13 @@ class RerunLog:
             self._show(None, now_s, rerun_status.draw_event, rerun_paths.unit_log(status.unit), text, level)
 
     def show_service_status(self, status: ServiceStatus, summary: str) -> None:
-        """The mapper's own figures and, in a line, what its map holds; called each second, as a heartbeat."""
+        """The mapper's own figures and, in a line, what its map holds and at what hour; called each second."""
+        if not self._thinning.is_due(rerun_paths.HEARTBEAT):
+            return
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"
-        self._show(rerun_paths.HEARTBEAT, time(), rerun_status.draw_service, status, heading)
+        counters = self._thinning.changed(status.counters)
+        self._show(None, time(), rerun_status.draw_service, heading, counters)
 
     def show_event(self, text: str, level: str = "INFO") -> None:
         """A line in the log of events; ``level`` as INFO, WARN or ERROR."""
