@@ -24,6 +24,8 @@ from noctule import bus, rerun_paths
 from noctule.client import Client
 from noctule.messages_pb2 import GridTile, ServiceStatus
 from noctule_mapper.rerun_view.map import draw_tile
+from noctule_viewer import memory_limit
+from noctule_viewer.memory_limit import MemoryLimitError
 from noctule_viewer.relay import RERUN, Relay
 
 WALL, CYLINDER = (255, 255, 255), (255, 140, 66)
@@ -206,6 +208,24 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
     second = run_viewer("run", "--port", str(relay.port), "--web-port", str(relay.web_port))
     assert second.returncode == 1
     assert f"can't listen on 127.0.0.1:{relay.port} (Address already in use): name another port" in second.stderr
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ("lots", "--memory-limit 'lots' is no amount of memory: write it like 64MB or 1GB"),
+        ("64", "--memory-limit '64' is no amount of memory: write it like 64MB or 1GB"),
+        ("1MB", "--memory-limit 1MB is too little to keep a map: at least 8MB"),
+    ],
+)
+def test_a_memory_limit_that_is_none_is_refused_before_anything_is_started(limit: str, told: str) -> None:
+    with pytest.raises(MemoryLimitError, match=re.escape(told)):
+        memory_limit.checked(limit)
+
+
+@pytest.mark.parametrize("limit", ["64MB", "8 MB", "1.5GB", "64MiB"])
+def test_a_memory_limit_may_be_written_as_rerun_takes_it(limit: str) -> None:
+    assert memory_limit.checked(limit) == limit
 
 
 def test_where_there_is_no_screen_the_address_is_told() -> None:

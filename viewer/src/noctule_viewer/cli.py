@@ -13,13 +13,14 @@ from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
+from noctule_viewer import memory_limit as memory_limits
 from noctule_viewer.presence import Presence
 from noctule_viewer.relay import RERUN, Relay, environment
 
 _log = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
-_DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit="512MB")
+_DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit=memory_limits.DEFAULT)
 
 
 @app.callback()
@@ -34,9 +35,9 @@ def run(
     ] = (_DEFAULT.bind),
     port: Annotated[int, typer.Option(help="Port for mappers and native viewers.")] = _DEFAULT.port,
     web_port: Annotated[int, typer.Option(help="Port of the page for browsers.")] = _DEFAULT.web_port,
-    memory_limit: Annotated[str, typer.Option(help="How much history to keep for viewers that come later.")] = (
-        _DEFAULT.memory_limit
-    ),
+    memory_limit: Annotated[
+        str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.5 times as much.")
+    ] = _DEFAULT.memory_limit,
     site: Annotated[
         str | None, typer.Option(help="Show the relay's status among this site's services, on the bus.")
     ] = None,
@@ -60,7 +61,6 @@ def run(
     """Run the relay and print the address to open."""
     logs.set_up(log_format)
     ending = Ending()
-    relay = Relay(bind, port, web_port, memory_limit)
 
     def announce() -> None:
         if log_format is LogFormat.JSON:
@@ -69,6 +69,7 @@ def run(
             print(f"Watch the map at {relay.page}", flush=True)
 
     try:
+        relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
         if site is None:
             status = relay.run(announce, metrics, ending)
