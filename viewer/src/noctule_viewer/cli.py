@@ -3,6 +3,8 @@
 import logging
 import os
 import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -14,6 +16,7 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
 from noctule_viewer import memory_limit as memory_limits
+from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.presence import Presence
 from noctule_viewer.relay import RERUN, Relay, environment
 
@@ -39,7 +42,7 @@ def run(
         str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.5 times as much.")
     ] = _DEFAULT.memory_limit,
     site: Annotated[
-        str | None, typer.Option(help="Show the relay's status among this site's services, on the bus.")
+        str | None, typer.Option(help="Watch this site on the bus: alarms and a table of its units, beside the map.")
     ] = None,
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
@@ -74,8 +77,7 @@ def run(
         if site is None:
             status = relay.run(announce, metrics, ending)
         else:
-            with Presence(site, connect or [], tls_folder) as presence:
-                status = relay.run(announce, metrics, ending, presence.put)
+            status = _run_watching(site, connect or [], tls_folder, relay, announce, metrics, ending)
     except NoctuleError as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -98,6 +100,28 @@ def open_(
         return
     shown = str(recording.resolve()) if recording else url
     os.execve(RERUN, [str(RERUN), shown, "--bind", "127.0.0.1", "--port", "0"], environment())
+
+
+def _run_watching(
+    site: str,
+    connect: Sequence[str],
+    tls_folder: Path | None,
+    relay: Relay,
+    announce: Callable[[], object],
+    metrics: str | None,
+    ending: Ending,
+) -> int:
+    """Run the relay, on the bus of ``site``, with a board of how the site fares. Returns the relay's exit status."""
+    from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import, and only this needs it
+
+    state = SiteState()
+    with Presence(site, state, connect, tls_folder) as presence, ExitStack() as closing:
+
+        def begin() -> None:
+            closing.enter_context(Board(relay.url, site, state))
+            announce()
+
+        return relay.run(begin, metrics, ending, presence.put)
 
 
 def _without_screen(recording: Path | None, url: str) -> str:
