@@ -89,6 +89,20 @@ class Viewer:
             return [store.application_id for store in rerun.chunk.RrdReader(self._file).blueprints()]
         return []
 
+    def names_in_layouts(self) -> set[str]:
+        """The names of views and tabs in the layouts it has been sent."""
+        names: set[str] = set()
+        if not self._file.exists() or self._file.stat().st_size == 0:
+            return names
+        with warnings.catch_warnings(action="ignore"), suppress(RuntimeError, ValueError):  # as in seen()
+            reader = rerun.chunk.RrdReader(self._file)
+            for store in reader.blueprints():
+                for chunk in reader.stream(store=store).to_chunks():
+                    batch = chunk.to_record_batch()
+                    for column in filter(lambda name: name.endswith("display_name"), batch.schema.names):
+                        names.update(name for row in batch.column(column).to_pylist() for name in row)
+        return names
+
     def wait_for(self, path: str, rows: int = 1) -> list[rerun.chunk.Chunk]:
         """The chunks of an entity once it has that many rows."""
 

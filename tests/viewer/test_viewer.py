@@ -15,14 +15,15 @@ import numpy as np
 import psutil
 import pytest
 import rerun as rr
+from mapper.rerun_relay import Viewer
 from mapper.rerun_relay import viewer as late_joiner
 from PIL import Image
 from rerun.experimental import ViewerClient
 from system.processes import Programs, free_ports, listens, programs, wait_until
 
-from noctule import bus, rerun_paths
+from noctule import bus, keys, rerun_paths
 from noctule.client import Client
-from noctule.messages_pb2 import GridTile, ServiceStatus
+from noctule.messages_pb2 import GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer import memory_limit
 from noctule_viewer.memory_limit import MemoryLimitError
@@ -125,6 +126,36 @@ def test_the_relay_shows_its_status_on_the_bus_of_a_site_where_it_is_given_one(r
         wait_until(lambda: got, "no status came")
         assert (got[0].site, got[0].name, got[0].role, got[0].detail) == ("house", "viewer", "viewer", "")
         running.end("viewer")
+
+
+def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_gets_its_tab(
+    running: Programs, tmp_path: Path
+) -> None:
+    (port,) = free_ports(1)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with bus.open_session(listen=[endpoint]) as session:
+        relay = start_relay(running, "--site", "house", "--connect", endpoint)
+        with late_joiner(relay.url, tmp_path) as watching:
+            wait_for_text(watching, rerun_paths.ALARMS, "no mapper maps this site")
+            token = session.liveliness().declare_token(keys.alive("house", "u1"))
+            publisher = bus.StatePublisher(session, keys.unit_status("house", "u1"), UnitStatus)
+            publisher.put(UnitStatus(site="house", unit="u1", state=UnitStatus.STATE_FAULT, detail="it is stuck"))
+            wait_for_text(watching, rerun_paths.UNITS_TABLE, "| u1 | **NEEDS ATTENTION** fault: it is stuck |")
+            wait_for_text(watching, rerun_paths.unit_sheet("u1"), "### u1 — needs attention")
+            wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab", within_s=60)
+            token.undeclare()
+            publisher.close()
+            wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1 no gateway serves it")
+        running.end("viewer")
+
+
+def wait_for_text(watching: Viewer, path: str, words: str) -> None:
+    wait_until(
+        lambda: any(words in text for (text,) in watching.values(path, "TextDocument:text")),
+        f"{path} does not say {words!r}",
+        within_s=60,
+        every_s=0.5,
+    )
 
 
 def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) -> None:

@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from collections import deque
 from collections.abc import Callable
 from time import monotonic
 from typing import Self
@@ -19,8 +20,9 @@ from noctule_viewer.board.unit_health import UnitHealth, UnitsHealth
 _ALARMS_EVERY_S = 1.0
 _UNITS_EVERY_S = 3.0
 _TEMPERATURES_EVERY_S = 10.0
-_SCALE_EVERY_S = 60.0
-_LAYOUT_EVERY_S = 10.0  # a relay forgets no layout
+_LAYOUT_EVERY_S = 10.0
+# A relay forgets no layout, and one of twenty units takes a megabyte.
+_MOST_LAYOUTS, _MOST_LAYOUTS_IN_S = 12, 6 * 3_600.0
 _FLUSH_TIMEOUT_S = 5.0
 _END_WITHIN_S = 2.0
 
@@ -35,6 +37,7 @@ class Board:
         self._health = UnitsHealth()
         self._box: MapBox | None = None
         self._layout: Layout | None = None
+        self._laid_out_s: deque[float] = deque(maxlen=_MOST_LAYOUTS)
         self._due_s: dict[str, float] = {}
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
@@ -85,14 +88,22 @@ class Board:
         self._lay_out(recording, units, heard)
 
     def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
-        if heard.contour is not None:
-            self._box = map_box.shown(heard.contour, self._box)
+        self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
         wanted = Layout(tuple(unit.unit for unit in units), self._box)
-        if wanted != self._layout and self._is_due(_LAYOUT_EVERY_S, "layout"):
+        if wanted != self._layout and self._may_lay_out():
             self._layout = wanted
             recording.send_blueprint(wanted.blueprint(), make_active=True, make_default=True)
             if self._box is not None:
                 _log_entries(recording, drawing.draw_scale(self._box), static=True)
+
+    def _may_lay_out(self) -> bool:
+        now_s = monotonic()
+        if len(self._laid_out_s) == _MOST_LAYOUTS and now_s - self._laid_out_s[0] < _MOST_LAYOUTS_IN_S:
+            return False
+        if not self._is_due(_LAYOUT_EVERY_S, "layout"):
+            return False
+        self._laid_out_s.append(now_s)
+        return True
 
     def _at_most_every(self, interval_s: float, what: str, draw: Callable[[], None]) -> None:
         if self._is_due(interval_s, what):

@@ -5,7 +5,7 @@ from functools import partial
 
 import rerun as rr
 
-from noctule import poses, rerun_paths
+from noctule import rerun_paths
 from noctule_viewer.board import documents, map_box
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard
@@ -16,6 +16,7 @@ Entries = Iterable[tuple[str, rr.AsComponents]]
 _markdown = partial(rr.TextDocument, media_type="text/markdown")
 _MARKS = {Health.ATTENTION: (255, 176, 32), Health.AWAY: (235, 64, 64)}
 _LINE, _LINE_LABEL = (44, 52, 66), (120, 130, 146)
+_LABEL_INSET = 0.03  # of the map's larger side
 _SCALE_ORDER, _MARK_ORDER = 1.0, 39.0  # above the grid's tiles; below the units' own dots
 
 
@@ -41,33 +42,35 @@ def draw_temperatures(units: Sequence[UnitHealth]) -> Entries:
 
 
 def draw_scale(box: MapBox) -> Entries:
-    """Lines at whole metres, or what fits the map, with their coordinates at the left and the lower edge."""
+    """Lines at whole metres, or what fits the map, with their coordinates near the left and the lower edge."""
     spacing_m = map_box.line_spacing_m(box)
     across = map_box.multiples(box.left_m, box.right_m, spacing_m)
     up = map_box.multiples(box.bottom_m, box.top_m, spacing_m)
     lines = [[(x_m, box.bottom_m), (x_m, box.top_m)] for x_m in across]
     lines += [[(box.left_m, y_m), (box.right_m, y_m)] for y_m in up]
-    yield rerun_paths.SCALE, rr.LineStrips2D(lines, colors=[_LINE], radii=rr.Radius.ui_points(0.5), draw_order=1.0)
-    ends = [(x_m, box.bottom_m) for x_m in across] + [(box.left_m, y_m) for y_m in up]
     yield (
         rerun_paths.SCALE,
-        rr.Points2D(
-            ends,
-            colors=[_LINE_LABEL],
-            radii=rr.Radius.ui_points(1.0),
-            labels=[f"{coordinate_m:g} m" for coordinate_m in (*across, *up)],
-            show_labels=True,
-            draw_order=_SCALE_ORDER,
-        ),
+        rr.LineStrips2D(lines, colors=[_LINE], radii=rr.Radius.ui_points(0.5), draw_order=_SCALE_ORDER),
     )
+    # A view cuts labels off at its edge.
+    left_m, bottom_m = (edge_m + _LABEL_INSET * box.side_m for edge_m in (box.left_m, box.bottom_m))
+    below = [(x_m, bottom_m, x_m) for x_m in across if x_m > left_m]
+    beside = [(left_m, y_m, y_m) for y_m in up if y_m > bottom_m]
+    labels = rr.Points2D(
+        [(x_m, y_m) for x_m, y_m, _ in (*below, *beside)],
+        colors=[_LINE_LABEL],
+        radii=rr.Radius.ui_points(1.0),
+        labels=[f"{coordinate_m:g} m" for *_, coordinate_m in (*below, *beside)],
+        show_labels=True,
+        draw_order=_SCALE_ORDER,
+    )
+    yield rerun_paths.SCALE, labels
 
 
 def _marks(units: Sequence[UnitHealth], heard: Heard) -> rr.Points2D:
-    contour = heard.contour
-    placed = {pose.unit: pose for pose in contour.poses if poses.is_placed(pose)} if contour is not None else {}
-    unwell = [unit for unit in units if unit.health in _MARKS and unit.unit in placed]
+    unwell = [unit for unit in units if unit.health in _MARKS and unit.unit in heard.stands_m]
     return rr.Points2D(
-        [(placed[unit.unit].x_m, placed[unit.unit].y_m) for unit in unwell],
+        [heard.stands_m[unit.unit] for unit in unwell],
         colors=[_MARKS[unit.health] for unit in unwell],
         radii=rr.Radius.ui_points(11.0),
         draw_order=_MARK_ORDER,

@@ -8,6 +8,8 @@ from noctule import rerun_paths
 from noctule_viewer import blueprint
 from noctule_viewer.board.map_box import MapBox
 
+_SHOW_RAYS_OF = 4  # units; the rays of more hide the map, and each unit's own tab shows them
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -25,7 +27,9 @@ class Layout:
     def _site(self) -> rrb.Horizontal:
         table = rrb.TextDocumentView(origin=f"/{rerun_paths.UNITS_TABLE}", name="Units")
         beside = rrb.Vertical(table, blueprint.events_view(), row_shares=[3, 1])
-        return rrb.Horizontal(self._map([f"/{rerun_paths.WORLD}/**"], "Map"), beside, column_shares=[5, 4], name="Site")
+        rays = [f"- /{rerun_paths.unit_rays(unit)}" for unit in self.units] if len(self.units) > _SHOW_RAYS_OF else []
+        world = self._map([f"/{rerun_paths.WORLD}/**", *rays], "Map")
+        return rrb.Horizontal(world, beside, column_shares=[5, 4], name="Site")
 
     def _unit(self, unit: str) -> rrb.Horizontal:
         own = [f"/{rerun_paths.unit_pose(unit)}/**", f"/{rerun_paths.unit_clock_error(unit)}"]

@@ -1,11 +1,12 @@
 """The part of the site's plane that the viewer shows: fixed, so that neither time travel nor a sweep moves the map."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor, log10
 
-from noctule import poses
 from noctule.messages_pb2 import Contour
+
+Point = tuple[float, float]
 
 _MARGIN = 0.12  # of the larger side
 _LEAST_MARGIN_M = 0.4
@@ -37,9 +38,11 @@ class MapBox:
         return max(self.right_m - self.left_m, self.top_m - self.bottom_m)
 
 
-def shown(contour: Contour, before: MapBox | None) -> MapBox | None:
-    """What to show of ``contour``: as ``before`` while it fits well enough; None where there is nothing to show."""
-    points_m = _points_m(contour)
+def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | None) -> MapBox | None:
+    """What to show of ``contour`` and units that stand at ``units_m``: as ``before`` while it fits well enough; None
+    where there is nothing to show.
+    """
+    points_m = [*units_m, *(_points_m(contour) if contour is not None else ())]
     if not points_m:
         return before
     xs, ys = zip(*points_m, strict=True)
@@ -62,12 +65,11 @@ def multiples(first_m: float, last_m: float, spacing_m: float) -> list[float]:
     return [number * spacing_m for number in range(ceil(first_m / spacing_m), floor(last_m / spacing_m) + 1)]
 
 
-def _points_m(contour: Contour) -> Sequence[tuple[float, float]]:
+def _points_m(contour: Contour) -> list[Point]:
     walls = [(end.x_m, end.y_m) for wall in contour.walls for end in (wall.start, wall.end)]
     circles = [
         (cylinder.x_m + side * cylinder.radius_m, cylinder.y_m + side * cylinder.radius_m)
         for cylinder in contour.cylinders
         for side in (-1, 1)
     ]
-    units = [(pose.x_m, pose.y_m) for pose in contour.poses if poses.is_placed(pose)]
-    return [*walls, *circles, *units]
+    return [*walls, *circles]

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import monotonic, time
 
+from noctule import poses
 from noctule.messages_pb2 import Contour, ServiceStatus, Sweep, UnitStatus
 
 _MOST_UNITS = 1_000  # as strangers could name them
@@ -21,6 +22,7 @@ class Heard:
     services: dict[str, ServiceStatus] = field(default_factory=dict)
     service_silent_s: dict[str, float] = field(default_factory=dict)
     swept_s: dict[str, float] = field(default_factory=dict)  # UTC: when the last sweep was made
+    stands_m: dict[str, tuple[float, float]] = field(default_factory=dict)  # where: as the contour has it, or the sweep
     contour: Contour | None = None
     own_trouble: str = ""  # of the viewer's own way over the bus
 
@@ -41,6 +43,7 @@ class SiteState:
         self._services: dict[str, ServiceStatus] = {}
         self._service_heard_s: dict[str, float] = {}
         self._swept_s: dict[str, float] = {}
+        self._stated_m: dict[str, tuple[float, float]] = {}
         self._contour: Contour | None = None
         self._own_trouble = "the viewer waits for a router"
 
@@ -71,6 +74,8 @@ class SiteState:
         """A sweep as it was made."""
         with self._lock:
             self._note_swept(sweep.unit, sweep.start.ToNanoseconds() / 1e9)
+            if sweep.HasField("pose") and not poses.is_unknown(sweep.pose) and sweep.unit in self._swept_s:
+                self._stated_m[sweep.unit] = sweep.pose.x_m, sweep.pose.y_m
 
     def note_contour(self, contour: Contour) -> None:
         """The site's newest contour."""
@@ -94,6 +99,7 @@ class SiteState:
                 services=dict(self._services),
                 service_silent_s={name: now_s - heard_s for name, heard_s in self._service_heard_s.items()},
                 swept_s=dict(self._swept_s),
+                stands_m=self._stated_m | _placed_m(self._contour),
                 contour=self._contour,
                 own_trouble=self._own_trouble,
             )
@@ -101,3 +107,8 @@ class SiteState:
     def _note_swept(self, unit: str, swept_s: float) -> None:
         if unit in self._swept_s or len(self._swept_s) < _MOST_UNITS:
             self._swept_s[unit] = max(swept_s, self._swept_s.get(unit, 0.0))
+
+
+def _placed_m(contour: Contour | None) -> dict[str, tuple[float, float]]:
+    placed = [pose for pose in contour.poses if poses.is_placed(pose)] if contour is not None else []
+    return {pose.unit: (pose.x_m, pose.y_m) for pose in placed}
