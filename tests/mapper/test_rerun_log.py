@@ -177,6 +177,29 @@ def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog,
     assert unknown_alpha == 0
 
 
+def test_free_space_beyond_a_wall_is_dark_once_the_wall_is_found_and_occupied_cells_stay(tmp_path: Path) -> None:
+    now_s, path = 0.0, rerun_paths.grid_tile("0_0")
+    tile = GridTile(cell_m=0.1, columns=10, rows=1, free=bytes([240] * 9 + [0]), occupied=bytes([0] * 9 + [240]))
+    with logged(tmp_path, lambda: now_s) as (log, watching):
+        log.show_sweep(readings(1, x_m=0.05))
+        log.show_tiles([tile])
+        log.show_contour(Contour(walls=[Wall(start=Point(x_m=0.5, y_m=-3.0), end=Point(x_m=0.5, y_m=3.0))]))
+        for passed_s in (0.0, 10.0, 20.0):  # drawn again once, though it is looked at every ten seconds
+            now_s = passed_s
+            log.show_service_status(ServiceStatus(), "1 wall")
+        log.show_event("the end")
+        watching.wait_for(rerun_paths.LOG)
+        first, second = watching.values(path, "EncodedImage:blob", rows=2)
+    assert [bool(alpha) for alpha in alphas(first)] == [True] * 10
+    assert [bool(alpha) for alpha in alphas(second)] == [True] * 6 + [False] * 3 + [True]  # the wall's cell is room
+
+
+def alphas(blob: list) -> list[int]:
+    image = cv2.imdecode(np.array(blob[0], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return image[0, :, 3].tolist()
+
+
 def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(shown: tuple[RerunLog, Viewer]) -> None:
     log, watching = shown
     for _ in range(3):

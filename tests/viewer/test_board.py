@@ -159,7 +159,7 @@ def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Si
 
 def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:
     layout = Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0)).blueprint()
-    alarms, tabs = views(layout.root_container)
+    _, tabs = views(layout.root_container)
     assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures"]
     maps = [views(tab)[0] for tab in views(tabs)[:3]]
     assert [map_view.name for map_view in maps] == ["Map", "Last sweep", "Last sweep"]

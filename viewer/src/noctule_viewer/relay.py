@@ -97,9 +97,11 @@ class Relay:
         with _process(self._command(files_port)) as relay:
             _wait_until_listening(relay, self.bind, (self.port, files_port))
             self._send_layout()
-            with page.serving((self.bind, self.web_port), (self.bind, files_port), f"http://{self.bind}:{self.port}"):
+            pulse, address = Pulse(self.bind, files_port), (self.bind, self.web_port)
+            data = f"http://{self.bind}:{self.port}"
+            with page.serving(address, (self.bind, files_port), data, lambda: pulse.beats):
                 announce()
-                return self._look_after(relay, Pulse(self.bind, files_port), metrics_at, ending, show)
+                return self._look_after(relay, pulse, metrics_at, ending, show)
 
     def _look_after(
         self,

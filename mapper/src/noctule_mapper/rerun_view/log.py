@@ -14,6 +14,7 @@ from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view import status as rerun_status
 from noctule_mapper.rerun_view.drawing import Drawing, Entries
 from noctule_mapper.rerun_view.link import Link, NoLink, RerunLink
+from noctule_mapper.rerun_view.sight import Sight, sight
 from noctule_mapper.rerun_view.thinning import Thinning
 
 _TRAIL_POSES = 500
@@ -36,6 +37,9 @@ class RerunLog:
         self._poses: dict[str, tuple[float, float, float]] = {}  # of units whose stated pose is unknown
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
+        self._tiles: dict[tuple[int, int], GridTile] = {}
+        self._contour = Contour()
+        self._seen: Sight | None = None
         self._thinning = Thinning(now)
 
     def recall_sweep(self, readings: SweepReadings) -> None:
@@ -64,6 +68,7 @@ class RerunLog:
             pose.unit: (pose.x_m, pose.y_m, pose.heading_rad) for pose in contour.poses if poses.is_placed(pose)
         }
         self._show("contour", _seconds(contour), rerun_map.draw_contour, contour)
+        self._contour = contour
 
     def show_features(self, features: Features) -> None:
         """Feature points by kind."""
@@ -72,8 +77,8 @@ class RerunLog:
     def show_tiles(self, tiles: Iterable[GridTile]) -> None:
         """Those tiles of the reliability grid that have changed."""
         for tile in tiles:
-            path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
-            self._show(path, _seconds(tile), rerun_map.draw_tile, tile)
+            self._tiles[tile.tile_x, tile.tile_y] = tile
+            self._show_tile(tile)
 
     def show_unit_status(self, status: UnitStatus) -> None:
         """A unit's state and clock, and in the log what it tells its operator."""
@@ -91,13 +96,16 @@ class RerunLog:
             self._show(None, now_s, rerun_status.draw_event, rerun_paths.unit_log(status.unit), text, level)
 
     def show_service_status(self, status: ServiceStatus, summary: str) -> None:
-        """The mapper's own figures and, in a line, what its map holds and at what hour; called each second."""
+        """The mapper's own figures, in a line what its map holds and at what hour, and the grid where walls have moved;
+        called each second.
+        """
         if not self._thinning.is_due(rerun_paths.HEARTBEAT):
             return
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"
         counters = self._thinning.changed(status.counters)
         self._show(None, time(), rerun_status.draw_service, heading, counters)
+        self._look_again()
 
     def show_event(self, text: str, level: str = "INFO") -> None:
         """A line in the log of events; ``level`` as INFO, WARN or ERROR."""
@@ -110,6 +118,25 @@ class RerunLog:
     def close(self) -> None:
         """Show no more."""
         self._link.close()
+
+    def _look_again(self) -> None:
+        """Draw the grid's free space up to the contour's walls, if that is not where it ends already."""
+        tiles = list(self._tiles.copy().values())
+        if not tiles:
+            return
+        trails = [place for trail in self._trails.copy().values() for place in trail.copy()]
+        placed = [(x_m, y_m) for x_m, y_m, _ in self._poses.values()]
+        cell_m = tiles[0].cell_m
+        seen = sight(self._contour, [*trails, *placed], cell_m)
+        if seen is self._seen or (seen is not None and seen.is_near(self._seen, within_m=cell_m)):
+            return
+        self._seen = seen
+        for tile in tiles:
+            self._show_tile(tile)
+
+    def _show_tile(self, tile: GridTile) -> None:
+        path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
+        self._show(path, _seconds(tile), rerun_map.draw_tile, tile, self._seen)
 
     def _show(self, subject: str | None, time_s: float, draw: Callable[..., Entries], *arguments: Any) -> None:
         sweep = sum(self._sequences.copy().values())

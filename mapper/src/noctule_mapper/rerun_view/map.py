@@ -22,6 +22,7 @@ from noctule.messages_pb2 import (
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.drawing import Entries
+from noctule_mapper.rerun_view.sight import Sight
 
 Colour = tuple[int, int, int]
 
@@ -108,11 +109,15 @@ def draw_features(features: Features) -> Entries:
     yield rerun_paths.FEATURES, points
 
 
-def draw_tile(tile: GridTile) -> Entries:
-    """A tile of the reliability grid: free space lit faintly, occupied cells brightly, unknown ones left dark."""
+def draw_tile(tile: GridTile, seen: Sight | None = None) -> Entries:
+    """A tile of the reliability grid: free space lit faintly where it is ``seen``, occupied cells brightly, and unknown
+    ones left dark.
+    """
     path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
     yield path, rr.Transform3D(translation=[tile.x_m, tile.y_m, 0.0], scale=tile.cell_m)
-    image = rr.EncodedImage(contents=_png(tile), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER)
+    image = rr.EncodedImage(
+        contents=_png(tile, seen), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER
+    )
     yield path, image
 
 
@@ -255,12 +260,14 @@ def _error_m(pose: UnitPose) -> list[np.ndarray]:
     return [ellipse, np.array([first, here, last])]
 
 
-def _png(tile: GridTile) -> bytes:
+def _png(tile: GridTile, seen: Sight | None) -> bytes:
     """(rows, columns) masses to an RGBA image with row 0 first."""
     free, occupied = (
         np.frombuffer(masses, np.uint8).reshape(tile.rows, tile.columns) // _LEVEL * _LEVEL / 255.0
         for masses in (tile.free, tile.occupied)
     )
+    if seen is not None:
+        free = np.where(seen.cells(tile), free, 0.0)
     known = np.maximum(free + occupied, 1e-9)
     colour = (free[..., None] * _FREE + occupied[..., None] * _OCCUPIED) / known[..., None]
     alpha = 255.0 * np.clip(0.55 * free + occupied, 0.0, 1.0)

@@ -11,6 +11,7 @@ from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import features_message, tile_message
 from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view.drawing import Entries
+from noctule_mapper.rerun_view.sight import sight
 
 SUMMARY = "summary"
 _CALM = [17, 21, 28]
@@ -50,7 +51,9 @@ def map_view() -> rrb.Spatial2DView:
 
 
 def _map(mapper: Mapper, contour: Contour) -> list[Entries]:
-    tiles = [rerun_map.draw_tile(tile_message(tile, contour.site)) for tile in mapper.grid.tiles()]
+    places_m = [(sweep.x_m, sweep.y_m) for sweep in mapper.sweeps() if not sweep.pose_is_unknown]
+    seen = sight(contour, places_m, mapper.config.grid.cell_m)
+    tiles = [rerun_map.draw_tile(tile_message(tile, contour.site), seen) for tile in mapper.grid.tiles()]
     features = rerun_map.draw_features(features_message(mapper.feature_points(), contour.site))
     echoes = rerun_map.draw_echoes(mapper.sweeps())
     return [rerun_map.draw_frame(), *tiles, echoes, features, rerun_map.draw_contour(contour)]
