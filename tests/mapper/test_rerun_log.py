@@ -84,8 +84,7 @@ def test_walls_bear_their_lengths_and_cylinders_their_radii(shown: tuple[RerunLo
     )
     log.show_contour(contour)
     assert watching.values(rerun_paths.WALLS, "LineStrips2D:strips") == [[[[0.0, 0.0], [3.0, 4.0]]]]
-    assert watching.values(rerun_paths.WALLS, "LineStrips2D:labels") == [["5.00 m"]]
-    assert watching.values(rerun_paths.CYLINDERS, "Points2D:labels") == [["r 0.45 m"]]
+    assert watching.values(rerun_paths.LABELS, "Points2D:labels") == [["r 0.45 m", "5.00 m"]]
     assert watching.values(rerun_paths.CYLINDERS, "Ellipses2D:half_sizes") == [[pytest.approx([0.448, 0.448])]]
 
 
@@ -96,8 +95,7 @@ def test_a_touch_is_a_bar_across_its_direction_that_bears_what_it_may_be(shown: 
     log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0), chance=0.997)], touches=[touch]))
     ((bar,),) = watching.values(rerun_paths.TOUCHES, "LineStrips2D:strips")
     assert bar == [pytest.approx([2.0, 0.95]), pytest.approx([2.0, 1.05])]
-    assert watching.values(rerun_paths.TOUCHES, "LineStrips2D:labels") == [["wall? 50 %"]]
-    assert watching.values(rerun_paths.WALLS, "LineStrips2D:labels") == [["1.00 m, 99.7 %"]]
+    assert watching.values(rerun_paths.LABELS, "Points2D:labels") == [["1.00 m, 99.7 %", "wall? 50 %"]]
 
 
 def test_a_unit_has_an_ellipse_of_its_error_and_a_wrong_one_is_named_and_tied_to_its_stated_place(
@@ -160,6 +158,8 @@ def test_a_unit_leaves_a_trail_that_outlives_a_restart(shown: tuple[RerunLog, Vi
     batch = chunk.to_record_batch()
     assert batch.column("time").to_pylist()[0].timestamp() == 2_002.0
     assert batch.column("sweep").to_pylist() == [2]
+    (names,) = watching.wait_for(rerun_paths.LABELS)
+    assert names.to_record_batch().column("time").to_pylist()[0].timestamp() == 2_002.0, "no label of 1970"
 
 
 def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog, Viewer]) -> None:

@@ -16,6 +16,7 @@ CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
 TOUCHES = "world/touches"
 POSES = "world/poses"  # of the units, as the contour has them
+LABELS = "world/labels"
 UNITS = "world/units"
 ECHOES = "world/echoes"  # of a whole survey, in a recording of it
 

@@ -34,6 +34,7 @@ class RerunLog:
         self._link: Link = RerunLink(url, site, rerun_map.draw_frame) if url else NoLink()
         self._sequences: dict[str, int] = {}
         self._trails: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=_TRAIL_POSES))
+        self._here: dict[str, tuple[float, float]] = {}  # where each unit was drawn last
         self._poses: dict[str, tuple[float, float, float]] = {}  # of units whose stated pose is unknown
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
@@ -61,6 +62,10 @@ class RerunLog:
             readings = replace(readings, x_m=x_m, y_m=y_m, heading_rad=heading_rad)
         trail_m = tuple(self._trails[readings.unit])
         self._show(rerun_paths.unit_rays(readings.unit), readings.time_s, rerun_map.draw_sweep, readings, trail_m)
+        here = readings.x_m, readings.y_m
+        if self._here.get(readings.unit) != here:
+            self._here[readings.unit] = here
+            self._label(readings.time_s)
 
     def show_contour(self, contour: Contour) -> None:
         """Walls, corners, cylinders and the units' poses."""
@@ -69,6 +74,7 @@ class RerunLog:
         }
         self._show("contour", _seconds(contour), rerun_map.draw_contour, contour)
         self._contour = contour
+        self._label(_seconds(contour))
 
     def show_features(self, features: Features) -> None:
         """Feature points by kind."""
@@ -118,6 +124,9 @@ class RerunLog:
     def close(self) -> None:
         """Show no more."""
         self._link.close()
+
+    def _label(self, time_s: float) -> None:
+        self._show(rerun_paths.LABELS, time_s, rerun_map.draw_labels, self._contour, self._here.copy())
 
     def _look_again(self) -> None:
         """Draw the grid's free space up to the contour's walls, if that is not where it ends already."""

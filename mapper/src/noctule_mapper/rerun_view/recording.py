@@ -34,6 +34,7 @@ def record(path: Path, mapper: Mapper, contour: Contour, summary: str) -> None:
         trail_m.append((sweep.x_m, sweep.y_m))
         recording.set_time(rerun_paths.SWEEP, sequence=number)
         log(recording, rerun_map.draw_sweep(sweep, trail_m))
+        log(recording, rerun_map.draw_labels(contour, {unit: trail[-1] for unit, trail in trails_m.items()}))
     recording.flush()
     recording.disconnect()
 
