@@ -3,8 +3,8 @@
 import logging
 import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -65,19 +65,21 @@ def run(
     logs.set_up(log_format)
     ending = Ending()
 
-    def announce() -> None:
+    @contextmanager
+    def announced() -> Iterator[None]:
         if log_format is LogFormat.JSON:
             _log.info("Watch the map at %s", relay.page)
         else:
             print(f"Watch the map at {relay.page}", flush=True)
+        yield
 
     try:
         relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
         if site is None:
-            status = relay.run(announce, metrics, ending)
+            status = relay.run(announced, metrics, ending)
         else:
-            status = _run_watching(site, connect or [], tls_folder, relay, announce, metrics, ending)
+            status = _run_watching(site, connect or [], tls_folder, relay, announced, metrics, ending)
     except NoctuleError as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -107,7 +109,7 @@ def _run_watching(
     connect: Sequence[str],
     tls_folder: Path | None,
     relay: Relay,
-    announce: Callable[[], object],
+    announced: Callable[[], AbstractContextManager[object]],
     metrics: str | None,
     ending: Ending,
 ) -> int:
@@ -115,13 +117,14 @@ def _run_watching(
     from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import, and only this needs it
 
     state = SiteState()
-    with Presence(site, state, connect, tls_folder) as presence, ExitStack() as closing:
 
-        def begin() -> None:
-            closing.enter_context(Board(relay.url, site, state))
-            announce()
+    @contextmanager
+    def shown() -> Iterator[None]:
+        with announced(), Board(relay.url, site, state):
+            yield
 
-        return relay.run(begin, metrics, ending, presence.put)
+    with Presence(site, state, connect, tls_folder) as presence:
+        return relay.run(shown, metrics, ending, presence.put)
 
 
 def _without_screen(recording: Path | None, url: str) -> str:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -80,12 +80,13 @@ class Relay:
 
     def run(
         self,
-        announce: Callable[[], object],
+        serving: Callable[[], AbstractContextManager[object]],
         metrics_at: str | None,
         ending: Ending,
         show: Callable[[ServiceStatus], object] = lambda _: None,
     ) -> int:
-        """Run the relay and its page, and call ``announce`` once both answer. Returns the relay's exit status.
+        """Run the relay and its page, ``serving()`` as soon as both answer and until they end. Returns the relay's exit
+        status.
 
         ``show`` is given the relay's status each second, and must not wait.
         SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start,
@@ -99,8 +100,7 @@ class Relay:
             self._send_layout()
             pulse, address = Pulse(self.bind, files_port), (self.bind, self.web_port)
             data = f"http://{self.bind}:{self.port}"
-            with page.serving(address, (self.bind, files_port), data, lambda: pulse.beats):
-                announce()
+            with page.serving(address, (self.bind, files_port), data, lambda: pulse.beats), serving():
                 return self._look_after(relay, pulse, metrics_at, ending, show)
 
     def _look_after(

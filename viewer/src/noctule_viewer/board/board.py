@@ -15,16 +15,16 @@ from noctule_viewer.board.drawing import Entries
 from noctule_viewer.board.layout import Layout
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard, SiteState
-from noctule_viewer.board.unit_health import UnitHealth, UnitsHealth
+from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
 
 _ALARMS_EVERY_S = 1.0
 _UNITS_EVERY_S = 3.0
-_TEMPERATURES_EVERY_S = 10.0
+_SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
 _LAYOUT_EVERY_S = 10.0
 # A relay forgets no layout, and one of twenty units takes a megabyte.
 _MOST_LAYOUTS, _MOST_LAYOUTS_IN_S = 12, 6 * 3_600.0
 _FLUSH_TIMEOUT_S = 5.0
-_END_WITHIN_S = 2.0
+_END_WITHIN_S = 0.5
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +39,8 @@ class Board:
         self._layout: Layout | None = None
         self._laid_out_s: deque[float] = deque(maxlen=_MOST_LAYOUTS)
         self._due_s: dict[str, float] = {}
+        self._on_sheets: dict[str, Health] = {}
+        self._told = ""
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
         self._thread.start()
@@ -50,7 +52,7 @@ class Board:
         self.close()
 
     def close(self) -> None:
-        """Draw no more. A thread that the relay holds up is left behind, after 2 s."""
+        """Draw no more. A thread that the relay holds up is left behind, after half a second."""
         self._closed.set()
         self._thread.join(_END_WITHIN_S)
 
@@ -62,10 +64,15 @@ class Board:
                 self._draw(recording)
                 recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
             except Exception as error:  # the relay is frozen, or ends and this process with it
-                _log.warning("the board of site %s was not drawn: %s", self._site, error)
+                self._tell(str(error))
                 self._wait_for(recording)
             self._closed.wait(_ALARMS_EVERY_S)
         recording.disconnect()
+
+    def _tell(self, error: str) -> None:
+        if error != self._told and not self._closed.is_set():
+            self._told = error
+            _log.warning("the board of site %s was not drawn: %s; it is tried again", self._site, error)
 
     def _wait_for(self, recording: rr.RecordingStream) -> None:
         """Until the relay has taken what it was given: more would pile up in this process."""
@@ -85,6 +92,9 @@ class Board:
         self._at_most_every(
             _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(units))
         )
+        for unit in units:
+            if self._is_news(unit):
+                _log_entries(recording, drawing.draw_sheet(unit, heard))
         self._lay_out(recording, units, heard)
 
     def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
@@ -95,6 +105,13 @@ class Board:
             recording.send_blueprint(wanted.blueprint(), make_active=True, make_default=True)
             if self._box is not None:
                 _log_entries(recording, drawing.draw_scale(self._box), static=True)
+
+    def _is_news(self, unit: UnitHealth) -> bool:
+        what = f"sheet {unit.unit}"
+        if self._on_sheets.get(unit.unit) is not unit.health:
+            self._on_sheets[unit.unit] = unit.health
+            self._due_s.pop(what, None)
+        return self._is_due(_SHEETS_EVERY_S, what)
 
     def _may_lay_out(self) -> bool:
         now_s = monotonic()

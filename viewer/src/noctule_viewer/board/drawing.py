@@ -26,11 +26,14 @@ def draw_alarms(site: str, units: Sequence[UnitHealth], heard: Heard) -> Entries
 
 
 def draw_units(units: Sequence[UnitHealth], heard: Heard) -> Entries:
-    """The table, a sheet for each unit, and marks on the map."""
+    """The table, and marks on the map."""
     yield rerun_paths.UNITS_TABLE, _markdown(documents.table(units, heard.now_s))
     yield rerun_paths.HEALTH, _marks(units, heard)
-    for unit in units:
-        yield rerun_paths.unit_sheet(unit.unit), _markdown(documents.sheet(unit, heard.now_s))
+
+
+def draw_sheet(unit: UnitHealth, heard: Heard) -> Entries:
+    """All that is known of one unit."""
+    yield rerun_paths.unit_sheet(unit.unit), _markdown(documents.sheet(unit, heard.now_s))
 
 
 def draw_temperatures(units: Sequence[UnitHealth]) -> Entries:

@@ -33,7 +33,7 @@ class Layout:
 
     def _unit(self, unit: str) -> rrb.Horizontal:
         own = [f"/{rerun_paths.unit_pose(unit)}/**", f"/{rerun_paths.unit_clock_error(unit)}"]
-        around = [rerun_paths.WALLS, rerun_paths.CYLINDERS, rerun_paths.CORNERS, rerun_paths.SCALE, rerun_paths.HEALTH]
+        around = [rerun_paths.WALLS, rerun_paths.CYLINDERS, rerun_paths.CORNERS, rerun_paths.SCALE]
         sheet = rrb.TextDocumentView(origin=f"/{rerun_paths.unit_sheet(unit)}", name="State")
         figures = rrb.Horizontal(
             blueprint.figures_view(own[1], "Clock error, ms"),
