@@ -63,7 +63,7 @@ def wait_for_connections(line: RerunLink, count: int) -> None:
 
 
 def wait_for_drawn(line: RerunLink, count: int) -> None:
-    wait_until(lambda: line.counters()["rerun_drawn"] >= count, "the link does not draw", within_s=60, every_s=0.01)
+    wait_until(lambda: line.counters()["rerun_drawn"] >= count, "the link does not draw", every_s=0.01)
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from noctule_viewer.board.layout import Layout
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
-from noctule_viewer.board.words import age, natural
+from noctule_viewer.board.words import age
 
 BEGAN_S = 1_800_000_000.0
 
@@ -207,7 +207,3 @@ def test_the_scale_has_at_most_a_dozen_lines_of_a_round_distance(side_m: float, 
 )
 def test_ages_are_words(seconds: float, words: str) -> None:
     assert age(seconds) == words
-
-
-def test_names_are_sorted_as_people_count() -> None:
-    assert sorted(["u10", "u2", "attic", "u1", "7"], key=natural) == ["7", "attic", "u1", "u2", "u10"]

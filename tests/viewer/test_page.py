@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler
 
 import pytest
 from playwright.sync_api import Page, sync_playwright
-from system.processes import free_ports, wait_until
+from system.processes import PATIENCE_S, free_ports, wait_until
 from viewer.test_foreign_hosts import CHROMIUM
 
 from noctule_viewer import page
@@ -78,11 +78,11 @@ def test_the_page_says_when_its_relay_is_frozen_and_when_it_is_gone_and_loads_ag
             shown.goto(f"http://127.0.0.1:{port}/?url=x")
             pass_time(shown)
         relay.answers = False
-        wait_until(lambda: pass_time(shown) and bar(shown), "a frozen relay is not told", 60)
+        wait_until(lambda: pass_time(shown) and bar(shown), "a frozen relay is not told")
         assert "this page shows the past" in bar(shown)
         relay.answers = True
-        wait_until(lambda: pass_time(shown) and not bar(shown), "a relay that answers again is not told", 60)
-    wait_until(lambda: pass_time(shown) and bar(shown), "a relay that is gone is not told", 60)
-    with ExitStack() as closing, shown.expect_event("load", timeout=60_000):
+        wait_until(lambda: pass_time(shown) and not bar(shown), "a relay that answers again is not told")
+    wait_until(lambda: pass_time(shown) and bar(shown), "a relay that is gone is not told")
+    with ExitStack() as closing, shown.expect_event("load", timeout=1e3 * PATIENCE_S):
         closing.enter_context(served(port, files, relay))
         pass_time(shown)

@@ -142,7 +142,7 @@ def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_g
             publisher.put(UnitStatus(site="house", unit="u1", state=UnitStatus.STATE_FAULT, detail="it is stuck"))
             wait_for_text(watching, rerun_paths.UNITS_TABLE, "| u1 | **NEEDS ATTENTION** fault: it is stuck |")
             wait_for_text(watching, rerun_paths.unit_sheet("u1"), "### u1 — needs attention")
-            wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab", within_s=60)
+            wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab")
             token.undeclare()
             publisher.close()
             wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1 no gateway serves it")
@@ -153,7 +153,6 @@ def wait_for_text(watching: Viewer, path: str, words: str) -> None:
     wait_until(
         lambda: any(words in text for (text,) in watching.values(path, "TextDocument:text")),
         f"{path} does not say {words!r}",
-        within_s=60,
         every_s=0.5,
     )
 

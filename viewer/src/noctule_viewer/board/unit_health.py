@@ -8,7 +8,7 @@ from noctule import unit_list
 from noctule.messages_pb2 import POSE_STATE_WRONG, UnitStatus
 from noctule.unit_list import UnitRow
 from noctule_viewer.board.site_state import Heard
-from noctule_viewer.board.words import duration, natural
+from noctule_viewer.board.words import duration
 
 SILENT_AFTER_S = 10.0  # statuses come each second
 _NEEDS_ATTENTION = (
@@ -51,7 +51,7 @@ class UnitsHealth:
         by_unit: dict[str, list[UnitRow]] = {}
         for row in rows:
             by_unit.setdefault(row.unit, []).append(row)
-        return [self._of(unit, by_unit[unit], heard) for unit in sorted(by_unit, key=natural)]
+        return [self._of(unit, by_unit[unit], heard) for unit in by_unit]
 
     def _of(self, unit: str, rows: Sequence[UnitRow], heard: Heard) -> UnitHealth:
         found = [(*_judged(row, heard), row) for row in rows]

@@ -1,6 +1,5 @@
 """Ages and lists as people say them."""
 
-import re
 from collections.abc import Sequence
 from datetime import datetime
 
@@ -41,8 +40,3 @@ def listed(words: Sequence[str]) -> str:
 def counted(count: int, noun: str) -> str:
     """``1 wall``, ``2 walls``."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-def natural(name: str) -> list[tuple[int, str]]:
-    """A key by which u2 comes before u10."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
