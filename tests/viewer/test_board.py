@@ -15,7 +15,7 @@ from noctule.messages_pb2 import (
     UnitStatus,
     Wall,
 )
-from noctule_viewer.board import documents, map_box
+from noctule_viewer.board import documents, drawing, map_box
 from noctule_viewer.board.layout import Layout
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import SiteState
@@ -192,6 +192,15 @@ def test_the_picture_stands_still_while_the_map_fits_and_grows_with_it() -> None
 )
 def test_the_scale_has_at_most_a_dozen_lines_of_a_round_distance(side_m: float, spacing_m: float) -> None:
     assert map_box.line_spacing_m(MapBox(0.0, 0.0, side_m, 1.0)) == pytest.approx(spacing_m)
+
+
+def test_the_scales_labels_keep_clear_of_the_edges_that_would_cut_them_off() -> None:
+    _, (_, names) = drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0))
+    batches = {batch.component_descriptor().component: batch.as_arrow_array() for batch in names.as_component_batches()}
+    assert batches["Points2D:labels"].to_pylist() == [
+        *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m", "2 m", "2.5 m"),
+        *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m"),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +27,8 @@ from noctule.client import Client
 from noctule.messages_pb2 import GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer import memory_limit
+from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.memory_limit import MemoryLimitError
 from noctule_viewer.relay import RERUN, Relay
 
@@ -172,6 +175,29 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
     assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
     assert set(views) == {"Noctule", "Map", "Units", "Clock error, ms", "Contour, ms", "Events"}
     assert not any(views.values())
+
+
+def test_time_travel_does_not_move_the_map_of_a_watched_site(running: Programs) -> None:
+    relay = start_relay(running)
+    log_room(relay)
+    before_s = time.time()
+    recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="paper-room")
+    recording.connect_grpc(relay.url)
+    recording.send_blueprint(Layout((), MapBox(-1.0, -1.0, 4.0, 3.0)).blueprint(), make_active=True, make_default=True)
+    far_away = rr.Points2D([[90, 90]], colors=[WALL])
+    with native_viewer(relay) as viewer:
+
+        def wall() -> tuple[float, float] | None:
+            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
+            rows, columns = np.nonzero(np.abs(picture[:, :700].astype(int) - WALL).max(axis=-1) < 24)
+            return (float(np.median(rows)), float(np.median(columns))) if len(rows) > 1000 else None
+
+        present = wait_until(wall, "the wall is not to be seen", every_s=0.5)
+        recording.log(rerun_paths.CORNERS, far_away)  # what shows all there is would shrink the room to a spot
+        recording.flush(timeout_sec=60)
+        assert wait_until(wall, "the wall went away", every_s=0.5) == present
+        viewer.set_time("log_time", timestamp=before_s, play_state="paused")
+        assert wait_until(wall, "the wall went away", every_s=0.5) == present
 
 
 def test_cells_of_the_grid_that_nobody_has_looked_into_are_as_dark_as_the_ground(running: Programs) -> None:

@@ -57,8 +57,9 @@ def draw_scale(box: MapBox) -> Entries:
     )
     # A view cuts labels off at its edge.
     left_m, bottom_m = (edge_m + _LABEL_INSET * box.side_m for edge_m in (box.left_m, box.bottom_m))
-    below = [(x_m, bottom_m, x_m) for x_m in across if x_m > left_m]
-    beside = [(left_m, y_m, y_m) for y_m in up if y_m > bottom_m]
+    right_m, top_m = (edge_m - _LABEL_INSET * box.side_m for edge_m in (box.right_m, box.top_m))
+    below = [(x_m, bottom_m, x_m) for x_m in across if left_m < x_m < right_m]
+    beside = [(left_m, y_m, y_m) for y_m in up if bottom_m < y_m < top_m]
     labels = rr.Points2D(
         [(x_m, y_m) for x_m, y_m, _ in (*below, *beside)],
         colors=[_LINE_LABEL],
