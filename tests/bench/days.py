@@ -29,7 +29,7 @@ DAY_S = 86_400.0
 CADENCE_S = 16.0  # a fixed unit's 61 bearings and its pause: deploy/demo/sites/lounge.toml
 LOOK_EVERY_S = 5.0
 UNITS = 2
-RELAY = ("--memory-limit", "100MB")  # it keeps drawings, and so grows, until it has reached this beside its own 75 MB
+RELAY = ("--memory-limit", "8MB")  # it keeps drawings, and so grows, until it is full: with so little on the first day
 MOST_AHEAD = 500  # sweeps that the mapper has not reported yet; it reports each second
 
 

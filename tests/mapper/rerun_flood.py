@@ -15,7 +15,8 @@ import numpy as np
 import psutil
 import rerun as rr
 
-from noctule_mapper.rerun_view.link import Drawing, Entries, RerunLink
+from noctule_mapper.rerun_view.drawing import Drawing, Entries
+from noctule_mapper.rerun_view.link import RerunLink
 
 TILE_PX = 500  # square, in three colours: 750 kB of noise, which no compression makes smaller
 

@@ -22,14 +22,17 @@ ENVIRONMENT = os.environ | {"RUST_LOG": "error"}
 class Relay:
     """A relay on a port of its own, up only between start() and kill()."""
 
-    def __init__(self) -> None:
+    def __init__(self, memory_limit: str = "64MB") -> None:
         (self.port,) = free_ports(1)
+        self._memory_limit = memory_limit
         self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
         self._process: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        arguments = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", "64MB"]
-        self._process = subprocess.Popen([RERUN, *arguments], env=ENVIRONMENT)
+        arguments = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port)]
+        self._process = subprocess.Popen(
+            [RERUN, *arguments, "--server-memory-limit", self._memory_limit], env=ENVIRONMENT
+        )
         wait_until(lambda: listens(self.port), "the relay does not listen")
 
     def freeze(self) -> None:
@@ -50,9 +53,9 @@ class Relay:
 
 
 @contextmanager
-def relay() -> Iterator[Relay]:
+def relay(memory_limit: str = "64MB") -> Iterator[Relay]:
     """A relay that is not up yet, and surely down at the end."""
-    made = Relay()
+    made = Relay(memory_limit)
     try:
         yield made
     finally:
@@ -85,6 +88,20 @@ class Viewer:
         with warnings.catch_warnings(action="ignore"), suppress(RuntimeError, ValueError):  # as in seen()
             return [store.application_id for store in rerun.chunk.RrdReader(self._file).blueprints()]
         return []
+
+    def names_in_layouts(self) -> set[str]:
+        """The names of views and tabs in the layouts it has been sent."""
+        names: set[str] = set()
+        if not self._file.exists() or self._file.stat().st_size == 0:
+            return names
+        with warnings.catch_warnings(action="ignore"), suppress(RuntimeError, ValueError):  # as in seen()
+            reader = rerun.chunk.RrdReader(self._file)
+            for store in reader.blueprints():
+                for chunk in reader.stream(store=store).to_chunks():
+                    batch = chunk.to_record_batch()
+                    for column in filter(lambda name: name.endswith("display_name"), batch.schema.names):
+                        names.update(name for row in batch.column(column).to_pylist() for name in row)
+        return names
 
     def wait_for(self, path: str, rows: int = 1) -> list[rerun.chunk.Chunk]:
         """The chunks of an entity once it has that many rows."""

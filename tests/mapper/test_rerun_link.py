@@ -16,7 +16,8 @@ import rerun as rr
 from mapper.rerun_relay import Relay, SlowLine, relay, viewer
 from system.processes import wait_until
 
-from noctule_mapper.rerun_view.link import Drawing, Entries, RelayAddressError, RerunLink
+from noctule_mapper.rerun_view.drawing import Drawing, Entries
+from noctule_mapper.rerun_view.link import RelayAddressError, RerunLink
 
 FLOOD = Path(__file__).with_name("rerun_flood.py")
 AT_ONCE_S = 0.25  # far under the 5 s that connecting to a dead relay takes, far over what a busy machine adds
@@ -59,6 +60,10 @@ def put_s(line: RerunLink, drawing: Drawing) -> float:
 
 def wait_for_connections(line: RerunLink, count: int) -> None:
     wait_until(lambda: line.counters()["rerun_connections"] >= count, "no connection to the relay")
+
+
+def wait_for_drawn(line: RerunLink, count: int) -> None:
+    wait_until(lambda: line.counters()["rerun_drawn"] >= count, "the link does not draw", every_s=0.01)
 
 
 @pytest.fixture
@@ -114,6 +119,22 @@ def test_a_relay_that_was_killed_and_started_again_shows_the_present_and_what_fo
         with viewer(far_end.url, tmp_path) as watching:
             for path in ("contour", "frame", "log"):
                 watching.wait_for(path)
+
+
+def test_what_stands_is_drawn_again_before_a_relay_of_little_memory_forgets_it(tmp_path: Path) -> None:
+    with relay("8MB") as far_end:
+        far_end.start()
+        with link(far_end.url, capacity=10) as line:
+            line.put(text("contour", "five walls", subject="contour"))
+            line.put(Drawing(draw_noise, (0,), time_s=0.0, sweep=0))
+            wait_for_drawn(line, 2)
+            for number in range(1, 100):  # 190 kB each, which no compression makes smaller
+                line.put(Drawing(draw_noise, (number,), time_s=float(number), sweep=number))
+                wait_for_drawn(line, 2 + number)
+            with viewer(far_end.url, tmp_path) as watching:
+                assert watching.values("contour", "TextDocument:text")[-1] == ["five walls"]
+                frames = sum(chunk.num_rows for chunk in watching.seen()["noise"])
+    assert frames < 50, "the relay has forgotten nothing, so that this shows nothing"
 
 
 def test_a_slow_relay_holds_up_the_worker_alone_and_gets_the_present_once_it_is_faster(

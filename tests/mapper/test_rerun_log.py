@@ -1,8 +1,10 @@
 """What the mapper shows, read back as a viewer is sent it."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 
 import cv2
 import numpy as np
@@ -31,17 +33,24 @@ from noctule_mapper.rerun_view.log import RerunLog
 QUARTER_RAD = np.pi / 2
 
 
-@pytest.fixture
-def shown(tmp_path: Path) -> Iterator[tuple[RerunLog, Viewer]]:
-    """A log, and a viewer of it."""
+@contextmanager
+def logged(folder: Path, now: Callable[[], float] = monotonic) -> Iterator[tuple[RerunLog, Viewer]]:
+    """A log by the clock ``now``, and a viewer of it."""
     with relay() as far_end:
         far_end.start()
-        log = RerunLog(far_end.url, "paper-room")
+        log = RerunLog(far_end.url, "paper-room", now)
         try:
-            with viewer(far_end.url, tmp_path) as watching:
+            with viewer(far_end.url, folder) as watching:
                 yield log, watching
         finally:
             log.close()
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Iterator[tuple[RerunLog, Viewer]]:
+    """A log, and a viewer of it."""
+    with logged(tmp_path) as made:
+        yield made
 
 
 def readings(sequence: int, x_m: float) -> SweepReadings:
@@ -75,8 +84,7 @@ def test_walls_bear_their_lengths_and_cylinders_their_radii(shown: tuple[RerunLo
     )
     log.show_contour(contour)
     assert watching.values(rerun_paths.WALLS, "LineStrips2D:strips") == [[[[0.0, 0.0], [3.0, 4.0]]]]
-    assert watching.values(rerun_paths.WALLS, "LineStrips2D:labels") == [["5.00 m"]]
-    assert watching.values(rerun_paths.CYLINDERS, "Points2D:labels") == [["r 0.45 m"]]
+    assert watching.values(rerun_paths.LABELS, "Points2D:labels") == [["r 0.45 m", "5.00 m"]]
     assert watching.values(rerun_paths.CYLINDERS, "Ellipses2D:half_sizes") == [[pytest.approx([0.448, 0.448])]]
 
 
@@ -87,8 +95,7 @@ def test_a_touch_is_a_bar_across_its_direction_that_bears_what_it_may_be(shown: 
     log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0), chance=0.997)], touches=[touch]))
     ((bar,),) = watching.values(rerun_paths.TOUCHES, "LineStrips2D:strips")
     assert bar == [pytest.approx([2.0, 0.95]), pytest.approx([2.0, 1.05])]
-    assert watching.values(rerun_paths.TOUCHES, "LineStrips2D:labels") == [["wall? 50 %"]]
-    assert watching.values(rerun_paths.WALLS, "LineStrips2D:labels") == [["1.00 m, 99.7 %"]]
+    assert watching.values(rerun_paths.LABELS, "Points2D:labels") == [["1.00 m, 99.7 %", "wall? 50 %"]]
 
 
 def test_a_unit_has_an_ellipse_of_its_error_and_a_wrong_one_is_named_and_tied_to_its_stated_place(
@@ -151,6 +158,8 @@ def test_a_unit_leaves_a_trail_that_outlives_a_restart(shown: tuple[RerunLog, Vi
     batch = chunk.to_record_batch()
     assert batch.column("time").to_pylist()[0].timestamp() == 2_002.0
     assert batch.column("sweep").to_pylist() == [2]
+    (names,) = watching.wait_for(rerun_paths.LABELS)
+    assert names.to_record_batch().column("time").to_pylist()[0].timestamp() == 2_002.0, "no label of 1970"
 
 
 def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog, Viewer]) -> None:
@@ -168,6 +177,29 @@ def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog,
     assert unknown_alpha == 0
 
 
+def test_free_space_beyond_a_wall_is_dark_once_the_wall_is_found_and_occupied_cells_stay(tmp_path: Path) -> None:
+    now_s, path = 0.0, rerun_paths.grid_tile("0_0")
+    tile = GridTile(cell_m=0.1, columns=10, rows=1, free=bytes([240] * 9 + [0]), occupied=bytes([0] * 9 + [240]))
+    with logged(tmp_path, lambda: now_s) as (log, watching):
+        log.show_sweep(readings(1, x_m=0.05))
+        log.show_tiles([tile])
+        log.show_contour(Contour(walls=[Wall(start=Point(x_m=0.5, y_m=-3.0), end=Point(x_m=0.5, y_m=3.0))]))
+        for passed_s in (0.0, 10.0, 20.0):  # drawn again once, though it is looked at every ten seconds
+            now_s = passed_s
+            log.show_service_status(ServiceStatus(), "1 wall")
+        log.show_event("the end")
+        watching.wait_for(rerun_paths.LOG)
+        first, second = watching.values(path, "EncodedImage:blob", rows=2)
+    assert [bool(alpha) for alpha in alphas(first)] == [True] * 10
+    assert [bool(alpha) for alpha in alphas(second)] == [True] * 6 + [False] * 3 + [True]  # the wall's cell is room
+
+
+def alphas(blob: list) -> list[int]:
+    image = cv2.imdecode(np.array(blob[0], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    return image[0, :, 3].tolist()
+
+
 def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(shown: tuple[RerunLog, Viewer]) -> None:
     log, watching = shown
     for _ in range(3):
@@ -183,10 +215,24 @@ def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(sho
     ]
     states = watching.values(rerun_paths.unit_state("u1"), "StateChange:state", rows=4)
     assert states == [["sweeping"], ["fault"], ["idle"], ["disconnected"]]
-    assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars", rows=7) == [[2.0]] * 7
 
 
-def test_the_mappers_figures_come_with_a_heartbeat_that_says_the_hour(shown: tuple[RerunLog, Viewer]) -> None:
+def test_figures_that_come_each_second_are_drawn_every_ten_and_counters_only_when_they_change(tmp_path: Path) -> None:
+    now_s = 0
+    with logged(tmp_path, lambda: now_s) as (log, watching):
+        for now_s in range(61):
+            log.show_unit_status(status(UnitStatus.STATE_SWEEPING))
+            log.show_service_status(ServiceStatus(counters={"contours": now_s // 20, "sweeps_unusable": 0}), "5 walls")
+        log.show_event("the end")
+        watching.wait_for(rerun_paths.LOG)
+        assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars") == [[2.0]] * 7
+        contours = watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars")
+        assert contours == [[0.0], [1.0], [2.0], [3.0]]
+        assert watching.values(rerun_paths.mapper_counter("sweeps_unusable"), "Scalars:scalars") == [[0.0]]
+        assert len(watching.values(rerun_paths.HEARTBEAT, "TextDocument:text")) == 7
+
+
+def test_the_mappers_figures_come_with_a_heading_that_says_what_the_map_holds(shown: tuple[RerunLog, Viewer]) -> None:
     log, watching = shown
     log.show_service_status(ServiceStatus(site="paper-room", counters={"contours": 12}), "5 walls")
     assert watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars") == [[12.0]]

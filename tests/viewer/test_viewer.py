@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,15 +16,20 @@ import numpy as np
 import psutil
 import pytest
 import rerun as rr
+from mapper.rerun_relay import Viewer
 from mapper.rerun_relay import viewer as late_joiner
 from PIL import Image
 from rerun.experimental import ViewerClient
 from system.processes import Programs, free_ports, listens, programs, wait_until
 
-from noctule import bus, rerun_paths
+from noctule import bus, keys, rerun_paths
 from noctule.client import Client
-from noctule.messages_pb2 import GridTile, ServiceStatus
+from noctule.messages_pb2 import GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.rerun_view.map import draw_tile
+from noctule_viewer import memory_limit
+from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.map_box import MapBox
+from noctule_viewer.memory_limit import MemoryLimitError
 from noctule_viewer.relay import RERUN, Relay
 
 WALL, CYLINDER = (255, 255, 255), (255, 140, 66)
@@ -125,6 +131,35 @@ def test_the_relay_shows_its_status_on_the_bus_of_a_site_where_it_is_given_one(r
         running.end("viewer")
 
 
+def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_gets_its_tab(
+    running: Programs, tmp_path: Path
+) -> None:
+    (port,) = free_ports(1)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with bus.open_session(listen=[endpoint]) as session:
+        relay = start_relay(running, "--site", "house", "--connect", endpoint)
+        with late_joiner(relay.url, tmp_path) as watching:
+            wait_for_text(watching, rerun_paths.ALARMS, "no mapper maps this site")
+            token = session.liveliness().declare_token(keys.alive("house", "u1"))
+            publisher = bus.StatePublisher(session, keys.unit_status("house", "u1"), UnitStatus)
+            publisher.put(UnitStatus(site="house", unit="u1", state=UnitStatus.STATE_FAULT, detail="it is stuck"))
+            wait_for_text(watching, rerun_paths.UNITS_TABLE, "| u1 | **NEEDS ATTENTION** fault: it is stuck |")
+            wait_for_text(watching, rerun_paths.unit_sheet("u1"), "### u1 — needs attention")
+            wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab")
+            token.undeclare()
+            publisher.close()
+            wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1 no gateway serves it")
+        running.end("viewer")
+
+
+def wait_for_text(watching: Viewer, path: str, words: str) -> None:
+    wait_until(
+        lambda: any(words in text for (text,) in watching.values(path, "TextDocument:text")),
+        f"{path} does not say {words!r}",
+        every_s=0.5,
+    )
+
+
 def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) -> None:
     relay = start_relay(running)
     log_room(relay)
@@ -140,6 +175,29 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
     assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
     assert set(views) == {"Noctule", "Map", "Units", "Clock error, ms", "Contour, ms", "Events"}
     assert not any(views.values())
+
+
+def test_time_travel_does_not_move_the_map_of_a_watched_site(running: Programs) -> None:
+    relay = start_relay(running)
+    log_room(relay)
+    before_s = time.time()
+    recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="paper-room")
+    recording.connect_grpc(relay.url)
+    recording.send_blueprint(Layout((), MapBox(-1.0, -1.0, 4.0, 3.0)).blueprint(), make_active=True, make_default=True)
+    far_away = rr.Points2D([[90, 90]], colors=[WALL])
+    with native_viewer(relay) as viewer:
+
+        def wall() -> tuple[float, float] | None:
+            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
+            rows, columns = np.nonzero(np.abs(picture[:, :700].astype(int) - WALL).max(axis=-1) < 24)
+            return (float(np.median(rows)), float(np.median(columns))) if len(rows) > 1000 else None
+
+        present = wait_until(wall, "the wall is not to be seen", every_s=0.5)
+        recording.log(rerun_paths.CORNERS, far_away)  # what shows all there is would shrink the room to a spot
+        recording.flush(timeout_sec=60)
+        assert wait_until(wall, "the wall went away", every_s=0.5) == present
+        viewer.set_time("log_time", timestamp=before_s, play_state="paused")
+        assert wait_until(wall, "the wall went away", every_s=0.5) == present
 
 
 def test_cells_of_the_grid_that_nobody_has_looked_into_are_as_dark_as_the_ground(running: Programs) -> None:
@@ -206,6 +264,24 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
     second = run_viewer("run", "--port", str(relay.port), "--web-port", str(relay.web_port))
     assert second.returncode == 1
     assert f"can't listen on 127.0.0.1:{relay.port} (Address already in use): name another port" in second.stderr
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ("lots", "--memory-limit 'lots' is no amount of memory: write it like 64MB or 1GB"),
+        ("64", "--memory-limit '64' is no amount of memory: write it like 64MB or 1GB"),
+        ("1MB", "--memory-limit 1MB is too little to keep a map: at least 8MB"),
+    ],
+)
+def test_a_memory_limit_that_is_none_is_refused_before_anything_is_started(limit: str, told: str) -> None:
+    with pytest.raises(MemoryLimitError, match=re.escape(told)):
+        memory_limit.checked(limit)
+
+
+@pytest.mark.parametrize("limit", ["64MB", "8 MB", "1.5GB", "64MiB"])
+def test_a_memory_limit_may_be_written_as_rerun_takes_it(limit: str) -> None:
+    assert memory_limit.checked(limit) == limit
 
 
 def test_where_there_is_no_screen_the_address_is_told() -> None:

@@ -169,7 +169,7 @@ class Viewer(Watcher):
     host: Host | None = None
     port: Port = 9876
     web_port: Port = 9090
-    memory_limit: str = Field(default="512MB", pattern=r"^\d+(MB|GB|%)$")
+    memory_limit: str = Field(default="64MB", pattern=r"^\d+(MB|GB)$")
     web: Web | None = None
     options: Options = []
 

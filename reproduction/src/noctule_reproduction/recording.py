@@ -11,7 +11,7 @@ from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message, features_message, tile_message
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
 from noctule_mapper.rerun_view.recording import log, map_view
 
 FIGURES = "figures"
@@ -37,17 +37,18 @@ def record(path: Path, name: str, sweeps: Sequence[SweepReadings], pictures: Map
         mapper.register_sweep(sweep)
         trail_m.append((sweep.x_m, sweep.y_m))
         log(recording, rerun_map.draw_sweep(sweep, trail_m))
-        for entries in _map(mapper):
+        for entries in _map(mapper, {sweep.unit: trail_m[-1]}):
             log(recording, entries)
     recording.flush()
     recording.disconnect()
 
 
-def _map(mapper: Mapper) -> list[Entries]:
+def _map(mapper: Mapper, units_m: Mapping[str, tuple[float, float]]) -> list[Entries]:
     """What the mapper has at this moment, as the live mapper shows it."""
     tiles = [rerun_map.draw_tile(tile_message(tile, _SITE)) for tile in mapper.grid.changed()]
     features = rerun_map.draw_features(features_message(mapper.feature_points(), _SITE))
-    return [*tiles, features, rerun_map.draw_contour(contour_message(mapper.contour(), _SITE))]
+    contour = contour_message(mapper.contour(), _SITE)
+    return [*tiles, features, rerun_map.draw_contour(contour), rerun_map.draw_labels(contour, units_m)]
 
 
 def _layout(pictures: Sequence[str]) -> rrb.Blueprint:

@@ -16,11 +16,18 @@ CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
 TOUCHES = "world/touches"
 POSES = "world/poses"  # of the units, as the contour has them
+LABELS = "world/labels"
 UNITS = "world/units"
 ECHOES = "world/echoes"  # of a whole survey, in a recording of it
 
 LOG = "log"
-HEARTBEAT = "mapper/heartbeat"  # a heading that changes each second, so that a stale page shows
+HEARTBEAT = "mapper/heartbeat"  # a heading that bears the hour
+
+# What the viewer's own process draws of a site that it watches.
+ALARMS = "board/alarms"
+UNITS_TABLE = "board/units"
+SCALE = "world/scale"
+HEALTH = "world/health"  # of the units, where the map has them
 
 
 def grid_tile(tile: str) -> str:
@@ -61,3 +68,13 @@ def unit_log(unit: str) -> str:
 def mapper_counter(name: str) -> str:
     """One of the mapper's own figures over time."""
     return f"mapper/counters/{name}"
+
+
+def unit_sheet(unit: str) -> str:
+    """All that is known of the unit, in words."""
+    return f"board/sheets/{unit}"
+
+
+def unit_temperature(unit: str) -> str:
+    """The temperature of the unit's chip over time."""
+    return f"board/temperatures/{unit}"

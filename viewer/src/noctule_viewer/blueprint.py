@@ -2,10 +2,11 @@
 
     python -m noctule_viewer.blueprint URL
 
-sends it to a relay.
+sends it to a relay. What the layout of a watched site (board/layout.py) has in common with it stands here too.
 """
 
 import sys
+from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
@@ -15,17 +16,25 @@ from noctule import rerun_paths
 _WATCHED = "log_time"
 _CALM = [17, 21, 28]
 _MAP_SHARE, _SIDE_SHARE = 5, 2
-_RECENT_S = 120.0
+_RECENT_S = 600.0
 
 
 def blueprint() -> rrb.Blueprint:
     """Views select entities by wildcard, so a unit that comes later needs no new layout."""
-    return rrb.Blueprint(
+    heading = rrb.TextDocumentView(origin=f"/{rerun_paths.HEARTBEAT}", name="Noctule", titlebar=False)
+    world = map_view([f"/{rerun_paths.WORLD}/**"], "Map", None)
+    beside = rrb.Vertical(*figure_views(), events_view(), row_shares=[2, 2, 2, 4])
+    return arranged(
         rrb.Horizontal(
-            rrb.Vertical(_heartbeat(), _map(), row_shares=[1, 12]),
-            rrb.Vertical(_states(), _clocks(), _pace(), _events(), row_shares=[2, 2, 2, 4]),
-            column_shares=[_MAP_SHARE, _SIDE_SHARE],
-        ),
+            rrb.Vertical(heading, world, row_shares=[1, 12]), beside, column_shares=[_MAP_SHARE, _SIDE_SHARE]
+        )
+    )
+
+
+def arranged(views: rrb.Container) -> rrb.Blueprint:
+    """``views`` and no panels of Rerun's own around them; the page follows what is logged."""
+    return rrb.Blueprint(
+        views,
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -35,33 +44,29 @@ def blueprint() -> rrb.Blueprint:
     )
 
 
-def _heartbeat() -> rrb.TextDocumentView:
-    return rrb.TextDocumentView(origin=f"/{rerun_paths.HEARTBEAT}", name="Noctule", titlebar=False)
-
-
-def _map() -> rrb.Spatial2DView:
+def map_view(contents: Sequence[str], name: str, bounds: rrb.VisualBounds2D | None) -> rrb.Spatial2DView:
+    """Without ``bounds`` the view shows all there is at the time."""
     # The origin is the parent of the entity that turns y upwards: a view does not apply its own origin's transform.
-    return rrb.Spatial2DView(
-        origin="/", contents=[f"/{rerun_paths.WORLD}/**"], name="Map", background=_CALM, titlebar=False
-    )
+    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=_CALM, visual_bounds=bounds)
 
 
-def _states() -> rrb.StateTimelineView:
-    return rrb.StateTimelineView(origin="/", contents=["/units/**"], name="Units", time_ranges=_recent())
+def figure_views() -> list[rrb.View]:
+    """States of all units, their clocks, and the mapper's pace, over the last minutes."""
+    states = rrb.StateTimelineView(origin="/", contents=["/units/**"], name="Units", time_ranges=_recent())
+    pace = [f"/{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
+    return [states, figures_view("/units/**", "Clock error, ms"), figures_view(pace, "Contour, ms")]
 
 
-def _clocks() -> rrb.TimeSeriesView:
-    return rrb.TimeSeriesView(origin="/", contents=["/units/**"], name="Clock error, ms", time_ranges=_recent())
+def figures_view(contents: str | Sequence[str], name: str) -> rrb.TimeSeriesView:
+    """Figures over the last minutes."""
+    paths = [contents] if isinstance(contents, str) else list(contents)
+    return rrb.TimeSeriesView(origin="/", contents=paths, name=name, time_ranges=_recent())
 
 
-def _pace() -> rrb.TimeSeriesView:
-    counters = [f"/{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
-    return rrb.TimeSeriesView(origin="/", contents=counters, name="Contour, ms", time_ranges=_recent())
-
-
-def _events() -> rrb.TextLogView:
+def events_view(origin: str = f"/{rerun_paths.LOG}", name: str = "Events") -> rrb.TextLogView:
+    """What has happened, in words."""
     columns = rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"])
-    return rrb.TextLogView(origin=f"/{rerun_paths.LOG}", name="Events", columns=columns)
+    return rrb.TextLogView(origin=origin, name=name, columns=columns)
 
 
 def _recent() -> rrb.VisibleTimeRange:

@@ -3,6 +3,8 @@
 import logging
 import os
 import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -13,13 +15,15 @@ from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
+from noctule_viewer import memory_limit as memory_limits
+from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.presence import Presence
 from noctule_viewer.relay import RERUN, Relay, environment
 
 _log = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
-_DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit="512MB")
+_DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit=memory_limits.DEFAULT)
 
 
 @app.callback()
@@ -34,11 +38,11 @@ def run(
     ] = (_DEFAULT.bind),
     port: Annotated[int, typer.Option(help="Port for mappers and native viewers.")] = _DEFAULT.port,
     web_port: Annotated[int, typer.Option(help="Port of the page for browsers.")] = _DEFAULT.web_port,
-    memory_limit: Annotated[str, typer.Option(help="How much history to keep for viewers that come later.")] = (
-        _DEFAULT.memory_limit
-    ),
+    memory_limit: Annotated[
+        str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.5 times as much.")
+    ] = _DEFAULT.memory_limit,
     site: Annotated[
-        str | None, typer.Option(help="Show the relay's status among this site's services, on the bus.")
+        str | None, typer.Option(help="Watch this site on the bus: alarms and a table of its units, beside the map.")
     ] = None,
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
@@ -60,21 +64,22 @@ def run(
     """Run the relay and print the address to open."""
     logs.set_up(log_format)
     ending = Ending()
-    relay = Relay(bind, port, web_port, memory_limit)
 
-    def announce() -> None:
+    @contextmanager
+    def announced() -> Iterator[None]:
         if log_format is LogFormat.JSON:
             _log.info("Watch the map at %s", relay.page)
         else:
             print(f"Watch the map at {relay.page}", flush=True)
+        yield
 
     try:
+        relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
         if site is None:
-            status = relay.run(announce, metrics, ending)
+            status = relay.run(announced, metrics, ending)
         else:
-            with Presence(site, connect or [], tls_folder) as presence:
-                status = relay.run(announce, metrics, ending, presence.put)
+            status = _run_watching(site, connect or [], tls_folder, relay, announced, metrics, ending)
     except NoctuleError as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -97,6 +102,29 @@ def open_(
         return
     shown = str(recording.resolve()) if recording else url
     os.execve(RERUN, [str(RERUN), shown, "--bind", "127.0.0.1", "--port", "0"], environment())
+
+
+def _run_watching(
+    site: str,
+    connect: Sequence[str],
+    tls_folder: Path | None,
+    relay: Relay,
+    announced: Callable[[], AbstractContextManager[object]],
+    metrics: str | None,
+    ending: Ending,
+) -> int:
+    """Run the relay, on the bus of ``site``, with a board of how the site fares. Returns the relay's exit status."""
+    from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import, and only this needs it
+
+    state = SiteState()
+
+    @contextmanager
+    def shown() -> Iterator[None]:
+        with announced(), Board(relay.url, site, state):
+            yield
+
+    with Presence(site, state, connect, tls_folder) as presence:
+        return relay.run(shown, metrics, ending, presence.put)
 
 
 def _without_screen(recording: Path | None, url: str) -> str:

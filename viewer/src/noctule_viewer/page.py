@@ -3,28 +3,36 @@
 Rerun's own server gives the files. This one, in front of it, forbids the browser to contact any other host.
 """
 
+import json
 import re
+import secrets
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler
+from pathlib import Path
 from shutil import copyfileobj
 from socketserver import ThreadingTCPServer
 from typing import cast
 
 _SOURCE_TIMEOUT_S = 10.0
+_ALIVE = "/noctule/alive"
+_SCRIPT = b"<script>" + Path(__file__).with_name("stale_page.js").read_bytes() + b"</script>"
 # A policy does not hold for the connections that a page opens ahead of its requests.
 _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
 
 @contextmanager
-def serving(address: tuple[str, int], source: tuple[str, int], relay: str) -> Iterator[None]:
+def serving(
+    address: tuple[str, int], source: tuple[str, int], relay: str, answers: Callable[[], bool]
+) -> Iterator[None]:
     """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``.
 
-    Raises OSError if the address can't be had.
+    The page asks whether the relay ``answers``, and says so where it does not. Raises OSError if the address can't be
+    had.
     """
-    with _Server(address, source, _policy(relay)) as server:
+    with _Server(address, source, _policy(relay), answers) as server:
         threading.Thread(target=server.serve_forever, name="page", daemon=True).start()
         try:
             yield
@@ -53,14 +61,20 @@ class _Server(ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(self, address: tuple[str, int], source: tuple[str, int], policy: str) -> None:
-        self.source, self.policy = source, policy
+    def __init__(
+        self, address: tuple[str, int], source: tuple[str, int], policy: str, answers: Callable[[], bool]
+    ) -> None:
+        self.source, self.policy, self.answers = source, policy, answers
+        self.run = secrets.token_hex(8)  # of this program, by which a page knows that it was started again
         super().__init__(address, _Handler)
 
 
 class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         server = cast(_Server, self.server)
+        if self.path.partition("?")[0] == _ALIVE:
+            self._tell_alive(server)
+            return
         with closing(HTTPConnection(*server.source, timeout=_SOURCE_TIMEOUT_S)) as source:
             try:
                 source.request("GET", self.path.partition("?")[0])
@@ -78,9 +92,19 @@ class _Handler(BaseHTTPRequestHandler):
             with suppress(ConnectionError):  # the browser went away
                 self.end_headers()
                 if kind.startswith("text/html"):
-                    self.wfile.write(_FOREIGN_LINK.sub(b"", response.read()))
+                    self.wfile.write(_FOREIGN_LINK.sub(b"", response.read()).replace(b"</body>", _SCRIPT + b"</body>"))
                 else:
                     copyfileobj(response, self.wfile)
+
+    def _tell_alive(self, server: _Server) -> None:
+        content = json.dumps({"run": server.run, "answers": server.answers()}).encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Length", str(len(content)))
+        with suppress(ConnectionError):
+            self.end_headers()
+            self.wfile.write(content)
 
     def log_message(self, format: str, *args: object) -> None:
         """Requests are not logged."""

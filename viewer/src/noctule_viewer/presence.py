@@ -1,4 +1,4 @@
-"""The relay on the bus of a site: its status each second, and whether others can read it.
+"""The relay on the bus of a site: its status each second, whether others can read it, and what the site says.
 
 The relay itself needs no bus, so it does not wait for one: all of this is on a thread of its own.
 """
@@ -13,8 +13,10 @@ import zenoh
 
 from noctule import bus, bus_config, keys, tls
 from noctule.bus_watch import BusWatch
+from noctule.client import Client
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import ServiceStatus
+from noctule_viewer.board.site_state import SiteState
 
 _PUBLISH_EVERY_S = 1.0
 _END_WITHIN_S = 2.0
@@ -32,8 +34,11 @@ class Presence:
     Used as a context manager, or until close(). The name is the certificate's, or "viewer".
     """
 
-    def __init__(self, site: str, connect: Sequence[str] = (), tls_folder: Path | None = None) -> None:
-        """Raises KeyFormatError, BusConfigError, TlsError."""
+    def __init__(
+        self, site: str, state: SiteState, connect: Sequence[str] = (), tls_folder: Path | None = None
+    ) -> None:
+        """``state`` is given what the site says. Raises KeyFormatError, BusConfigError, TlsError."""
+        self._state = state
         self._site, self._connect, self._tls_folder = keys.name(site, "site"), connect, tls_folder
         self._name = tls.service_name(tls_folder, "viewer")
         bus_config.config(connect, (), tls.chosen(tls_folder))  # a mistake in it is told at once
@@ -59,21 +64,27 @@ class Presence:
 
     def _run(self) -> None:
         try:
-            with bus.open_session(
-                self._connect, tls_folder=self._tls_folder, while_waiting=self._end_where_closed
-            ) as session:
-                self._publish(session)
+            with (
+                bus.open_session(
+                    self._connect, tls_folder=self._tls_folder, while_waiting=self._end_where_closed
+                ) as session,
+                Client(self._site, session=session) as client,
+            ):
+                self._publish(session, client)
         except _ClosedError:
             pass
         except (NoctuleError, zenoh.ZError) as error:
             _log.error("the viewer is not shown on the bus: %s", error)
+            self._state.note_own_trouble(f"the viewer is not on the bus: {error}")
 
-    def _publish(self, session: zenoh.Session) -> None:
+    def _publish(self, session: zenoh.Session, client: Client) -> None:
         publisher = bus.StatePublisher(session, keys.service_status(self._site, self._name), ServiceStatus)
         watch = BusWatch(session, self._connect, tls_folder=self._tls_folder)
         watch.begin(lambda: [publisher])
         try:
+            self._listen(client)
             while not self._closed.wait(_PUBLISH_EVERY_S):
+                self._state.note_own_trouble(watch.detail())
                 if (status := self._latest) is not None:
                     message = ServiceStatus()
                     message.CopyFrom(status)
@@ -83,6 +94,13 @@ class Presence:
         finally:
             watch.close()
             publisher.close()
+
+    def _listen(self, client: Client) -> None:
+        client.on_alive(self._state.note_alive)
+        client.on_unit_status(self._state.note_unit)
+        client.on_service_status(self._state.note_service)
+        client.on_sweep(self._state.note_sweep)
+        client.on_contour(self._state.note_contour)
 
     def _end_where_closed(self) -> None:
         if self._closed.is_set():

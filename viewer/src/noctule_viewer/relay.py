@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -80,12 +80,13 @@ class Relay:
 
     def run(
         self,
-        announce: Callable[[], object],
+        serving: Callable[[], AbstractContextManager[object]],
         metrics_at: str | None,
         ending: Ending,
         show: Callable[[ServiceStatus], object] = lambda _: None,
     ) -> int:
-        """Run the relay and its page, and call ``announce`` once both answer. Returns the relay's exit status.
+        """Run the relay and its page, ``serving()`` as soon as both answer and until they end. Returns the relay's exit
+        status.
 
         ``show`` is given the relay's status each second, and must not wait.
         SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start,
@@ -97,9 +98,10 @@ class Relay:
         with _process(self._command(files_port)) as relay:
             _wait_until_listening(relay, self.bind, (self.port, files_port))
             self._send_layout()
-            with page.serving((self.bind, self.web_port), (self.bind, files_port), f"http://{self.bind}:{self.port}"):
-                announce()
-                return self._look_after(relay, Pulse(self.bind, files_port), metrics_at, ending, show)
+            pulse, address = Pulse(self.bind, files_port), (self.bind, self.web_port)
+            data = f"http://{self.bind}:{self.port}"
+            with page.serving(address, (self.bind, files_port), data, lambda: pulse.beats), serving():
+                return self._look_after(relay, pulse, metrics_at, ending, show)
 
     def _look_after(
         self,

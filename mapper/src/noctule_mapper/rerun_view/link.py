@@ -5,20 +5,18 @@ import re
 import socket
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
 from time import monotonic
-from typing import Any, Protocol
+from typing import Protocol
 
 import rerun as rr
 
 from noctule import rerun_paths
 from noctule.errors import NoctuleError
+from noctule_mapper.rerun_view.drawing import Drawing, Entries
+from noctule_mapper.rerun_view.standing import Standing
 
 _log = logging.getLogger(__name__)
-
-Entries = Iterable[tuple[str, rr.AsComponents]]
-"""Entity paths and what to log there."""
 
 _CHECK_INTERVAL_S = 1.0
 _LONGEST_PAUSE_S = 30.0
@@ -32,21 +30,6 @@ _ENTRY_OVERHEAD_BYTES = 2_000  # what the SDK adds to each entry, roughly
 
 class RelayAddressError(NoctuleError):
     """An address that is not one of a Rerun relay."""
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """Something to show. ``draw(*arguments)`` makes its entries, on the link's worker.
-
-    ``subject`` names what it shows: the last drawing of each subject is drawn again when the relay may have missed it.
-    An event has none.
-    """
-
-    draw: Callable[..., Entries]
-    arguments: tuple[Any, ...]
-    time_s: float
-    sweep: int
-    subject: str | None = None
 
 
 class Link(Protocol):
@@ -88,8 +71,7 @@ class RerunLink:
         self._statics = statics
         self._queue: deque[Drawing] = deque()
         self._capacity = capacity
-        self._present: dict[str, Drawing] = {}  # the last drawing of each subject
-        self._missed: dict[str, Drawing] = {}  # those of the present that were dropped or went to a relay that is gone
+        self._standing = Standing()
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._unflushed_bytes = 0
@@ -109,11 +91,10 @@ class RerunLink:
         """Show ``drawing`` when its turn comes; the oldest in the queue makes way if there is no room."""
         with self._changed:
             if len(self._queue) == self._capacity:
-                self._drop(self._queue.popleft())
+                self._counters["rerun_dropped"] += 1
+                self._standing.drop(self._queue.popleft())
             self._queue.append(drawing)
-            if drawing.subject is not None:
-                self._present[drawing.subject] = drawing
-                self._missed.pop(drawing.subject, None)
+            self._standing.put(drawing)
             self._changed.notify()
 
     def counters(self) -> dict[str, int]:
@@ -129,11 +110,6 @@ class RerunLink:
         with self._changed:
             self._changed.notify()
         self._worker.join(_CLOSE_TIMEOUT_S)
-
-    def _drop(self, drawing: Drawing) -> None:
-        self._counters["rerun_dropped"] += 1
-        if drawing.subject is not None and self._present[drawing.subject] is drawing:
-            self._missed[drawing.subject] = drawing
 
     def _work(self) -> None:
         """Connect and draw until the link is closed. An error never ends the worker, it only lengthens the pause."""
@@ -177,8 +153,7 @@ class RerunLink:
         self._log_entries(recording, self._statics(), static=True)
         with self._changed:
             self._counters["rerun_connections"] += 1
-            queued = {id(drawing) for drawing in self._queue}
-            self._missed = {subject: each for subject, each in self._present.items() if id(each) not in queued}
+            self._standing.begin(self._queue)
 
     def _serve(self, recording: rr.RecordingStream) -> bool:
         """Draw until the relay goes away or the link is closed; only a flush reveals that the relay is gone.
@@ -190,8 +165,9 @@ class RerunLink:
         while not self._closing.is_set():
             if stalled:
                 self._closing.wait(_CHECK_INTERVAL_S)
-            elif (drawing := self._next()) is not None:
-                self._draw(recording, drawing)
+            else:
+                for drawing in filter(None, (self._next(), self._due())):
+                    self._draw(recording, drawing)
             full = self._unflushed_bytes >= _MOST_UNFLUSHED_BYTES
             if not stalled and not full and monotonic() - flushed_s < _CHECK_INTERVAL_S:
                 continue
@@ -224,15 +200,19 @@ class RerunLink:
     def _next(self) -> Drawing | None:
         """The oldest drawing of the queue or, once it is empty, one that was missed; None if a while brings neither."""
         with self._changed:
-            if not self._queue and not self._missed:
+            if not self._queue and not self._standing.missed() and not self._standing.due():
                 self._changed.wait(_CHECK_INTERVAL_S)
-            if self._queue:
-                return self._queue.popleft()
-            return self._missed.pop(next(iter(self._missed))) if self._missed else None
+            return self._queue.popleft() if self._queue else self._standing.missed()
+
+    def _due(self) -> Drawing | None:
+        """One that the relay may forget soon. It does not wait until the queue is empty, which may never be."""
+        with self._changed:
+            return self._standing.due()
 
     def _draw(self, recording: rr.RecordingStream, drawing: Drawing) -> None:
         recording.set_time(rerun_paths.TIME, timestamp=drawing.time_s)
         recording.set_time(rerun_paths.SWEEP, sequence=drawing.sweep)
+        unflushed_bytes = self._unflushed_bytes
         try:
             self._log_entries(recording, drawing.draw(*drawing.arguments))
         except Exception:
@@ -243,6 +223,8 @@ class RerunLink:
         else:
             self._failing.discard(drawing.draw)
             self._count("rerun_drawn")
+        with self._changed:
+            self._standing.drawn(drawing, self._unflushed_bytes - unflushed_bytes)
 
     def _log_entries(self, recording: rr.RecordingStream, entries: Entries, static: bool = False) -> None:
         for path, archetype in entries:

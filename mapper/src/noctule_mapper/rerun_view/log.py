@@ -4,7 +4,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from datetime import datetime
-from time import time
+from time import monotonic, time
 from typing import Any
 
 from noctule import keys, poses, rerun_paths
@@ -12,7 +12,10 @@ from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, Uni
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view import status as rerun_status
-from noctule_mapper.rerun_view.link import Drawing, Entries, Link, NoLink, RerunLink
+from noctule_mapper.rerun_view.drawing import Drawing, Entries
+from noctule_mapper.rerun_view.link import Link, NoLink, RerunLink
+from noctule_mapper.rerun_view.sight import Sight, sight
+from noctule_mapper.rerun_view.thinning import Thinning
 
 _TRAIL_POSES = 500
 
@@ -23,7 +26,7 @@ class RerunLog:
     The time of what was measured is the sweep's; the time of what the mapper says of itself and of units is the host's.
     """
 
-    def __init__(self, url: str | None, site: str) -> None:
+    def __init__(self, url: str | None, site: str, now: Callable[[], float] = monotonic) -> None:
         """``site`` names the recording, so that a restarted mapper goes on with it; without ``url`` nothing is shown.
 
         Raises RelayAddressError.
@@ -31,9 +34,14 @@ class RerunLog:
         self._link: Link = RerunLink(url, site, rerun_map.draw_frame) if url else NoLink()
         self._sequences: dict[str, int] = {}
         self._trails: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=_TRAIL_POSES))
+        self._here: dict[str, tuple[float, float]] = {}  # where each unit was drawn last
         self._poses: dict[str, tuple[float, float, float]] = {}  # of units whose stated pose is unknown
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
+        self._tiles: dict[tuple[int, int], GridTile] = {}
+        self._contour = Contour()
+        self._seen: Sight | None = None
+        self._thinning = Thinning(now)
 
     def recall_sweep(self, readings: SweepReadings) -> None:
         """Take note of a sweep from before a restart: it has been shown."""
@@ -54,6 +62,10 @@ class RerunLog:
             readings = replace(readings, x_m=x_m, y_m=y_m, heading_rad=heading_rad)
         trail_m = tuple(self._trails[readings.unit])
         self._show(rerun_paths.unit_rays(readings.unit), readings.time_s, rerun_map.draw_sweep, readings, trail_m)
+        here = readings.x_m, readings.y_m
+        if self._here.get(readings.unit) != here:
+            self._here[readings.unit] = here
+            self._label(readings.time_s)
 
     def show_contour(self, contour: Contour) -> None:
         """Walls, corners, cylinders and the units' poses."""
@@ -61,6 +73,8 @@ class RerunLog:
             pose.unit: (pose.x_m, pose.y_m, pose.heading_rad) for pose in contour.poses if poses.is_placed(pose)
         }
         self._show("contour", _seconds(contour), rerun_map.draw_contour, contour)
+        self._contour = contour
+        self._label(_seconds(contour))
 
     def show_features(self, features: Features) -> None:
         """Feature points by kind."""
@@ -69,14 +83,15 @@ class RerunLog:
     def show_tiles(self, tiles: Iterable[GridTile]) -> None:
         """Those tiles of the reliability grid that have changed."""
         for tile in tiles:
-            path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
-            self._show(path, _seconds(tile), rerun_map.draw_tile, tile)
+            self._tiles[tile.tile_x, tile.tile_y] = tile
+            self._show_tile(tile)
 
     def show_unit_status(self, status: UnitStatus) -> None:
         """A unit's state and clock, and in the log what it tells its operator."""
         now_s = time()
-        if status.state != UnitStatus.STATE_DISCONNECTED:
-            self._show(rerun_paths.unit_clock_error(status.unit), now_s, rerun_status.draw_clock, status)
+        clock = rerun_paths.unit_clock_error(status.unit)
+        if status.state != UnitStatus.STATE_DISCONNECTED and self._thinning.is_due(clock):
+            self._show(None, now_s, rerun_status.draw_clock, status)
         if self._states.get(status.unit) != status.state:
             self._states[status.unit] = status.state
             self._show(rerun_paths.unit_state(status.unit), now_s, rerun_status.draw_state, status)
@@ -87,10 +102,16 @@ class RerunLog:
             self._show(None, now_s, rerun_status.draw_event, rerun_paths.unit_log(status.unit), text, level)
 
     def show_service_status(self, status: ServiceStatus, summary: str) -> None:
-        """The mapper's own figures and, in a line, what its map holds; called each second, as a heartbeat."""
+        """The mapper's own figures, in a line what its map holds and at what hour, and the grid where walls have moved;
+        called each second.
+        """
+        if not self._thinning.is_due(rerun_paths.HEARTBEAT):
+            return
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"
-        self._show(rerun_paths.HEARTBEAT, time(), rerun_status.draw_service, status, heading)
+        counters = self._thinning.changed(status.counters)
+        self._show(None, time(), rerun_status.draw_service, heading, counters)
+        self._look_again()
 
     def show_event(self, text: str, level: str = "INFO") -> None:
         """A line in the log of events; ``level`` as INFO, WARN or ERROR."""
@@ -103,6 +124,28 @@ class RerunLog:
     def close(self) -> None:
         """Show no more."""
         self._link.close()
+
+    def _label(self, time_s: float) -> None:
+        self._show(rerun_paths.LABELS, time_s, rerun_map.draw_labels, self._contour, self._here.copy())
+
+    def _look_again(self) -> None:
+        """Draw the grid's free space up to the contour's walls, if that is not where it ends already."""
+        tiles = list(self._tiles.copy().values())
+        if not tiles:
+            return
+        trails = [place for trail in self._trails.copy().values() for place in trail.copy()]
+        placed = [(x_m, y_m) for x_m, y_m, _ in self._poses.values()]
+        cell_m = tiles[0].cell_m
+        seen = sight(self._contour, [*trails, *placed], cell_m)
+        if seen is self._seen or (seen is not None and seen.is_near(self._seen, within_m=cell_m)):
+            return
+        self._seen = seen
+        for tile in tiles:
+            self._show_tile(tile)
+
+    def _show_tile(self, tile: GridTile) -> None:
+        path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
+        self._show(path, _seconds(tile), rerun_map.draw_tile, tile, self._seen)
 
     def _show(self, subject: str | None, time_s: float, draw: Callable[..., Entries], *arguments: Any) -> None:
         sweep = sum(self._sequences.copy().values())

@@ -1,7 +1,7 @@
 """How the map looks in the viewer, on a dark background: readings and messages to entity paths and archetypes."""
 
-from collections.abc import Sequence
-from math import cos, hypot, radians, sin
+from collections.abc import Mapping, Sequence
+from math import cos, radians, sin
 
 import cv2
 import numpy as np
@@ -21,7 +21,9 @@ from noctule.messages_pb2 import (
 )
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
+from noctule_mapper.rerun_view.labels import labels
+from noctule_mapper.rerun_view.sight import Sight
 
 Colour = tuple[int, int, int]
 
@@ -38,6 +40,7 @@ _KINDS = {
     CONTACT_KIND_CYLINDER: _CYLINDER,
     CONTACT_KIND_CORNER: _CORNER,
 }
+_LABELS = {"unit": _WALL, "wall": _WALL, "cylinder": _CYLINDER, "touch": _TOUCH}
 _UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (244, 114, 182), (242, 201, 76))
 
 _NO_ECHO_LENGTH_M = 0.25
@@ -67,9 +70,8 @@ def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) 
 
 
 def draw_contour(contour: Contour) -> Entries:
-    """Walls as strong lines that bear their lengths, corners as points, cylinders as circles that bear their radii,
-    touches as short bars across the echo's direction, as long as their error, that bear what they most likely are,
-    units with the errors of their poses.
+    """Walls as strong lines, corners as points, cylinders as circles, touches as short bars across the echo's
+    direction, as long as their error, units with the errors of their poses. draw_labels() names them.
     """
     yield from _walls(contour)
     corners = rr.Points2D(
@@ -82,6 +84,20 @@ def draw_contour(contour: Contour) -> Entries:
     yield from _cylinders(contour)
     yield from _touches(contour)
     yield from _poses([pose for pose in (*contour.stops, *contour.poses) if poses.is_placed(pose)])
+
+
+def draw_labels(contour: Contour, units_m: Mapping[str, tuple[float, float]]) -> Entries:
+    """Lengths of walls, radii of cylinders, what touches may be, and the names of the units at ``units_m``."""
+    placed = labels(contour, units_m)
+    names = rr.Points2D(
+        [label.place_m for label in placed],
+        colors=[_LABELS[label.kind] for label in placed],
+        radii=rr.Radius.ui_points(0.1),
+        labels=[label.text for label in placed],
+        show_labels=True,
+        draw_order=_UNIT_ORDER,
+    )
+    yield rerun_paths.LABELS, names
 
 
 def draw_echoes(sweeps: Sequence[SweepReadings]) -> Entries:
@@ -108,11 +124,15 @@ def draw_features(features: Features) -> Entries:
     yield rerun_paths.FEATURES, points
 
 
-def draw_tile(tile: GridTile) -> Entries:
-    """A tile of the reliability grid: free space lit faintly, occupied cells brightly, unknown ones left dark."""
+def draw_tile(tile: GridTile, seen: Sight | None = None) -> Entries:
+    """A tile of the reliability grid: free space lit faintly where it is ``seen``, occupied cells brightly, and unknown
+    ones left dark.
+    """
     path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
     yield path, rr.Transform3D(translation=[tile.x_m, tile.y_m, 0.0], scale=tile.cell_m)
-    image = rr.EncodedImage(contents=_png(tile), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER)
+    image = rr.EncodedImage(
+        contents=_png(tile, seen), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER
+    )
     yield path, image
 
 
@@ -150,8 +170,6 @@ def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) ->
         [here],
         colors=[colour],
         radii=rr.Radius.ui_points(6.0),
-        labels=[readings.unit],
-        show_labels=True,
         draw_order=_UNIT_ORDER,
     )
     yield rerun_paths.unit_pose(readings.unit), body
@@ -159,16 +177,10 @@ def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) ->
 
 def _walls(contour: Contour) -> Entries:
     ends_m = [((wall.start.x_m, wall.start.y_m), (wall.end.x_m, wall.end.y_m)) for wall in contour.walls]
-    lengths_m = [hypot(end[0] - start[0], end[1] - start[1]) for start, end in ends_m]
     walls = rr.LineStrips2D(
         ends_m,
         colors=[_WALL],
         radii=rr.Radius.ui_points(3.0),
-        labels=[
-            f"{length_m:.2f} m, {100 * wall.chance:.1f} %" if wall.HasField("chance") else f"{length_m:.2f} m"
-            for length_m, wall in zip(lengths_m, contour.walls, strict=True)
-        ],
-        show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
     yield rerun_paths.WALLS, walls
@@ -189,8 +201,6 @@ def _cylinders(contour: Contour) -> Entries:
         centres_m,
         colors=[_CYLINDER],
         radii=rr.Radius.ui_points(2.0),
-        labels=[f"r {radius_m:.2f} m" for radius_m in radii_m],
-        show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
     yield rerun_paths.CYLINDERS, centres
@@ -201,8 +211,6 @@ def _touches(contour: Contour) -> Entries:
         [touch_marks.bar_m(touch) for touch in contour.touches],
         colors=[_TOUCH],
         radii=rr.Radius.ui_points(2.0),
-        labels=[touch_marks.label(touch) for touch in contour.touches],
-        show_labels=True,
         draw_order=_CONTOUR_ORDER,
     )
     yield rerun_paths.TOUCHES, touches
@@ -255,12 +263,14 @@ def _error_m(pose: UnitPose) -> list[np.ndarray]:
     return [ellipse, np.array([first, here, last])]
 
 
-def _png(tile: GridTile) -> bytes:
+def _png(tile: GridTile, seen: Sight | None) -> bytes:
     """(rows, columns) masses to an RGBA image with row 0 first."""
     free, occupied = (
         np.frombuffer(masses, np.uint8).reshape(tile.rows, tile.columns) // _LEVEL * _LEVEL / 255.0
         for masses in (tile.free, tile.occupied)
     )
+    if seen is not None:
+        free = np.where(seen.cells(tile), free, 0.0)
     known = np.maximum(free + occupied, 1e-9)
     colour = (free[..., None] * _FREE + occupied[..., None] * _OCCUPIED) / known[..., None]
     alpha = 255.0 * np.clip(0.55 * free + occupied, 0.0, 1.0)

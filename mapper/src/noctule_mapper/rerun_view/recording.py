@@ -10,7 +10,8 @@ from noctule.messages_pb2 import Contour
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import features_message, tile_message
 from noctule_mapper.rerun_view import map as rerun_map
-from noctule_mapper.rerun_view.link import Entries
+from noctule_mapper.rerun_view.drawing import Entries
+from noctule_mapper.rerun_view.sight import sight
 
 SUMMARY = "summary"
 _CALM = [17, 21, 28]
@@ -33,6 +34,7 @@ def record(path: Path, mapper: Mapper, contour: Contour, summary: str) -> None:
         trail_m.append((sweep.x_m, sweep.y_m))
         recording.set_time(rerun_paths.SWEEP, sequence=number)
         log(recording, rerun_map.draw_sweep(sweep, trail_m))
+        log(recording, rerun_map.draw_labels(contour, {unit: trail[-1] for unit, trail in trails_m.items()}))
     recording.flush()
     recording.disconnect()
 
@@ -50,7 +52,9 @@ def map_view() -> rrb.Spatial2DView:
 
 
 def _map(mapper: Mapper, contour: Contour) -> list[Entries]:
-    tiles = [rerun_map.draw_tile(tile_message(tile, contour.site)) for tile in mapper.grid.tiles()]
+    places_m = [(sweep.x_m, sweep.y_m) for sweep in mapper.sweeps() if not sweep.pose_is_unknown]
+    seen = sight(contour, places_m, mapper.config.grid.cell_m)
+    tiles = [rerun_map.draw_tile(tile_message(tile, contour.site), seen) for tile in mapper.grid.tiles()]
     features = rerun_map.draw_features(features_message(mapper.feature_points(), contour.site))
     echoes = rerun_map.draw_echoes(mapper.sweeps())
     return [rerun_map.draw_frame(), *tiles, echoes, features, rerun_map.draw_contour(contour)]

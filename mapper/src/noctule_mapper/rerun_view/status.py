@@ -1,10 +1,12 @@
 """How units and the mapper itself fare, as the viewer shows it: states, figures over time, and a log of events."""
 
+from collections.abc import Mapping
+
 import rerun as rr
 
 from noctule import rerun_paths
-from noctule.messages_pb2 import ServiceStatus, UnitStatus
-from noctule_mapper.rerun_view.link import Entries
+from noctule.messages_pb2 import UnitStatus
+from noctule_mapper.rerun_view.drawing import Entries
 
 _STATES: dict[int, tuple[str, tuple[int, int, int]]] = {
     UnitStatus.STATE_UNSPECIFIED: ("unknown", (90, 96, 106)),
@@ -39,10 +41,10 @@ def draw_clock(status: UnitStatus) -> Entries:
     yield rerun_paths.unit_clock_error(status.unit), rr.Scalars(status.clock_error_s * 1e3)
 
 
-def draw_service(status: ServiceStatus, heading: str) -> Entries:
-    """The mapper's own figures under ``heading``, in which people see at a glance that what they watch is live."""
+def draw_service(heading: str, counters: Mapping[str, float]) -> Entries:
+    """The mapper's own figures, and ``heading``, which says when they were taken."""
     yield rerun_paths.HEARTBEAT, rr.TextDocument(heading, media_type="text/markdown")
-    for counter, value in status.counters.items():
+    for counter, value in counters.items():
         yield rerun_paths.mapper_counter(counter), rr.Scalars(value)
 
 

@@ -1,0 +1,104 @@
+"""Labels on the map that do not lie on each other: each tries a few places, and one that finds none is left out."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import hypot
+
+from noctule.messages_pb2 import Contour, Wall
+from noctule_mapper.contour import touch_marks
+
+Place = tuple[float, float]
+
+# Of a page of common size at the zoom that it opens with. Who zooms in has room to spare.
+_MAP_SIDE_PX = 650.0
+_LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
+_ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
+_LEAST_SIDE_M = 1.0
+
+
+@dataclass(frozen=True)
+class Label:
+    """``text`` about something of that ``kind`` (unit, cylinder, wall, touch), centred at a place in metres."""
+
+    kind: str
+    text: str
+    place_m: Place
+
+
+def labels(contour: Contour, units_m: Mapping[str, Place]) -> list[Label]:
+    """Names of units, then radii of cylinders, lengths of walls, the longest first, and what touches may be."""
+    px_m = _side_m(contour, units_m) / _MAP_SIDE_PX
+    placed: list[Label] = []
+    for choices in _wanted(contour, units_m, px_m):
+        free = next((one for one in choices if not any(_overlap(one, other, px_m) for other in placed)), None)
+        if free is not None:
+            placed.append(free)
+    return placed
+
+
+def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iterator[list[Label]]:
+    """For each label, the most important first, the places that would do, the best first."""
+    for names, place in _together(units_m, px_m):
+        yield _around("unit", ", ".join(names), place, px_m)
+    for cylinder in contour.cylinders:
+        yield _around("cylinder", f"r {cylinder.radius_m:.2f} m", (cylinder.x_m, cylinder.y_m), px_m)
+    for wall in sorted(contour.walls, key=_length_m, reverse=True):
+        chance = f", {100 * wall.chance:.1f} %" if wall.HasField("chance") else ""
+        text = f"{_length_m(wall):.2f} m{chance}"
+        yield [Label("wall", text, _on_wall(wall, share)) for share in _ALONG_A_WALL]
+    for touch in contour.touches:
+        yield _around("touch", touch_marks.label(touch), (touch.x_m, touch.y_m), px_m)
+
+
+def _together(units_m: Mapping[str, Place], px_m: float) -> list[tuple[list[str], Place]]:
+    """Units that stand at one place share a label."""
+    groups: list[tuple[list[str], Place]] = []
+    for unit, place in units_m.items():
+        near = (names for names, other in groups if _apart_m(place, other) < _HEIGHT_PX * px_m)
+        if (names := next(near, None)) is not None:
+            names.append(unit)
+        else:
+            groups.append(([unit], place))
+    return groups
+
+
+def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
+    """Below, above, and beside what is at ``place``."""
+    up_m, aside_m = _HEIGHT_PX * px_m, 0.6 * _width_m(text, px_m)
+    shifts = ((0.0, -up_m), (0.0, up_m), (aside_m, 0.0), (-aside_m, 0.0))
+    return [Label(kind, text, (place[0] + x_m, place[1] + y_m)) for x_m, y_m in shifts]
+
+
+def _overlap(one: Label, other: Label, px_m: float) -> bool:
+    wide_m = (_width_m(one.text, px_m) + _width_m(other.text, px_m)) / 2
+    across_m, up_m = (abs(first - second) for first, second in zip(one.place_m, other.place_m, strict=True))
+    return across_m < wide_m and up_m < _HEIGHT_PX * px_m
+
+
+def _width_m(text: str, px_m: float) -> float:
+    return (_LETTER_PX * len(text) + _PADDING_PX) * px_m
+
+
+def _side_m(contour: Contour, units_m: Mapping[str, Place]) -> float:
+    """The larger side of all that is labelled."""
+    ends = [(end.x_m, end.y_m) for wall in contour.walls for end in (wall.start, wall.end)]
+    centres = [(each.x_m, each.y_m) for each in (*contour.cylinders, *contour.touches)]
+    places: Sequence[Place] = [*ends, *centres, *units_m.values()]
+    if not places:
+        return _LEAST_SIDE_M
+    return max(_LEAST_SIDE_M, *(max(axis) - min(axis) for axis in zip(*places, strict=True)))
+
+
+def _on_wall(wall: Wall, share: float) -> Place:
+    return (
+        wall.start.x_m + share * (wall.end.x_m - wall.start.x_m),
+        wall.start.y_m + share * (wall.end.y_m - wall.start.y_m),
+    )
+
+
+def _length_m(wall: Wall) -> float:
+    return _apart_m((wall.start.x_m, wall.start.y_m), (wall.end.x_m, wall.end.y_m))
+
+
+def _apart_m(one: Place, other: Place) -> float:
+    return hypot(one[0] - other[0], one[1] - other[1])

@@ -1,0 +1,218 @@
+"""What the board says of a site: alarms in words, a row for each unit, and a picture that stands still."""
+
+from typing import Any
+
+import pytest
+
+from noctule.messages_pb2 import (
+    POSE_STATE_WRONG,
+    Contour,
+    Point,
+    Pose,
+    ServiceStatus,
+    Sweep,
+    UnitPose,
+    UnitStatus,
+    Wall,
+)
+from noctule_viewer.board import documents, drawing, map_box
+from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.map_box import MapBox
+from noctule_viewer.board.site_state import SiteState
+from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
+from noctule_viewer.board.words import age
+
+BEGAN_S = 1_800_000_000.0
+
+
+class Site:
+    """A site as the viewer hears it, at a time that a test sets."""
+
+    def __init__(self) -> None:
+        self.passed_s = 0.0
+        self.state = SiteState(lambda: 50.0 + self.passed_s, lambda: BEGAN_S + self.passed_s)
+        self.state.note_own_trouble("")
+        self._health = UnitsHealth()
+
+    def mapper(self, detail: str = "") -> None:
+        self.state.note_service(ServiceStatus(name="mapper", role="mapper", detail=detail))
+
+    def unit(self, unit: str, state: "UnitStatus.State" = UnitStatus.STATE_SWEEPING, detail: str = "") -> None:
+        self.state.note_alive(unit, True)
+        status = UnitStatus(unit=unit, gateway="g1", state=state, detail=detail)
+        status.since.FromNanoseconds(round((BEGAN_S - 3_600) * 1e9))
+        self.state.note_unit(status)
+
+    def units(self) -> list[UnitHealth]:
+        return self._health.of(self.state.heard())
+
+    def alarms(self) -> str:
+        return documents.alarms("attic", self.units(), self.state.heard())
+
+
+@pytest.fixture
+def site() -> Site:
+    return Site()
+
+
+def test_a_site_without_trouble_is_well(site: Site) -> None:
+    site.mapper()
+    for number in range(1, 4):
+        site.unit(f"u{number}")
+    assert site.alarms().startswith("### attic — all is well — ")
+    assert "3 units" in site.alarms()
+
+
+def test_units_that_need_attention_are_counted_and_named_on_top(site: Site) -> None:
+    site.mapper()
+    for number in range(1, 21):
+        site.unit(f"u{number}")
+    site.unit("u7", UnitStatus.STATE_FAULT, "the stepper is stuck")
+    site.unit("u12", UnitStatus.STATE_DISCONNECTED, "the line is silent")
+    heading = site.alarms().splitlines()[0]
+    assert "2 of 20 units need attention: u7 fault: the stepper is stuck, u12 disconnected: the line is si" in heading
+
+
+def test_a_mapper_that_falls_silent_is_told_however_lively_the_units_are(site: Site) -> None:
+    site.mapper()
+    site.passed_s = 125.0
+    site.unit("u1")
+    assert "no mapper is heard (mapper silent for 2 min): the map is old" in site.alarms().splitlines()[0]
+
+
+def test_a_site_that_no_mapper_maps_is_told(site: Site) -> None:
+    site.unit("u1")
+    assert "no mapper maps this site" in site.alarms().splitlines()[0]
+
+
+def test_another_mapper_that_took_the_site_over_ends_the_alarm(site: Site) -> None:
+    site.mapper()
+    site.passed_s = 60.0
+    site.state.note_service(ServiceStatus(name="second", role="mapper"))
+    site.unit("u1")
+    assert "all is well" in site.alarms().splitlines()[0]
+
+
+def test_the_viewers_own_line_to_the_bus_is_told_first(site: Site) -> None:
+    site.state.note_own_trouble("no router answers")
+    assert site.alarms().startswith("### attic — no router answers — ")
+
+
+def test_a_unit_whose_gateway_was_killed_is_away_though_its_last_status_was_good(site: Site) -> None:
+    site.unit("u1")
+    assert [unit.health for unit in site.units()] == [Health.WELL]
+    site.passed_s = 40.0
+    (unit,) = site.units()
+    assert (unit.health, unit.words) == (Health.AWAY, "its gateway g1 has been silent for 40 s")
+    site.state.note_alive("u1", False)
+    assert site.units()[0].words == "no gateway serves it"
+
+
+def test_a_gateway_that_no_longer_serves_a_unit_does_not_make_it_ill(site: Site) -> None:
+    site.state.note_unit(UnitStatus(unit="u1", gateway="old", state=UnitStatus.STATE_FAULT, detail="stuck"))
+    site.passed_s = 60.0
+    site.unit("u1")
+    assert [(unit.unit, unit.health) for unit in site.units()] == [("u1", Health.WELL)]
+
+
+def test_health_says_since_when_it_is_as_it_is(site: Site) -> None:
+    site.unit("u1")
+    assert site.units()[0].since_s == BEGAN_S - 3_600  # as its gateway says: since it has answered
+    site.passed_s = 10.0
+    site.unit("u1", UnitStatus.STATE_FAULT, "stuck")
+    assert site.units()[0].since_s == BEGAN_S + 10
+    site.passed_s = 15.0
+    site.unit("u1", UnitStatus.STATE_FAULT, "stuck")
+    assert site.units()[0].since_s == BEGAN_S + 10
+    site.unit("u1")
+    assert site.units()[0].since_s == BEGAN_S + 15
+
+
+def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Site) -> None:
+    for unit in ("u10", "u2", "u3"):
+        site.unit(unit)
+    site.unit("u3", UnitStatus.STATE_FAULT, "a | b\nc")
+    sweep = Sweep(unit="u2")
+    sweep.start.FromNanoseconds(round((BEGAN_S - 130) * 1e9))
+    site.state.note_sweep(sweep)
+    rows = documents.table(site.units(), BEGAN_S).splitlines()[2:]
+    assert [row.split("|")[1].strip() for row in rows] == ["u3", "u2", "u10"]
+    assert "**NEEDS ATTENTION** fault: a \\| b c" in rows[0]
+    assert rows[1].endswith("| 2 min ago |")
+    assert rows[2].endswith("| none heard |")
+
+
+def test_a_unit_at_a_wrong_place_needs_attention(site: Site) -> None:
+    site.unit("u1")
+    site.state.note_contour(Contour(poses=[UnitPose(unit="u1", stated=Pose(x_m=1.0), state=POSE_STATE_WRONG)]))
+    (unit,) = site.units()
+    assert (unit.health, unit.words) == (Health.ATTENTION, "sweeping: its stated pose is wrong")
+
+
+def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Site) -> None:
+    site.state.note_sweep(Sweep(unit="u1", pose=Pose(x_m=1.0, y_m=2.0)))
+    site.state.note_sweep(Sweep(unit="u2", pose=Pose(x_m=5.0, y_m=5.0)))
+    site.state.note_sweep(Sweep(unit="u3", pose=Pose(sigma_position_m=100.0)))
+    site.state.note_contour(Contour(poses=[UnitPose(unit="u2", x_m=3.0, y_m=4.0)]))
+    assert site.state.heard().stands_m == {"u1": (1.0, 2.0), "u2": (3.0, 4.0)}
+
+
+def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:
+    layout = Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0)).blueprint()
+    _, tabs = views(layout.root_container)
+    assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures"]
+    maps = [views(tab)[0] for tab in views(tabs)[:3]]
+    assert [map_view.name for map_view in maps] == ["Map", "Last sweep", "Last sweep"]
+    for map_view in maps:  # Rerun's y points down
+        (bounds,) = map_view.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()
+        assert (bounds["x_range"], bounds["y_range"]) == ([-1.0, 3.0], [-4.0, 2.0])
+
+
+def views(container: Any) -> list[Any]:
+    return list(container.contents)
+
+
+def contour(width_m: float) -> Contour:
+    return Contour(walls=[Wall(start=Point(), end=Point(x_m=width_m, y_m=0.0))])
+
+
+def test_the_picture_stands_still_while_the_map_fits_and_grows_with_it() -> None:
+    first = map_box.shown(contour(4.0), [(2.0, 3.0)], None)
+    assert first == MapBox(-0.48, -0.48, 4.48, 3.48)  # 12 % of four metres around
+    assert map_box.shown(contour(4.3), [(2.0, 3.0)], first) == first
+    assert map_box.shown(contour(2.5), [], first) == first
+    assert map_box.shown(None, [], first) == first
+    wider = map_box.shown(contour(8.0), [], first)
+    assert wider is not None
+    assert wider.right_m == pytest.approx(8.96)
+
+
+@pytest.mark.parametrize(
+    ("side_m", "spacing_m"), [(0.9, 0.1), (4.0, 0.5), (11.0, 1.0), (30.0, 5.0), (200.0, 20.0), (12.0, 1.0)]
+)
+def test_the_scale_has_at_most_a_dozen_lines_of_a_round_distance(side_m: float, spacing_m: float) -> None:
+    assert map_box.line_spacing_m(MapBox(0.0, 0.0, side_m, 1.0)) == pytest.approx(spacing_m)
+
+
+def test_the_scales_labels_keep_clear_of_the_edges_that_would_cut_them_off() -> None:
+    _, (_, names) = drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0))
+    batches = {batch.component_descriptor().component: batch.as_arrow_array() for batch in names.as_component_batches()}
+    assert batches["Points2D:labels"].to_pylist() == [
+        *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m", "2 m", "2.5 m"),
+        *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (-3, "just now"),
+        (4, "just now"),
+        (40, "40 s ago"),
+        (750, "12 min ago"),
+        (3 * 3600, "3 h ago"),
+        (5 * 86400, "5 days ago"),
+    ],
+)
+def test_ages_are_words(seconds: float, words: str) -> None:
+    assert age(seconds) == words

@@ -1,0 +1,139 @@
+"""Draws the board of a site on the relay, on a thread of its own: a relay that is frozen holds up nothing else."""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from time import monotonic
+from typing import Self
+
+import rerun as rr
+
+from noctule import rerun_paths
+from noctule_viewer.board import drawing, map_box
+from noctule_viewer.board.drawing import Entries
+from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.map_box import MapBox
+from noctule_viewer.board.site_state import Heard, SiteState
+from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
+
+_ALARMS_EVERY_S = 1.0
+_UNITS_EVERY_S = 3.0
+_SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
+_LAYOUT_EVERY_S = 10.0
+# A relay forgets no layout, and one of twenty units takes a megabyte.
+_MOST_LAYOUTS, _MOST_LAYOUTS_IN_S = 12, 6 * 3_600.0
+_FLUSH_TIMEOUT_S = 5.0
+_END_WITHIN_S = 0.5
+
+_log = logging.getLogger(__name__)
+
+
+class Board:
+    """Shows ``state`` on the relay at ``url`` from its making until close()."""
+
+    def __init__(self, url: str, site: str, state: SiteState) -> None:
+        self._url, self._site, self._state = url, site, state
+        self._health = UnitsHealth()
+        self._box: MapBox | None = None
+        self._layout: Layout | None = None
+        self._laid_out_s: deque[float] = deque(maxlen=_MOST_LAYOUTS)
+        self._due_s: dict[str, float] = {}
+        self._on_sheets: dict[str, Health] = {}
+        self._told = ""
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="board", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Draw no more. A thread that the relay holds up is left behind, after half a second."""
+        self._closed.set()
+        self._thread.join(_END_WITHIN_S)
+
+    def _run(self) -> None:
+        recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=self._site)
+        recording.connect_grpc(self._url)
+        while not self._closed.is_set():
+            try:
+                self._draw(recording)
+                recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
+            except Exception as error:  # the relay is frozen, or ends and this process with it
+                self._tell(str(error))
+                self._wait_for(recording)
+            self._closed.wait(_ALARMS_EVERY_S)
+        recording.disconnect()
+
+    def _tell(self, error: str) -> None:
+        if error != self._told and not self._closed.is_set():
+            self._told = error
+            _log.warning("the board of site %s was not drawn: %s; it is tried again", self._site, error)
+
+    def _wait_for(self, recording: rr.RecordingStream) -> None:
+        """Until the relay has taken what it was given: more would pile up in this process."""
+        while not self._closed.wait(_ALARMS_EVERY_S):
+            try:
+                recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
+                return
+            except Exception:
+                continue
+
+    def _draw(self, recording: rr.RecordingStream) -> None:
+        heard = self._state.heard()
+        units = self._health.of(heard)
+        recording.set_time(rerun_paths.TIME, timestamp=heard.now_s)
+        _log_entries(recording, drawing.draw_alarms(self._site, units, heard))
+        self._at_most_every(_UNITS_EVERY_S, "units", lambda: _log_entries(recording, drawing.draw_units(units, heard)))
+        self._at_most_every(
+            _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(units))
+        )
+        for unit in units:
+            if self._is_news(unit):
+                _log_entries(recording, drawing.draw_sheet(unit, heard))
+        self._lay_out(recording, units, heard)
+
+    def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
+        self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
+        wanted = Layout(tuple(unit.unit for unit in units), self._box)
+        if wanted != self._layout and self._may_lay_out():
+            self._layout = wanted
+            recording.send_blueprint(wanted.blueprint(), make_active=True, make_default=True)
+            if self._box is not None:
+                _log_entries(recording, drawing.draw_scale(self._box), static=True)
+
+    def _is_news(self, unit: UnitHealth) -> bool:
+        what = f"sheet {unit.unit}"
+        if self._on_sheets.get(unit.unit) is not unit.health:
+            self._on_sheets[unit.unit] = unit.health
+            self._due_s.pop(what, None)
+        return self._is_due(_SHEETS_EVERY_S, what)
+
+    def _may_lay_out(self) -> bool:
+        now_s = monotonic()
+        if len(self._laid_out_s) == _MOST_LAYOUTS and now_s - self._laid_out_s[0] < _MOST_LAYOUTS_IN_S:
+            return False
+        if not self._is_due(_LAYOUT_EVERY_S, "layout"):
+            return False
+        self._laid_out_s.append(now_s)
+        return True
+
+    def _at_most_every(self, interval_s: float, what: str, draw: Callable[[], None]) -> None:
+        if self._is_due(interval_s, what):
+            draw()
+
+    def _is_due(self, interval_s: float, what: str) -> bool:
+        now_s = monotonic()
+        if now_s < self._due_s.get(what, now_s):
+            return False
+        self._due_s[what] = now_s + interval_s
+        return True
+
+
+def _log_entries(recording: rr.RecordingStream, entries: Entries, static: bool = False) -> None:
+    for path, archetype in entries:
+        recording.log(path, archetype, static=static)

@@ -1,0 +1,106 @@
+"""The board's documents, as Markdown: alarms on top, the table of units, and a sheet for each unit."""
+
+from collections.abc import Sequence
+
+from noctule.messages_pb2 import Contour, ServiceStatus
+from noctule_viewer.board.site_state import Heard
+from noctule_viewer.board.unit_health import Health, UnitHealth
+from noctule_viewer.board.words import age, counted, duration, hour, listed
+
+_SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
+_LONGEST_WORDS = 90
+
+
+def alarms(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
+    """What is wrong, the worst in the heading, or that all is well; and the time of this machine."""
+    now = hour(heard.now_s, heard.now_s)
+    troubles = _troubles(units, heard)
+    heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now}"
+    rest = [f"**{each}**" for each in troubles[1:]]
+    return "\n\n".join([heading, *rest, f"{_map(heard)}; {counted(len(units), 'unit')}"])
+
+
+def table(units: Sequence[UnitHealth], now_s: float) -> str:
+    """One row for each unit, those that are not well first."""
+    if not units:
+        return "No unit has been heard of yet."
+    order = [Health.AWAY, Health.ATTENTION, Health.WELL]
+    lines = ["| unit | health | since | last sweep |", "| --- | --- | --- | --- |"]
+    for unit in sorted(units, key=lambda each: order.index(each.health)):
+        health = unit.words if unit.health is Health.WELL else f"**{unit.health.value.upper()}** {unit.words}"
+        lines.append(f"| {unit.unit} | {_cell(health)} | {_since(unit, now_s)} | {_swept(unit, now_s)} |")
+    return "\n".join(lines)
+
+
+def sheet(unit: UnitHealth, now_s: float) -> str:
+    """All that is known of one unit."""
+    lines = [f"### {unit.unit} — {unit.health.value}: {_cell(unit.words)}", "", "| | |", "| --- | --- |"]
+    rows = {"since": _since(unit, now_s), "last sweep": _swept(unit, now_s)}
+    if (status := unit.status) is not None:
+        rows |= {
+            "clock error": f"{1e3 * status.clock_error_s:.2f} ms",
+            "clock drift": f"{1e6 * status.clock_drift:.0f} ppm",
+            "chip": f"{status.chip_temperature_c:.1f} °C" if status.HasField("chip_temperature_c") else "not known",
+            "gateway": f"{status.gateway} {status.gateway_version}",
+            "serial number, firmware": f"{status.serial}, {status.firmware or 'not known'}",
+            "last start": f"{status.reset_cause or 'not known'}, boot {status.boot}",
+            "sweeps in the log": f"{status.log_tail} to {status.log_head}",
+        }
+        rows |= {name.replace("_", " "): str(value) for name, value in sorted(status.counters.items())}
+    return "\n".join([*lines, *(f"| {name} | {_cell(value)} |" for name, value in rows.items())])
+
+
+def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
+    """The worst first: without a bus nothing else is known, and without a mapper the map is old."""
+    unwell = [unit for unit in units if unit.health is not Health.WELL]
+    troubles = [_line(heard.own_trouble)] if heard.own_trouble else []
+    mappers = [status for status in heard.services.values() if status.role == "mapper"]
+    troubles += _no_mapper(mappers, heard)
+    if unwell:
+        named = listed([f"{unit.unit} {unit.words}" for unit in unwell])
+        need = "needs" if len(unwell) == 1 else "need"
+        troubles.append(_line(f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention: {named}"))
+    told = [each for each in mappers if each.detail and heard.service_silent_s[each.name] <= _SERVICE_SILENT_AFTER_S]
+    return [*troubles, *(_line(f"mapper {each.name}: {each.detail}") for each in told)]
+
+
+def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
+    if not mappers:
+        return ["no mapper maps this site"]
+    silent_s = min(heard.service_silent_s[status.name] for status in mappers)
+    if silent_s > _SERVICE_SILENT_AFTER_S:
+        names = " and ".join(sorted(status.name for status in mappers))
+        return [f"no mapper is heard ({names} silent for {duration(silent_s)}): the map is old"]
+    return []
+
+
+def _map(heard: Heard) -> str:
+    contour = heard.contour
+    if contour is None:
+        return "no contour yet"
+    found = ", ".join(counted(count, noun) for noun, count in _objects(contour).items())
+    made_s = contour.time.ToNanoseconds() / 1e9
+    return f"{found} from {counted(contour.sweeps, 'sweep')}, the last of them {age(heard.now_s - made_s)}"
+
+
+def _objects(contour: Contour) -> dict[str, int]:
+    return {"wall": len(contour.walls), "corner": len(contour.corners), "cylinder": len(contour.cylinders)}
+
+
+def _since(unit: UnitHealth, now_s: float) -> str:
+    return hour(unit.since_s, now_s) if unit.since_s is not None else "not known"
+
+
+def _swept(unit: UnitHealth, now_s: float) -> str:
+    return age(now_s - unit.swept_s) if unit.swept_s is not None else "none heard"
+
+
+def _line(words: str) -> str:
+    """Words of others, in one line and not too long."""
+    words = " ".join(words.split())
+    return words if len(words) <= 2 * _LONGEST_WORDS else words[: 2 * _LONGEST_WORDS - 3] + "..."
+
+
+def _cell(words: str) -> str:
+    words = " ".join(words.split()).replace("|", "\\|")
+    return words if len(words) <= _LONGEST_WORDS else words[: _LONGEST_WORDS - 3] + "..."

@@ -1,0 +1,60 @@
+"""The layout for a site that is watched: alarms above all, the map beside the table of units, a tab for each unit."""
+
+from dataclasses import dataclass
+
+import rerun.blueprint as rrb
+
+from noctule import rerun_paths
+from noctule_viewer import blueprint
+from noctule_viewer.board.map_box import MapBox
+
+_SHOW_RAYS_OF = 4  # units; the rays of more hide the map, and each unit's own tab shows them
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a layout depends on: tabs are a fixed list, and so are the bounds of the map."""
+
+    units: tuple[str, ...]
+    box: MapBox | None
+
+    def blueprint(self) -> rrb.Blueprint:
+        """The layout for Rerun."""
+        alarms = rrb.TextDocumentView(origin=f"/{rerun_paths.ALARMS}", name="Alarms", titlebar=False)
+        tabs = rrb.Tabs(self._site(), *map(self._unit, self.units), _figures(), active_tab=0)
+        return blueprint.arranged(rrb.Vertical(alarms, tabs, row_shares=[1, 7]))
+
+    def _site(self) -> rrb.Horizontal:
+        table = rrb.TextDocumentView(origin=f"/{rerun_paths.UNITS_TABLE}", name="Units")
+        beside = rrb.Vertical(table, blueprint.events_view(), row_shares=[3, 1])
+        rays = [f"- /{rerun_paths.unit_rays(unit)}" for unit in self.units] if len(self.units) > _SHOW_RAYS_OF else []
+        world = self._map([f"/{rerun_paths.WORLD}/**", *rays], "Map")
+        return rrb.Horizontal(world, beside, column_shares=[5, 4], name="Site")
+
+    def _unit(self, unit: str) -> rrb.Horizontal:
+        own = [f"/{rerun_paths.unit_pose(unit)}/**", f"/{rerun_paths.unit_clock_error(unit)}"]
+        around = [rerun_paths.WALLS, rerun_paths.CYLINDERS, rerun_paths.CORNERS, rerun_paths.SCALE]
+        sheet = rrb.TextDocumentView(origin=f"/{rerun_paths.unit_sheet(unit)}", name="State")
+        figures = rrb.Horizontal(
+            blueprint.figures_view(own[1], "Clock error, ms"),
+            blueprint.figures_view(f"/{rerun_paths.unit_temperature(unit)}", "Chip, °C"),
+        )
+        events = blueprint.events_view(f"/{rerun_paths.unit_log(unit)}", "Events of the unit")
+        sweep = self._map([own[0], *(f"/{path}" for path in around)], "Last sweep")
+        beside = rrb.Vertical(sheet, figures, events, row_shares=[4, 2, 2])
+        return rrb.Horizontal(sweep, beside, column_shares=[3, 2], name=unit)
+
+    def _map(self, contents: list[str], name: str) -> rrb.Spatial2DView:
+        return blueprint.map_view(contents, name, self._bounds())
+
+    def _bounds(self) -> rrb.VisualBounds2D | None:
+        if self.box is None:
+            return None
+        # Rerun's own y points down.
+        return rrb.VisualBounds2D(
+            x_range=[self.box.left_m, self.box.right_m], y_range=[-self.box.top_m, -self.box.bottom_m]
+        )
+
+
+def _figures() -> rrb.Vertical:
+    return rrb.Vertical(*blueprint.figure_views(), name="Figures")

@@ -1,0 +1,75 @@
+"""The part of the site's plane that the viewer shows: fixed, so that neither time travel nor a sweep moves the map."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import ceil, floor, log10
+
+from noctule.messages_pb2 import Contour
+
+Point = tuple[float, float]
+
+_MARGIN = 0.12  # of the larger side
+_LEAST_MARGIN_M = 0.4
+_SHRINKS_BELOW = 0.4  # of a side
+_MOST_LINES = 12
+
+
+@dataclass(frozen=True)
+class MapBox:
+    """A rectangle in the site's frame, in metres."""
+
+    left_m: float
+    bottom_m: float
+    right_m: float
+    top_m: float
+
+    def holds(self, other: "MapBox") -> bool:
+        """Whether ``other`` lies inside."""
+        return (
+            self.left_m <= other.left_m
+            and self.bottom_m <= other.bottom_m
+            and self.right_m >= other.right_m
+            and self.top_m >= other.top_m
+        )
+
+    @property
+    def side_m(self) -> float:
+        """The larger side."""
+        return max(self.right_m - self.left_m, self.top_m - self.bottom_m)
+
+
+def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | None) -> MapBox | None:
+    """What to show of ``contour`` and units that stand at ``units_m``: as ``before`` while it fits well enough; None
+    where there is nothing to show.
+    """
+    points_m = [*units_m, *(_points_m(contour) if contour is not None else ())]
+    if not points_m:
+        return before
+    xs, ys = zip(*points_m, strict=True)
+    tight = MapBox(min(xs), min(ys), max(xs), max(ys))
+    if before is not None and before.holds(tight) and tight.side_m >= _SHRINKS_BELOW * before.side_m:
+        return before
+    margin_m = max(_LEAST_MARGIN_M, _MARGIN * tight.side_m)
+    return MapBox(tight.left_m - margin_m, tight.bottom_m - margin_m, tight.right_m + margin_m, tight.top_m + margin_m)
+
+
+def line_spacing_m(box: MapBox) -> float:
+    """Of the scale's lines: 1, 2 or 5 of a power of ten, so that no side has more than a dozen."""
+    least_m = box.side_m / _MOST_LINES
+    decade = 10.0 ** floor(log10(least_m))
+    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= least_m)
+
+
+def multiples(first_m: float, last_m: float, spacing_m: float) -> list[float]:
+    """The multiples of ``spacing_m`` from ``first_m`` to ``last_m``."""
+    return [number * spacing_m for number in range(ceil(first_m / spacing_m), floor(last_m / spacing_m) + 1)]
+
+
+def _points_m(contour: Contour) -> list[Point]:
+    walls = [(end.x_m, end.y_m) for wall in contour.walls for end in (wall.start, wall.end)]
+    circles = [
+        (cylinder.x_m + side * cylinder.radius_m, cylinder.y_m + side * cylinder.radius_m)
+        for cylinder in contour.cylinders
+        for side in (-1, 1)
+    ]
+    return [*walls, *circles]
