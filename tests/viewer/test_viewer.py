@@ -267,6 +267,23 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
 
 
 @pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("run", "--port", "99999"), "less than or equal to 65535"),
+        (
+            ("run", "--bind", "192.0.2.1"),
+            "(Cannot assign requested address): name another address",
+        ),
+        (("open", "--url", "foo"), "foo is no relay: give rerun+http://127.0.0.1:9876/proxy"),
+    ],
+)
+def test_what_no_relay_can_be_is_refused_in_one_line(arguments: tuple[str, ...], told: str) -> None:
+    ended = run_viewer(*arguments)
+    assert ended.returncode in (1, 2)
+    assert told in " ".join(ended.stderr.split()) and "Traceback" not in ended.stderr
+
+
+@pytest.mark.parametrize(
     ("limit", "told"),
     [
         ("lots", "--memory-limit 'lots' is no amount of memory: write it like 64MB or 1GB"),

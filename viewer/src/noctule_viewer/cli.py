@@ -12,6 +12,7 @@ import typer
 
 from noctule import logs, tls
 from noctule.ending import Ending
+from noctule.endpoints import LAST_PORT
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
@@ -23,6 +24,7 @@ from noctule_viewer.relay import RERUN, Relay, environment
 _log = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
+_RELAY_SCHEMES = ("rerun+http://", "rerun+https://", "rerun://")
 _DEFAULT = Relay(bind="127.0.0.1", port=9876, web_port=9090, memory_limit=memory_limits.DEFAULT)
 
 
@@ -36,8 +38,12 @@ def run(
     bind: Annotated[
         str, typer.Option(help="Address to listen on. The relay has no passwords: keep it on loopback.")
     ] = (_DEFAULT.bind),
-    port: Annotated[int, typer.Option(help="Port for mappers and native viewers.")] = _DEFAULT.port,
-    web_port: Annotated[int, typer.Option(help="Port of the page for browsers.")] = _DEFAULT.web_port,
+    port: Annotated[
+        int, typer.Option(min=1, max=LAST_PORT, help="Port for mappers and native viewers.")
+    ] = _DEFAULT.port,
+    web_port: Annotated[
+        int, typer.Option(min=1, max=LAST_PORT, help="Port of the page for browsers.")
+    ] = _DEFAULT.web_port,
     memory_limit: Annotated[
         str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.5 times as much.")
     ] = _DEFAULT.memory_limit,
@@ -95,6 +101,8 @@ def open_(
     url: Annotated[str, typer.Option(help="The relay, as printed by the mapper's --rerun.")] = _DEFAULT.url,
 ) -> None:
     """Open the native viewer, or, where there is no screen, print the address for a browser."""
+    if not url.startswith(_RELAY_SCHEMES):
+        _fail(f"{url} is no relay: give {_DEFAULT.url}, with your relay's host and port")
     if recording and not recording.is_file():
         _fail(f"there is no file {recording}: give a recording, as noctule-mapper fit --rrd writes it")
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):

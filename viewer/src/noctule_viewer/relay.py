@@ -1,5 +1,6 @@
 """The Rerun relay: a process of its own that takes what mappers draw and passes it on to all who watch."""
 
+import errno
 import logging
 import os
 import shutil
@@ -74,8 +75,9 @@ class Relay:
                 try:
                     probe.bind((self.bind, port))
                 except OSError as error:
+                    name = "address" if error.errno == errno.EADDRNOTAVAIL else "port"
                     raise RelayError(
-                        f"can't listen on {self.bind}:{port} ({error.strerror}): name another port"
+                        f"can't listen on {self.bind}:{port} ({error.strerror}): name another {name}"
                     ) from error
 
     def run(
