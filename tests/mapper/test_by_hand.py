@@ -194,8 +194,8 @@ def verdicts(plan: str) -> list[Verdict]:
     [
         ("fine", "wall", 0.05),
         ("fine", "corner", 0.06),
-        ("coarse", "wall", 0.17),
-        ("coarse", "corner", 0.16),
+        ("coarse", "wall", 0.13),
+        ("coarse", "corner", 0.11),
         ("coarse", "cylinder", 0.19),
     ],
 )
