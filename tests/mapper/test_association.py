@@ -5,6 +5,7 @@ times as likely as one from anywhere; a share of 0.04 of the echoes is false (Be
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -40,6 +41,14 @@ def test_the_farther_of_two_makers_leaves_the_nearer_its_echo() -> None:
     found = explain(claims([0, 1], [0, 0], [1.0, 1.2], [0.9, 0.8]), np.array([5.0, ASTRAY_NATS]), data, CONFIG)
     by_nearer = TRUE_SHARE * 0.9 * math.exp(5)
     assert found.share == pytest.approx([by_nearer / (by_nearer + 1), 0.0])
+
+
+def test_an_echo_that_is_seldom_of_nothing_is_worth_more_to_its_maker() -> None:
+    # One of twenty such echoes is of nothing that is known: whoever explains it gains log(20) nats more.
+    data = evidence_of([(0.0, 0.0, 0.0, 1.0)])
+    agreed = replace(data, lone_nats=np.log([0.05]))
+    assert data.gain(np.zeros(1)) == pytest.approx([MOST_GAIN_NATS])
+    assert agreed.gain(np.zeros(1)) == pytest.approx([MOST_GAIN_NATS + math.log(20)])
 
 
 @pytest.mark.parametrize(

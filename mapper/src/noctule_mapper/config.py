@@ -186,10 +186,13 @@ class RareStopsConfig(_Model):
     point_nats: float = Field(default=8.0, gt=0)
     cylinder_nats: float = Field(default=12.0, gt=0)
     longest_baseline_m: float = Field(default=8.0, gt=0)
+    # The chance that another stop hears what one hears. In random rooms 49, 25, 14 and 6 % of the echoes on which the
+    # sweeps of a stop agree are of what no other of 2, 3, 4 and 5 stops hears.
+    hears_too: float = Field(default=0.5, ge=0, lt=1)
     # A wall, or a cylinder, stands if the best map without it is worth so much less.
     sure_nats: float = Field(default=4.0, ge=0)
     # Walls of more echoes than this need no such proof.
-    weak_echoes: float = Field(default=5.5, ge=0)
+    weak_echoes: float = Field(default=4.5, ge=0)
     # A cylinder is heard from all around, so there are more pairs and triples to choose from.
     most_pairs: int = Field(default=6000, ge=1)
     most_triples: int = Field(default=40_000, ge=1)
@@ -243,7 +246,7 @@ class LinkingConfig(_Model):
     gap_nats_per_m: float = Field(default=20.0, ge=0)
     # A corner that is heard may be far from its walls' feet.
     most_gap_nats: float = Field(default=35.0, ge=0)
-    # Of fine sweeps: a link whose gap nobody looked at, and each metre of that gap.
+    # Where there are looks: a link whose gap nobody looked at, and each metre of that gap.
     link_nats: float = Field(default=7.5, ge=0)
     unseen_nats_per_m: float = Field(default=2.0, ge=0)
     # Each metre that it is on both sides of the corner: so deep may a wall lie between that nobody has heard.
@@ -354,9 +357,8 @@ def for_rare_stops(config: MapperConfig) -> MapperConfig:
     """The configuration with the prices, baselines and search of ``rare_stops``."""
     rare = config.refinement.rare_stops
     prices = {name: getattr(rare, name) for name in ("wall_nats", "point_nats", "cylinder_nats")}
-    refinement = {  # coarse sweeps have no plateaus, whose feet could lie close or leave a wall between two others
+    refinement = {  # coarse sweeps have no plateaus, whose feet could lie close
         "prices": config.refinement.prices.model_copy(update={**prices, "close_feet_nats": 0.0}),
-        "linking": config.refinement.linking.model_copy(update={"between_nats_per_m": 0.0}),
         "search": config.refinement.search.model_copy(
             update={
                 "most_pairs": rare.most_pairs,

@@ -23,6 +23,7 @@ class Evidence:
     span_m: float = field(metadata=arrays.SHARED)  # ranges that an echo of nothing may have
     direction_sigma_rad: np.ndarray  # of the axis as a direction from the unit; infinite where only the beam tells it
     stand: np.ndarray  # a number that the echoes of one stand share
+    lone_nats: np.ndarray  # log of the chance that no object of the map made it; 0 where nothing tells
     stands: Stands = field(metadata=arrays.SHARED)
     looks: Looks | None = field(default=None, metadata=arrays.SHARED)  # what fine sweeps say of where nothing was heard
     look_stand: np.ndarray | None = field(default=None, metadata=arrays.SHARED)  # the stand of each look
@@ -49,7 +50,7 @@ class Evidence:
     @cached_property
     def _most_gain(self) -> np.ndarray:
         """Gain in nats of a residual of nothing, (n,)."""
-        return np.log(self.span_m / (self.own_sigma_m * np.sqrt(2 * np.pi)))
+        return np.log(self.span_m / (self.own_sigma_m * np.sqrt(2 * np.pi))) - self.lone_nats
 
     @cached_property
     def tells_direction(self) -> np.ndarray | None:
@@ -98,7 +99,9 @@ def evidence(
     stands, stand = stands_of(arrays.join([echoes, looks.echoes]) if looks is not None else echoes)
     of_echo, of_look = np.split(stand, [len(echoes)])
     anywhere = np.full(len(echoes), np.inf)
-    return Evidence(echoes, sigma_m, place.ravel(), span_m, anywhere, of_echo, stands, looks, of_look)
+    return Evidence(
+        echoes, sigma_m, place.ravel(), span_m, anywhere, of_echo, np.zeros(len(echoes)), stands, looks, of_look
+    )
 
 
 def joined(first: Evidence, second: Evidence) -> Evidence:
@@ -120,6 +123,19 @@ def newest_of_each_beam(data: Evidence) -> np.ndarray:
 
     Such echoes share their errors: of pose, of clutter, of what passes by. A thousand of them prove no more than one.
     """
+    group, agreeing = _beam_and_agreeing(data)
+    best = np.lexsort((np.arange(len(group)), agreeing, group))
+    last = np.append(np.diff(group[best]) != 0, True)[: len(group)]
+    return np.sort(best[last])
+
+
+def agreeing(data: Evidence) -> np.ndarray:
+    """How many of the echoes of its place and direction, itself among them, have the range of each echo, (n,)."""
+    return _beam_and_agreeing(data)[1]
+
+
+def _beam_and_agreeing(data: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """A number that the echoes of one place and direction share, and how many of them agree with each, (n,) each."""
     beam = np.rint(data.echoes.axis_rad % (2 * np.pi) / data.echoes.half_beam_rad).astype(int)
     _, group = np.unique(np.stack([data.place, beam], axis=1), axis=0, return_inverse=True)
     order = np.lexsort((data.echoes.range_m, group.ravel()))
@@ -127,10 +143,7 @@ def newest_of_each_beam(data: Evidence) -> np.ndarray:
     parted |= np.diff(data.echoes.range_m[order]) > _AGREEING_SIGMAS * np.sqrt(2) * data.range_sigma_m[order[1:]]
     level = np.zeros(len(order), int)
     level[order] = np.concatenate([[0], np.cumsum(parted)])[: len(order)]
-    agreeing = np.bincount(level)[level] if len(level) else level
-    best = np.lexsort((np.arange(len(order)), agreeing, group.ravel()))
-    last = np.append(np.diff(group.ravel()[best]) != 0, True)[: len(order)]
-    return np.sort(best[last])
+    return group.ravel(), np.bincount(level)[level] if len(level) else level
 
 
 _AGREEING_SIGMAS = 3.0

@@ -34,16 +34,16 @@ def parts_of(sweeps: Sequence[SweepReadings], config: PartConfig) -> list[list[S
 
 
 def stops_are_rare(sweeps: Sequence[SweepReadings], config: PartConfig) -> bool:
-    """Whether the places are so far apart that the next ones are out of the reach of a dense path, three of them at
-    least: by the second nearest place of most.
+    """Whether the places are so far apart that the next ones are out of the reach of a dense path, two of them at
+    least: by the second nearest place of most, where there are three.
     """
     at_m = np.array([(sweep.x_m, sweep.y_m) for sweep in sweeps]).reshape(-1, 2)
     x_m, y_m = (np.unique(np.rint(at_m / config.same_place_m), axis=0) * config.same_place_m).T
-    if len(x_m) <= _NEAREST:
+    if len(x_m) < 2:
         return False
     first, second, _ = _pairs_within(x_m, y_m, config.reach_m / config.steps)
     around = np.bincount(np.concatenate([first, second]), minlength=len(x_m))
-    return bool(np.median(around) < _NEAREST)
+    return bool(np.median(around) < min(_NEAREST, len(x_m) - 1))
 
 
 def _neighbours(

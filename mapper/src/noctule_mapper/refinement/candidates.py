@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.config import ContactConfig, CylinderConfig, RefinementConfig
+from noctule_mapper.config import ContactConfig, CylinderConfig, MapperConfig, RefinementConfig
 from noctule_mapper.contacts.tangency import SIDES, direction_rad, other_direction_rad, turn_rad
 from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
@@ -72,6 +72,12 @@ def candidates(
         Candidates(Spot, spots, _round_gains(spots, np.zeros(len(spots)), data, config)),
         Candidates(Circle, circles, _round_gains(circles[:, :2], circles[:, 2], data, config)),
     ]
+
+
+def line_candidates(lines: np.ndarray, data: Evidence, config: MapperConfig) -> Candidates:
+    """Lines (theta, rho), (m, 2), weighed, but for those that are the same."""
+    lines = _distinct(lines, float(np.median(data.sigma_m)))
+    return Candidates(Line, lines, _line_gains(lines, data, config.refinement))
 
 
 def _distinct(parameters: np.ndarray, sigma_m: float) -> np.ndarray:
@@ -331,9 +337,8 @@ def _gains(
     # A candidate from two or three echoes is itself uncertain, so it is weighed at twice the spread.
     sigma = 2 * data.sigma_m.astype(np.float32)
     own = 2 * data.own_sigma_m.astype(np.float32)
-    gain = (
-        np.log(data.span_m / (own * np.sqrt(2 * np.pi, dtype=np.float32))) - 0.5 * ((ranges - predicted) / sigma) ** 2
-    )
+    most = np.log(data.span_m / (own * np.sqrt(2 * np.pi, dtype=np.float32))) - data.lone_nats.astype(np.float32)
+    gain = most - 0.5 * ((ranges - predicted) / sigma) ** 2
     if np.isfinite(data.direction_sigma_rad).any():
         gain = gain + data.direction_gain(direction).astype(np.float32)
     return np.where(possible, np.maximum(gain, 0), 0)

@@ -72,7 +72,8 @@ def settle(
         rows = rows_of(linear, echo, data.echoes, shared, parameters)
         residual = rows.residual_m
         sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]  # places shift from the first step on
-        score = _score(residual, sigma_m, late_share, leverage, data.span_m, config)
+        anywhere_nats = data.lone_nats[echo] - np.log(data.span_m)
+        score = _score(residual, sigma_m, late_share, leverage, anywhere_nats, config)
         share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
         turns = share / data.direction_sigma_rad[echo] ** 2
         normal = solve(rows, score.mean_m, share / sigma_m**2, turns, echo, shared, parameters)
@@ -94,14 +95,16 @@ def _score(
     sigma_m: np.ndarray,
     late_share: float,
     leverage: float,
-    span_m: float,
+    anywhere_nats: np.ndarray,
     config: RefinementConfig,
 ) -> _Score:
-    """Residuals under a Gaussian of which ``late_share`` is a cycle late."""
+    """Residuals under a Gaussian of which ``late_share`` is a cycle late, beside ``anywhere_nats``, the log-likelihood
+    of a range from anywhere.
+    """
     early, late = _early_and_late(residual_m, sigma_m, leverage, config)
     both = np.logaddexp(early + np.log1p(-late_share), late + np.log(late_share))
     is_late = np.exp(late + np.log(late_share) - both)
-    gain = both + np.log(span_m / (sigma_m * np.sqrt(2 * np.pi)))
+    gain = both - np.log(sigma_m * np.sqrt(2 * np.pi)) - anywhere_nats
     return _Score(gain, residual_m - is_late * config.beam.late_m, is_late * (1 - is_late) * config.beam.late_m**2)
 
 

@@ -12,7 +12,7 @@ from noctule_mapper.contour.corners import contour_of
 from noctule_mapper.contour.likelihood import gains
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector
 from noctule_mapper.readings.echoes import Echoes
-from noctule_mapper.readings.evidence import Evidence, evidence, joined, newest_of_each_beam, with_stands
+from noctule_mapper.readings.evidence import Evidence, agreeing, evidence, joined, newest_of_each_beam, with_stands
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
@@ -128,12 +128,24 @@ def _weighed(data: Evidence, found: Contacts, settings: RefinementConfig) -> tup
     """The echoes by which objects are weighed, and their contacts: of fine sweeps the plateaus, of others the newest
     echo of each beam.
     """
-    fine = of_fine_sweeps(data)
+    data, fine = _agreed(data, settings), of_fine_sweeps(data)
     beams = np.nonzero(~fine)[0][newest_of_each_beam(data.take(~fine))]
     flat = plateaus(data.take(fine), settings)
     none = np.zeros(len(flat.echoes))
     no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none, none)
     return joined(data.take(beams), flat), join_contacts([found.take(beams), no_contacts])
+
+
+def _agreed(data: Evidence, settings: RefinementConfig) -> Evidence:
+    """Coarse sweeps from rare stops as evidence of which echoes are real: a false one is nowhere near the next sweep's,
+    so an echo on which the sweeps of a stop agree is of a reflector, and the more stops there are, the less likely is
+    it that no other one hears this.
+    """
+    if data.looks is None or data.has_fine:
+        return data
+    others = len(np.unique(data.place)) - 1
+    lone_share = max((1 - settings.rare_stops.hears_too) ** others, settings.beam.false_share)
+    return replace(data, lone_nats=np.where(agreeing(data) > 1, np.log(lone_share), 0.0))
 
 
 def _directions(weighed: Evidence) -> Evidence:

@@ -17,13 +17,15 @@ from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.contour.silence import silence_of
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.refinement.association import Scene
-from noctule_mapper.refinement.candidates import Candidates
-from noctule_mapper.refinement.model_selection import trimmed
+from noctule_mapper.refinement.candidates import Candidates, line_candidates
+from noctule_mapper.refinement.corner_lines import corner_lines
+from noctule_mapper.refinement.model_selection import add_objects, trimmed
 from noctule_mapper.refinement.state import State
 
 _MOST_TRIED = 40  # lines of a round
 _FITTED = 3  # of these the maps that are fitted, the best
 _LEAST_PLACES = 2
+_LEAST_LINE_NATS = 1.0  # that a line gains from what no object explains, roughly
 _LEAST_RISE_NATS = 1.0
 _HOPE_NATS = 8.0  # that fitting a map may bring at most
 _MOST_EXCHANGES = 12  # walls and cylinders without which a map is tried
@@ -73,13 +75,25 @@ def _completed(
     while True:
         best = state
         for worth, objects in _with_one_wall_more(state, library, scene, linked, config, barred)[:_FITTED]:
-            if worth < state.worth - _HOPE_NATS:
+            if worth < best.worth - _HOPE_NATS:
                 break
             tried = fitted(objects)
             best = tried if tried.worth > best.worth and not _has(tried.objects, barred) else best
         if best.worth < state.worth + _LEAST_RISE_NATS:
-            return state
+            return _with_points(state, library, scene, fitted, config)
         state = best
+
+
+def _with_points(
+    state: State, library: Sequence[Candidates], scene: Scene, fitted: Fitted, config: MapperConfig
+) -> State:
+    """The state with points for what its walls and cylinders leave, where it is worth more so: corners of walls that
+    nobody has heard.
+    """
+    points = [one for one in library if one.kind is Spot]
+    more = add_objects(state.objects, state.explained, points, scene.data, config)
+    tried = fitted(more) if len(more) > len(state.objects) else state
+    return tried if tried.worth > state.worth else state
 
 
 def _with_one_wall_more(
@@ -93,23 +107,24 @@ def _with_one_wall_more(
     """Objects with one line more, and what each such map is worth in nats, the best first."""
     solid = [one for one in state.objects if not isinstance(one, Spot)]
     free = scene.explain(scene.claims(solid, linked(solid))).unexplained > 0.5
-    lines = [one for one in _lines(library, free, scene, config) if not _has([one], barred)]
+    walls = [one for one in solid if isinstance(one, Line)]
+    found = [one.promising(free, _LEAST_LINE_NATS) for one in library if one.kind is Line]
+    turned = line_candidates(corner_lines(walls, free, scene.data.echoes, config.refinement), scene.data, config)
+    lines = [one for of in (*found, turned) for one in _lines(of, free, scene, config) if not _has([one], barred)]
     tried = [_without_needless_points([*state.objects, line], scene, linked) for line in lines]
     return sorted(tried, key=lambda one: -one[0])
 
 
-def _lines(library: Sequence[Candidates], free: np.ndarray, scene: Scene, config: MapperConfig) -> Iterator[Line]:
+def _lines(lines: Candidates, free: np.ndarray, scene: Scene, config: MapperConfig) -> Iterator[Line]:
     """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them."""
     data, found = scene.data, []
-    for kind in library:
-        rows = np.argsort(-(kind.gains @ free.astype(np.float32)))[: 4 * _MOST_TRIED] if kind.kind is Line else []
-        for theta_rad, rho_m in kind.parameters[rows]:
-            line = Line(float(theta_rad), float(rho_m))
-            line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, data, config)
-            gain = gains(line, data, config.refinement) * free
-            if len(np.unique(data.place[gain > 0])) >= _LEAST_PLACES:
-                worth = float(gain.sum()) - silence_of(line, data, config.refinement)
-                found.append((worth, line, frozenset(np.nonzero(gain)[0].tolist())))
+    for theta_rad, rho_m in lines.parameters[np.argsort(-(lines.gains @ free.astype(np.float32)))[: 4 * _MOST_TRIED]]:
+        line = Line(float(theta_rad), float(rho_m))
+        line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, data, config)
+        gain = gains(line, data, config.refinement) * free
+        if len(np.unique(data.place[gain > 0])) >= _LEAST_PLACES:
+            worth = float(gain.sum()) - silence_of(line, data, config.refinement)
+            found.append((worth, line, frozenset(np.nonzero(gain)[0].tolist())))
     seen: set[frozenset[int]] = set()
     for _, line, echoes in sorted(found, key=lambda one: -one[0]):
         if echoes not in seen and len(seen) < _MOST_TRIED:
