@@ -67,7 +67,6 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
     manager, shown = ServiceManager(), _Shown(settings)
     with ExitStack() as closing:
         closing.enter_context(FolderLock(settings.data, owner))
-        (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site)
@@ -83,6 +82,8 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.callback(mapper.close)
         closing.callback(manager.stopping)
         shown.mapper = mapper
+        mapper.report()  # at once: mappers that share this site wait for it to be mapped
+        (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         while not stop.wait(_STATUS_INTERVAL_S):
             mapper.report()
             manager.serving(mapper.summary, mapper.makes_progress)
