@@ -20,6 +20,7 @@ from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.rendezvous import owner_of
 from noctule_mapper.sharing.shown import Shown
 from noctule_mapper.sharing.site_process import SiteProcess, forking_context
+from noctule_mapper.sharing.unshared import UnsharedSites
 
 _STEP_S = 0.2
 _QUERY_TIMEOUT_S = 1.0
@@ -61,15 +62,19 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         mapped = [SiteProcess(each, shared.log_format, context) for each in _with_turns(shared)]
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
+        told = UnsharedSites()
         while not stop.wait(_STEP_S):
             if offers.are_settled():
                 _step(mapped, {site: owner_of(site, offers.members(site)) == name for site in sites}, session, name)
+            if offers.are_quiet():
+                told.note(offers.unshared())
             pids = {each.site: each.pid for each in mapped if each.pid is not None}
             if shared.metrics_at is not None:
                 failed = sum(each.failed for each in mapped)
-                shown.note({"sites": len(sites), "sites_mapped": len(pids), "mappers_failed": failed}, pids)
+                counters = {"sites": len(sites), "sites_mapped": len(pids), "mappers_failed": failed}
+                shown.note(counters | {"sites_unshared": told.sites}, pids)
                 shown.follow(session, pids)
-            manager.serving(f"maps {len(pids)} of {len(sites)} shared sites")
+            manager.serving("; ".join(filter(None, (f"maps {len(pids)} of {len(sites)} shared sites", told.detail))))
 
 
 def _with_turns(shared: SharedSites) -> list[LiveSettings]:
