@@ -38,7 +38,7 @@ def test_it_asks_for_its_router_about_once_a_second_and_ends_at_once_when_it_is_
 class NoSecondPasses(threading.Event):
     """Set or not set: no wait for it ends with its time-out."""
 
-    def wait(self, timeout: float | None = None) -> bool:
+    def wait(self, timeout: float | None = None) -> bool:  # noqa: ARG002
         return super().wait()
 
 

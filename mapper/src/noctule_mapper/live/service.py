@@ -44,7 +44,8 @@ _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 class LiveSettings:
     """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics.
 
-    ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes.
+    ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes. ``lease_s`` is
+    the lease of its sessions, as in ``bus.open_session``.
     """
 
     site: str
@@ -56,6 +57,7 @@ class LiveSettings:
     tls_folder: Path | None = None
     metrics_at: str | None = None
     fit_turn: Path | None = None
+    lease_s: float | None = None
 
 
 def run(settings: LiveSettings, stop: threading.Event) -> None:
@@ -289,7 +291,9 @@ def join(settings: LiveSettings, stop: threading.Event, manager: ServiceManager)
     told = False
     while not stop.is_set():
         try:
-            return bus.open_session(settings.connect, patience_s=0, tls_folder=settings.tls_folder)
+            return bus.open_session(
+                settings.connect, patience_s=0, tls_folder=settings.tls_folder, lease_s=settings.lease_s
+            )
         except BusConfigError:
             raise
         except BusError as error:

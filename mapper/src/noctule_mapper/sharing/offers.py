@@ -1,6 +1,6 @@
 """Which mappers are ready to map which sites: a liveliness token for each site and mapper, theirs and this one's.
 
-A token goes with its mapper: at once where its connection closes, after Zenoh's lease where its host is cut off.
+A token goes with its mapper: at once where its connection closes, after the session's lease where its host is cut off.
 """
 
 import threading
@@ -17,7 +17,7 @@ from noctule_mapper.sharing.errors import SharingError
 SETTLED_AFTER_S = 1.0  # since one came: others may come with it, and each takes sites
 # Since one went. All its tokens go in one moment, and whoever goes next takes no site from those that stay.
 GONE_AFTER_S = 0.2
-GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off: Zenoh's lease is 10 s
+GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off; of an earlier version, with Zenoh's lease of 10 s, too
 _ASK_AGAIN_S = 0.5
 _QUERY_TIMEOUT_S = 1.0
 
