@@ -176,6 +176,7 @@ class LiveMapper:
         """Publish how the mapper fares. Raises what has broken the map, if anything has."""
         self._worker.check()
         self._store.check()
+        self._store.checkpoint()
         self._look_for_rivals()
         status = _empty_status(self._settings)
         status.counters.update(self.counters())

@@ -1,4 +1,9 @@
-"""The mapper's memory: the sweeps of its window and how far it has read each unit's log, in one SQLite file."""
+"""The mapper's memory: the sweeps of its window and how far it has read each unit's log, in one SQLite file.
+
+What was committed outlives the process at once, and a power cut as soon as the system has written it to the disk. No
+sweep waits for that: its gateway has it on a disk, and a cursor that a power cut has set back reads it again. A
+contour's number is on the disk before anybody sees it, because nothing else would tell that it was used.
+"""
 
 import sqlite3
 import threading
@@ -15,9 +20,11 @@ from noctule.messages_pb2 import Cursor, Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
 from noctule_mapper.live import store_file
-from noctule_mapper.live.store_file import StoreError, sealed
+from noctule_mapper.live.store_file import SYNCED, UNSYNCED, StoreError, sealed
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
+
+_COPIED_AFTER_COMMITS = 50  # a sweep's changes some 14 pages, and at 1,000 the commits copy the -wal themselves
 
 # Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
 # have been in it.
@@ -60,6 +67,8 @@ class SweepStore:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._database, self.damage = store_file.opened(path, now())
         self._rows = SweepWindow(self._database, window)
+        self._copier: sqlite3.Connection | None = None
+        self._commits = 0  # since the -wal was copied
 
     def check(self) -> None:
         """Raise RuntimeError if the file was found damaged while in use: the next start rebuilds it."""
@@ -95,6 +104,7 @@ class SweepStore:
             held = database.execute(_HELD, row | now).fetchall()
             database.executemany("INSERT OR REPLACE INTO set_aside VALUES (?, ?, ?, ?, ?, ?, ?)", map(sealed, held))
             database.execute(_TAKE_OUT, row)
+            self._rows.recount()
             database.execute(_FORGET, limits | now)
 
     def sweeps_set_aside(self) -> list[tuple[str, Identity, str]]:
@@ -123,27 +133,52 @@ class SweepStore:
 
     def next_contour_version(self) -> int:
         """A number that no contour of this store has borne yet, greater than all before it."""
-        with self._transaction() as database:
+        with self._transaction(SYNCED) as database:
             (version,) = database.execute("SELECT version + 1 FROM contour").fetchone()
             database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
             return version
 
+    def checkpoint(self) -> None:
+        """Copy what was committed from the -wal into the database, where that is due.
+
+        Called each second by one thread, it spares the commits that work and its waits for the disk.
+        """
+        if self._commits < _COPIED_AFTER_COMMITS:
+            return
+        self._commits = 0
+        try:
+            if self._copier is None:
+                self._copier = sqlite3.connect(self._path, isolation_level=None, check_same_thread=False)
+            self._copier.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            with self._transaction():  # the first commit after it waits for the disk
+                self._count_to(self._now())
+        except StoreError:
+            pass  # the next sweep's commit says it
+        except SQLITE_ERRORS as error:
+            if is_damage(error):
+                self._damaged = str(error)
+
     def close(self) -> None:
         with self._lock:
+            if self._copier is not None:
+                self._copier.close()
             self._database.close()
 
     @contextmanager
-    def _transaction(self) -> Iterator[sqlite3.Connection]:
+    def _transaction(self, durability: str = UNSYNCED) -> Iterator[sqlite3.Connection]:
         with self._lock:
             try:
+                self._database.execute(f"PRAGMA synchronous = {durability}")
                 self._database.execute("BEGIN IMMEDIATE")
                 yield self._database
                 self._database.execute("COMMIT")
+                self._commits += 1
             except BaseException as error:
                 if isinstance(error, SQLITE_ERRORS) and is_damage(error):
                     self._damaged = str(error)
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
+                    self._rows.recount()
                 if isinstance(error, SQLITE_ERRORS) and not is_damage(error):
                     raise StoreError(
                         f"the mapper's store {self._path} can't be used: {error}; see to its disk"
