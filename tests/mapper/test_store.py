@@ -270,6 +270,18 @@ def test_contour_versions_go_on_counting_after_a_restart(path: Path) -> None:
     reopened.close()
 
 
+def test_no_contour_version_is_used_again_by_the_successor_of_a_killed_mapper(path: Path) -> None:
+    store, left = SweepStore(path, Window()), path.parent / "left" / path.name
+    borne = [store.next_contour_version() for _ in range(3)]
+    shutil.copytree(path.parent, left.parent)  # as a kill leaves it
+    borne += [store.next_contour_version() for _ in range(250)]
+    assert borne == list(range(1, 254))
+    store.close()
+    later = SweepStore(left, Window())
+    assert later.next_contour_version() > 3
+    later.close()
+
+
 def test_a_file_that_is_no_store_is_set_aside_and_a_new_store_begins(path: Path) -> None:
     letter = "a letter to the editor, long enough to be no database " * 40
     path.write_text(letter)

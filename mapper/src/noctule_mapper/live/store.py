@@ -8,7 +8,7 @@ contour's number is on the disk before anybody sees it, because nothing else wou
 import sqlite3
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass
 from itertools import groupby
 from operator import itemgetter
@@ -24,6 +24,7 @@ from noctule_mapper.live.store_file import SYNCED, UNSYNCED, StoreError, sealed
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
 
+_VERSIONS_AHEAD = 100  # so many contours after a kill are never numbered, and one in so many waits for the disk
 _COPIED_AFTER_COMMITS = 50  # a sweep's changes some 14 pages, and at 1,000 the commits copy the -wal themselves
 
 # Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
@@ -67,6 +68,7 @@ class SweepStore:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._database, self.damage = store_file.opened(path, now())
         self._rows = SweepWindow(self._database, window)
+        self._version = self._reserved = 0  # of contours: the last one, and up to which the file has them as used
         self._copier: sqlite3.Connection | None = None
         self._commits = 0  # since the -wal was copied
 
@@ -132,11 +134,14 @@ class SweepStore:
         return {unit: Cursor(unit=unit, log_id=log_id, log_sequence=sequence) for unit, log_id, sequence in rows}
 
     def next_contour_version(self) -> int:
-        """A number that no contour of this store has borne yet, greater than all before it."""
-        with self._transaction(SYNCED) as database:
-            (version,) = database.execute("SELECT version + 1 FROM contour").fetchone()
-            database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
-            return version
+        """A number that no contour of this store has borne yet, greater than all before it. For one thread."""
+        if self._version == self._reserved:
+            with self._transaction(SYNCED) as database:
+                (version,) = database.execute("SELECT version FROM contour").fetchone()
+                _note_version(database, version + _VERSIONS_AHEAD)
+            self._version, self._reserved = version, version + _VERSIONS_AHEAD
+        self._version += 1
+        return self._version
 
     def checkpoint(self) -> None:
         """Copy what was committed from the -wal into the database, where that is due.
@@ -159,6 +164,9 @@ class SweepStore:
                 self._damaged = str(error)
 
     def close(self) -> None:
+        if self._version < self._reserved:
+            with suppress(StoreError, *SQLITE_ERRORS), self._transaction() as database:
+                _note_version(database, self._version)
         with self._lock:
             if self._copier is not None:
                 self._copier.close()
@@ -198,3 +206,7 @@ class SweepStore:
         if database.execute(_IS_SET_ASIDE, identity_of(sweep)).fetchone():
             return None
         return self._rows.enter(sweep, sweep.SerializeToString(), elapsed_s)
+
+
+def _note_version(database: sqlite3.Connection, version: int) -> None:
+    database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
