@@ -282,6 +282,23 @@ def test_a_log_that_has_gone_back_is_found_though_statuses_come(open_session, fo
     wait_until(is_found, "nobody notices", 60, every_s=POLL_S / 20)
 
 
+def test_a_log_that_refuses_its_questions_is_asked_later_and_later_though_statuses_come(open_session, follow):
+    session, asked, told = open_session(), [], []
+    queryable = session.declare_queryable(keys.log("room", "u1"), lambda query: (asked.append(1), query.drop()))
+    follow(Store(), poll_s=3600.0)
+    status = bus.StatePublisher(session, keys.unit_status("room", "u1"), UnitStatus)
+
+    def many_are_told():
+        status.put(UnitStatus(unit="u1", log_id="a", log_head=1, log_tail=1))
+        told.append(1)
+        return len(told) >= 100
+
+    wait_until(many_are_told, "", PATIENCE_S, every_s=0.02)
+    assert 1 <= len(asked) <= 20  # after 0.1 s, 0.2 s and so on up to 10 s: 12 in a minute
+    queryable.undeclare()
+    status.close()
+
+
 def test_a_unit_that_appears_later_is_read(open_session, follow):
     store = Store()
     follow(store, poll_s=3600.0)

@@ -271,7 +271,10 @@ class LogFollower:
             more = answer.records is not None and unit.reader.read(answer.records, answer.asked)
             if unit.reader.cursor is not before:
                 unit.delivery.succeeded()
-            unit.asks.succeeded()
+            if answer.records is not None:
+                unit.asks.succeeded()
+            else:  # nobody serves the unit, or its gateway has refused the question: not at once again
+                unit.asks.failed()
             unit.standing = Standing.ANSWERS
         except Exception as error:  # a panic of Zenoh is none, and ends the thread
             of_log = error is answer.error or isinstance(error, BusError)
