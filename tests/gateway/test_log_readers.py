@@ -53,6 +53,27 @@ def test_what_floods_is_cut_off_and_named_until_it_has_stopped(readers: LogReade
     assert order == list(range(log_readers.MAX_WAITING))
 
 
+def test_queries_that_their_client_has_given_up_are_not_answered_before_those_that_it_waits_for() -> None:
+    """A reader asks again after a time-out, and an answer to the question before only delays the next one."""
+    thaw, begun, answered, last, clock = threading.Event(), threading.Event(), list[str](), threading.Event(), [0.0]
+    readers = LogReaders(now=lambda: clock[0])
+
+    def first() -> None:
+        begun.set()
+        thaw.wait(PATIENCE_S)
+
+    assert readers.submit("reader", first)
+    assert begun.wait(PATIENCE_S)
+    assert readers.submit("reader", lambda: answered.append("given up"))
+    clock[0] = log_readers.STALE_AFTER_S
+    assert readers.submit("reader", lambda: answered.append("awaited"))
+    assert readers.submit("reader", last.set)
+    thaw.set()
+    assert last.wait(PATIENCE_S)
+    assert answered == ["awaited"]
+    readers.close()
+
+
 def test_clients_without_number_are_refused(readers: LogReaders) -> None:
     thaw = threading.Event()
     taken = [readers.submit(f"c{number}", lambda: thaw.wait(PATIENCE_S)) for number in range(1000)]

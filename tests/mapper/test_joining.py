@@ -1,12 +1,16 @@
-"""A mapper whose router does not answer yet: it waits, and costs next to nothing while it does."""
+"""A mapper whose router does not answer yet waits, and costs next to nothing; one on the bus says so at once."""
 
 import socket
 import threading
 from pathlib import Path
 
+from system.processes import free_ports, wait_until
+
+from noctule import bus
 from noctule.systemd import SOCKET_VARIABLE, ServiceManager
 from noctule_mapper.live.config import LiveConfig
-from noctule_mapper.live.service import LiveSettings, join
+from noctule_mapper.live.service import LiveSettings, join, run
+from noctule_mapper.sharing.service import other_mappers
 
 
 def test_it_asks_for_its_router_about_once_a_second_and_ends_at_once_when_it_is_to(tmp_path: Path, monkeypatch) -> None:
@@ -29,3 +33,24 @@ def test_it_asks_for_its_router_about_once_a_second_and_ends_at_once_when_it_is_
         joining.join(2)
     assert told_again == b""
     assert not joining.is_alive()
+
+
+class NoSecondPasses(threading.Event):
+    """Set or not set: no wait for it ends with its time-out."""
+
+    def wait(self, timeout: float | None = None) -> bool:  # noqa: ARG002
+        return super().wait()
+
+
+def test_a_site_is_seen_to_be_mapped_before_the_second_in_which_statuses_come(tmp_path: Path) -> None:
+    (port,) = free_ports(1)
+    with bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as router:
+        stop = NoSecondPasses()
+        settings = LiveSettings("room", "mapper", tmp_path, [f"tcp/127.0.0.1:{port}"], None, LiveConfig())
+        mapping = threading.Thread(target=run, args=(settings, stop))
+        mapping.start()
+        try:
+            wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
+        finally:
+            stop.set()
+            mapping.join()

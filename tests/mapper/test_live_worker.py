@@ -1,7 +1,9 @@
 """The thread that owns the map: what its states rest on, how often they come, and what it does about faults."""
 
 import queue
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -35,10 +37,11 @@ def made_worker(
     next_version: Callable[[], int] = lambda: 1,
     set_aside: Callable[[SweepReadings, Exception], None] = lambda *_: None,
     troubles: Troubles | None = None,
+    fit_turn: AbstractContextManager[None] | None = None,
 ) -> MapWorker:
     """A worker for the paper's room."""
     told = troubles or Troubles(RerunLog(None, "paper-room").show_event)
-    return MapWorker(config or LiveConfig(), "paper-room", "mapper", next_version, show, set_aside, told)
+    return MapWorker(config or LiveConfig(), "paper-room", "mapper", next_version, show, set_aside, told, fit_turn)
 
 
 class Watched:
@@ -265,6 +268,26 @@ def test_a_backlog_of_many_windows_waits_as_one_window(tmp_path: Path) -> None:
         worker.take(change.left, [from_message(sweep) for sweep in change.entered])
         assert worker.counters()["sweeps_waiting"] == 25
     store.close()
+
+
+def test_a_fit_that_waited_for_its_turn_rests_on_the_sweeps_that_came_meanwhile(survey: list[SweepReadings]) -> None:
+    waits, has_turn = threading.Event(), threading.Event()
+    states: queue.Queue[MapState] = queue.Queue()
+
+    @contextmanager
+    def turn() -> Iterator[None]:
+        waits.set()
+        assert has_turn.wait(PATIENCE_S)
+        yield
+
+    worker = made_worker(states.put, fit_turn=turn())
+    worker.take((), survey[:6])
+    worker.start()
+    assert waits.wait(PATIENCE_S)
+    worker.take([survey[0].identity], survey[6:8])
+    has_turn.set()
+    assert states.get(timeout=PATIENCE_S).contour.sweeps == 7
+    worker.close()
 
 
 def test_contours_come_no_faster_than_the_pace_allows(

@@ -1,6 +1,7 @@
 """The mapper's store: nothing twice, nothing lost, nothing beyond the window."""
 
 import math
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -269,6 +270,18 @@ def test_contour_versions_go_on_counting_after_a_restart(path: Path) -> None:
     reopened.close()
 
 
+def test_no_contour_version_is_used_again_by_the_successor_of_a_killed_mapper(path: Path) -> None:
+    store, left = SweepStore(path, Window()), path.parent / "left" / path.name
+    borne = [store.next_contour_version() for _ in range(3)]
+    shutil.copytree(path.parent, left.parent)  # as a kill leaves it
+    borne += [store.next_contour_version() for _ in range(250)]
+    assert borne == list(range(1, 254))
+    store.close()
+    later = SweepStore(left, Window())
+    assert later.next_contour_version() > 3
+    later.close()
+
+
 def test_a_file_that_is_no_store_is_set_aside_and_a_new_store_begins(path: Path) -> None:
     letter = "a letter to the editor, long enough to be no database " * 40
     path.write_text(letter)
@@ -409,6 +422,45 @@ def test_a_killed_writer_leaves_sweeps_and_cursor_that_agree(path: Path) -> None
         assert reached >= acknowledged[-1]
         assert sequences(store) == list(range(1, reached + 1))
         store.close()
+
+
+SYNCED_WRITER = """
+import os, sys
+from pathlib import Path
+from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule_mapper.config import Window
+from noctule_mapper.live.store import SweepStore
+
+store = SweepStore(Path(sys.argv[1]), Window())
+for number in range(1, 401):
+    sweep = Sweep(unit="u1", log_id="8c1f", log_sequence=number, pose=Pose(x_m=number))
+    os.write(1, b"sweep")
+    store.commit([sweep], [Cursor(unit="u1", log_id="8c1f", log_sequence=number)])
+    if number % 20 == 0:
+        os.write(1, b"checkpoint")
+        store.checkpoint()
+os.write(1, b"contour")
+store.next_contour_version()
+os.write(1, b"end")
+store.close()
+"""
+
+
+def test_no_sweep_waits_for_the_disk_and_the_number_of_a_contour_does(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trace = path.parent / "trace"
+    calls = ["strace", "-f", "-qq", "-e", "trace=write,fsync,fdatasync", "-o", str(trace)]
+    subprocess.run([*calls, sys.executable, "-c", SYNCED_WRITER, path], check=True, stdout=subprocess.DEVNULL)
+    syncs = {"sweep": 0, "checkpoint": 0, "contour": 0}
+    step = None
+    for line in trace.read_text().splitlines():
+        if written := re.search(r'write\(1, "(\w+)"', line):
+            step = written[1]
+        elif step in syncs and ("fsync(" in line or "fdatasync(" in line):
+            syncs[step] += 1
+    assert syncs["sweep"] == 0
+    assert syncs["checkpoint"] > 0
+    assert syncs["contour"] > 0
 
 
 def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,6 +95,12 @@ def test_a_configuration_file_gives_what_the_endpoints_do_not(endpoint, tmp_path
     assert made.get_json("mode") == '"router"'
 
 
+def test_a_session_is_given_up_after_its_lease_or_after_zenohs_10_s(endpoint):
+    shown = "transport/link/tx/lease"
+    assert bus_config.config([endpoint], [], None, lease_s=3.0).get_json(shown) == "3000"
+    assert bus_config.config([endpoint], [], None).get_json(shown) == "10000"
+
+
 def test_a_state_publisher_that_was_closed_answers_no_more(router):
     key = keys.contour("room")
     state = bus.StatePublisher(router.session, key, Contour)

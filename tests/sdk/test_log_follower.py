@@ -7,6 +7,7 @@ import threading
 from time import monotonic
 
 import pytest
+from system.processes import wait_until
 
 from noctule import Client, LogFollower, bus, keys, log_follower
 from noctule.client import QUERY_TIMEOUT_S
@@ -23,6 +24,7 @@ class LoggedUnit:
     def __init__(self, session, unit, log_id="a", keep=10_000, lose=0.0, dice=None):
         self._unit, self._lose, self._dice = unit, lose, dice or random.Random(0)
         self.log_id, self.keep, self.sweeps = log_id, keep, []
+        self.asked = 0
         self._key = keys.log("room", unit)
         self._publisher = bus.declare_publisher(session, keys.sweep("room", unit), Sweep)
         self._status = bus.StatePublisher(session, keys.unit_status("room", unit), UnitStatus)
@@ -51,6 +53,7 @@ class LoggedUnit:
         self._status.put(UnitStatus(unit=self._unit, log_id=self.log_id, log_head=self.head, log_tail=self.tail))
 
     def _answer(self, query):
+        self.asked += 1
         head, tail = self.head, self.tail
         first = max(int(query.parameters.get("from")), tail)
         sweeps = self.sweeps[first - 1 : min(head, first - 1 + int(query.parameters.get("max")))]
@@ -243,6 +246,57 @@ def test_sweeps_are_found_when_every_sign_of_them_was_lost(open_session, follow)
     store.wait_for(lambda stored: stored.of("u1") == [1, 2])
     unit.sweep(2)
     store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4])
+
+
+def test_a_log_whose_end_a_status_tells_is_not_asked_for_it(open_session, follow):
+    told, silent = LoggedUnit(open_session(), "u1"), LoggedUnit(open_session(), "u2")
+    store = Store()
+    for unit in (told, silent):
+        unit.sweep(2)
+    follow(store)
+    store.wait_for(lambda store: store.of("u1") == store.of("u2") == [1, 2])
+    before = told.asked, silent.asked
+
+    def polls():
+        told.status()  # at least one in most poll times
+        return silent.asked - before[1] >= 6
+
+    wait_until(polls, "the log is not polled", 60, every_s=POLL_S / 20)
+    assert told.asked - before[0] <= 3
+    told.sweep()
+    told.status()
+    store.wait_for(lambda store: store.of("u1") == [1, 2, 3])
+
+
+def test_a_log_that_has_gone_back_is_found_though_statuses_come(open_session, follow, caplog):
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    unit.sweep(5)
+    follow(store)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4, 5])
+    del unit.sweeps[3:]
+
+    def is_found():
+        unit.status()
+        return "ends at 3 and was read to 5" in caplog.text
+
+    wait_until(is_found, "nobody notices", 60, every_s=POLL_S / 20)
+
+
+def test_a_log_that_refuses_its_questions_is_asked_later_and_later_though_statuses_come(open_session, follow):
+    session, asked, told = open_session(), [], []
+    queryable = session.declare_queryable(keys.log("room", "u1"), lambda query: (asked.append(1), query.drop()))
+    follow(Store(), poll_s=3600.0)
+    status = bus.StatePublisher(session, keys.unit_status("room", "u1"), UnitStatus)
+
+    def many_are_told():
+        status.put(UnitStatus(unit="u1", log_id="a", log_head=1, log_tail=1))
+        told.append(1)
+        return len(told) >= 100
+
+    wait_until(many_are_told, "", PATIENCE_S, every_s=0.02)
+    assert 1 <= len(asked) <= 20  # after 0.1 s, 0.2 s and so on up to 10 s: 12 in a minute
+    queryable.undeclare()
+    status.close()
 
 
 def test_a_unit_that_appears_later_is_read(open_session, follow):

@@ -38,6 +38,7 @@ def test_one_page_has_the_figures_of_every_site_and_a_site_that_hangs_does_not_d
         wait_until(lambda: sites_shown() == {"attic": "m1", "hall": "m1"}, "not all sites are shown")
         found = scrape(address)
         assert found["noctule_share_sites_mapped"] == [({"site": "", "service": "m1"}, 2.0)]
+        assert found["noctule_share_sites_unshared"] == [({"site": "", "service": "m1"}, 0.0)]
         memory = {labels["site"]: value for labels, value in found["noctule_site_process_resident_memory_bytes"]}
         assert memory.keys() == set(SITES)
         assert min(memory.values()) > 1e6

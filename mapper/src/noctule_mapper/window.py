@@ -106,6 +106,12 @@ class SweepWindow:
         self._database, self._window = database, window
         for statement in SCHEMA:
             database.execute(statement)
+        self._held = 0
+        self.recount()
+
+    def recount(self) -> None:
+        """See how many sweeps there are, after a transaction that was rolled back, or others' changes."""
+        (self._held,) = self._database.execute("SELECT count(*) FROM sweep").fetchone()
 
     def enter(self, sweep: Sweep, record: bytes, elapsed_s: float) -> list[Identity] | None:
         """Take a sweep in, with what is to be kept of it; those that it supersedes, perhaps itself. None if it is there
@@ -115,7 +121,8 @@ class SweepWindow:
         row["checksum"] = checksum(*(row[name] for name in _COVERED))
         if self._database.execute(_ENTER, row).rowcount != 1:
             return None
-        return self._database.execute(_SUPERSEDED, row).fetchall()
+        self._held += 1
+        return self._taken_out(_SUPERSEDED, row)
 
     def too_old(self, elapsed_s: float, now_ns: int) -> list[Identity]:
         """Take out what is too old. ``elapsed_s`` counts the time that passes, as Elapsed does; ``now_ns`` is what the
@@ -123,11 +130,18 @@ class SweepWindow:
         """
         age = {"max_age_s": self._window.max_age_s, "max_age_ns": int(self._window.max_age_s * 1e9)}
         now = {"elapsed_s": elapsed_s, "now_ns": now_ns + _CLOCKS_DIFFER_NS}
-        return self._database.execute(_TOO_OLD, age | now).fetchall()
+        return self._taken_out(_TOO_OLD, age | now)
 
     def too_many(self) -> list[Identity]:
         """Take out what is too many."""
-        return self._database.execute(_TOO_MANY, {"max_sweeps": self._window.max_sweeps}).fetchall()
+        if self._held <= self._window.max_sweeps:  # the statement would go over the whole window to find that out
+            return []
+        return self._taken_out(_TOO_MANY, {"max_sweeps": self._window.max_sweeps})
+
+    def _taken_out(self, statement: str, values: dict[str, Any]) -> list[Identity]:
+        taken = self._database.execute(statement, values).fetchall()
+        self._held -= len(taken)
+        return taken
 
     def _row(self, sweep: Sweep) -> dict[str, Any]:
         """A sweep's row: it belongs to the visit of the sweep before it in its log, or begins a visit where it is."""

@@ -27,6 +27,7 @@ def open_session(
     patience_s: float | None = None,
     tls_folder: Path | None = None,
     while_waiting: Callable[[], None] = lambda: None,
+    lease_s: float | None = None,
 ) -> zenoh.Session:
     """Open a session as a client of the routers ``connect``, or, with ``listen``, as a router itself.
 
@@ -35,13 +36,14 @@ def open_session(
     settings are read from the Zenoh configuration file that ZENOH_CONFIG names.
     A client waits for its first router, for ever or for ``patience_s``; after that the session reconnects by itself.
     ``while_waiting`` is called after each attempt, so about once a second; what it raises ends the wait.
+    ``lease_s`` is how long others take a session that says nothing for living; Zenoh's own is 10 s.
     A router begins without the addresses that this host does not have yet, and listens on each when it is there.
     The caller must close the session, or the process does not end.
     Raises BusError: no router in time, or an endpoint that can't be listened on; BusConfigError: one that is none;
     TlsError: a folder that can't be used.
     """
     identity = tls.chosen(tls_folder)
-    config = bus_config.config(connect, listen, identity)
+    config = bus_config.config(connect, listen, identity, lease_s)
     if bus_config.is_router(config):
         return _open_router(config, identity)
     return _open_client(config, identity, patience_s, while_waiting)

@@ -40,8 +40,10 @@ def is_router(config: zenoh.Config) -> bool:
     return json.loads(config.get_json("mode")) == "router"
 
 
-def config(connect: Sequence[str], listen: Sequence[str], identity: tls.Identity | None) -> zenoh.Config:
-    """The configuration of a session. Raises BusConfigError."""
+def config(
+    connect: Sequence[str], listen: Sequence[str], identity: tls.Identity | None, lease_s: float | None = None
+) -> zenoh.Config:
+    """The configuration of a session, with its lease where one is given. Raises BusConfigError."""
     if faults := list(filter(None, map(endpoints.fault, (*connect, *listen)))):
         raise BusConfigError("; ".join(faults))
     if identity is not None:
@@ -59,6 +61,8 @@ def config(connect: Sequence[str], listen: Sequence[str], identity: tls.Identity
         }
     if identity is not None:
         settings |= {f"transport/link/tls/{key}": str(path) for key, path in _files(identity, made).items()}
+    if lease_s is not None:
+        settings["transport/link/tx/lease"] = round(1e3 * lease_s)
     for key, value in settings.items():
         try:
             made.insert_json5(key, json.dumps(value))

@@ -54,6 +54,7 @@ class _Unit:
         self.reader = reader
         self.live: deque[Sweep] = deque(maxlen=LIVE_LENGTH)
         self.behind = True  # the log may hold more than was delivered
+        self.told = False  # since the last poll, by a status, how far the log goes
         self.asking = False
         self.standing = Standing.NEW
         self.delivery, self.asks = _BackOff(), _BackOff()
@@ -91,7 +92,7 @@ class LogFollower:
         cursors: Mapping[str, Cursor],
         poll_s: float = 10.0,
     ) -> None:
-        """``poll_s``: how often each log is asked without a sign that it holds more, for signs may be lost."""
+        """``poll_s``: after so long without a status of its unit each log is asked whether it holds more."""
         self._client = client
         self._deliver = deliver
         self._poll_s = poll_s
@@ -160,9 +161,12 @@ class LogFollower:
     def _on_unit_status(self, status: UnitStatus) -> None:
         with self._changed:
             unit = self._unit(status.unit)
-            if unit and status.log_id and unit.reader.is_behind(status.log_id, status.log_head):
-                unit.behind = True
-                self._see_to(status.unit)
+            if unit and status.log_id:
+                # A log that ends before what was read has gone back, which its own answer tells.
+                unit.told = unit.told or status.log_head >= unit.reader.cursor.log_sequence
+                if unit.reader.is_behind(status.log_id, status.log_head):
+                    unit.behind = True
+                    self._see_to(status.unit)
 
     def _on_alive(self, name: str, alive: bool) -> None:
         if alive:
@@ -214,8 +218,10 @@ class LogFollower:
                 if now_s >= self._poll_at_s:
                     self._poll_at_s = now_s + self._poll_s
                     for name, unit in self._units.items():
-                        unit.behind = True
-                        self._due[name] = None
+                        if not unit.told:
+                            unit.behind = True
+                            self._due[name] = None
+                        unit.told = False
                 next_s = min([self._poll_at_s, *(self._units[name].due_s for name in self._due)])
                 if self._answers or next_s <= now_s:
                     return True
@@ -265,7 +271,10 @@ class LogFollower:
             more = answer.records is not None and unit.reader.read(answer.records, answer.asked)
             if unit.reader.cursor is not before:
                 unit.delivery.succeeded()
-            unit.asks.succeeded()
+            if answer.records is not None:
+                unit.asks.succeeded()
+            else:  # nobody serves the unit, or its gateway has refused the question: not at once again
+                unit.asks.failed()
             unit.standing = Standing.ANSWERS
         except Exception as error:  # a panic of Zenoh is none, and ends the thread
             of_log = error is answer.error or isinstance(error, BusError)

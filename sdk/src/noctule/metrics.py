@@ -19,6 +19,7 @@ _LEVELS = frozenset(
     {
         "sites",
         "sites_mapped",
+        "sites_unshared",
         "units",
         "units_connected",
         "units_late",

@@ -15,6 +15,7 @@ MAX_CLIENTS = 64  # that wait for answers at once
 MAX_WAITING = 64  # queries of one client
 CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
 REST = 4.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
+STALE_AFTER_S = 5.0  # a query that has waited so long is let go: its client has given up and asks again
 THREADS = 8
 LONGEST_NAME = 64
 
@@ -24,10 +25,12 @@ _log = logging.getLogger(__name__)
 class LogReaders:
     """Runs ``answer``s, those of one client in their order. What is too much is refused, and ``cut_off`` says whose."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float] = monotonic) -> None:
         self.refused = 0
+        self._now = now
         self._lock = threading.Lock()
-        self._waiting: dict[str, deque[Callable[[], object]]] = {}  # of each client that is being answered
+        # Of each client that is being answered, and since when
+        self._waiting: dict[str, deque[tuple[float, Callable[[], object]]]] = {}
         self._cut_off: dict[str, int] = {}  # the client's refused queries, as long as it has others waiting
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
@@ -38,10 +41,10 @@ class LogReaders:
         with self._lock:
             waiting = self._waiting.get(client)
             if waiting is not None and len(waiting) < MAX_WAITING:
-                waiting.append(answer)
+                waiting.append((self._now(), answer))
                 return True
             if waiting is None and len(self._waiting) < MAX_CLIENTS:
-                self._waiting[client] = deque([answer])
+                self._waiting[client] = deque([(self._now(), answer)])
                 self._threads.submit(self._answer_next, client)
                 return True
             self.refused += 1
@@ -66,10 +69,11 @@ class LogReaders:
 
     def _answer_next(self, client: str) -> None:
         with self._lock:
-            answer = self._waiting[client].popleft()
-        begun_s = monotonic()
+            since_s, answer = self._waiting[client].popleft()
+        begun_s = self._now()
         try:
-            answer()
+            if begun_s - since_s < STALE_AFTER_S:
+                answer()
         except Exception:
             _log.exception("a query of client %s was not answered", client)
         with self._lock:
@@ -78,7 +82,7 @@ class LogReaders:
                 self._cut_off.pop(client, None)
                 self._full = False
                 return
-            rest_s = REST * (monotonic() - begun_s) if len(self._waiting[client]) >= CROWD else 0.0
+            rest_s = REST * (self._now() - begun_s) if len(self._waiting[client]) >= CROWD else 0.0
         if rest_s:
             later = threading.Timer(rest_s, self._go_on, (client,))
             later.daemon = True

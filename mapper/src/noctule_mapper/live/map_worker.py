@@ -129,7 +129,8 @@ class MapWorker:
                 if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
                     self._stepped_s = None
                     with self._fit_turn:
-                        if not self._closing:  # it may have waited long
+                        self._apply(self._take())  # what has come while it waited for its turn
+                        if not self._closing:
                             self._fit_and_show(self._oldest_unfitted_s)
         except BaseException as error:  # what comes out of Zenoh may be no Exception
             self._failure = error
@@ -141,6 +142,11 @@ class MapWorker:
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
         with self._changed:
             self._changed.wait_for(lambda: self._waiting.since_s is not None or self._closing, until_fit_s)
+        return self._take()
+
+    def _take(self) -> _Waiting:
+        """All that waits now."""
+        with self._changed:
             waiting, self._waiting = self._waiting, _Waiting()
         self._stepped_s = monotonic()
         return waiting

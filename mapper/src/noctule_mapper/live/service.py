@@ -44,7 +44,8 @@ _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 class LiveSettings:
     """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics.
 
-    ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes.
+    ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes. ``lease_s`` is
+    the lease of its sessions, as in ``bus.open_session``.
     """
 
     site: str
@@ -56,6 +57,7 @@ class LiveSettings:
     tls_folder: Path | None = None
     metrics_at: str | None = None
     fit_turn: Path | None = None
+    lease_s: float | None = None
 
 
 def run(settings: LiveSettings, stop: threading.Event) -> None:
@@ -67,7 +69,6 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
     manager, shown = ServiceManager(), _Shown(settings)
     with ExitStack() as closing:
         closing.enter_context(FolderLock(settings.data, owner))
-        (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
         log = RerunLog(settings.rerun_url, settings.site)
@@ -83,6 +84,8 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.callback(mapper.close)
         closing.callback(manager.stopping)
         shown.mapper = mapper
+        mapper.report()  # at once: mappers that share this site wait for it to be mapped
+        (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         while not stop.wait(_STATUS_INTERVAL_S):
             mapper.report()
             manager.serving(mapper.summary, mapper.makes_progress)
@@ -173,6 +176,7 @@ class LiveMapper:
         """Publish how the mapper fares. Raises what has broken the map, if anything has."""
         self._worker.check()
         self._store.check()
+        self._store.checkpoint()
         self._look_for_rivals()
         status = _empty_status(self._settings)
         status.counters.update(self.counters())
@@ -288,7 +292,9 @@ def join(settings: LiveSettings, stop: threading.Event, manager: ServiceManager)
     told = False
     while not stop.is_set():
         try:
-            return bus.open_session(settings.connect, patience_s=0, tls_folder=settings.tls_folder)
+            return bus.open_session(
+                settings.connect, patience_s=0, tls_folder=settings.tls_folder, lease_s=settings.lease_s
+            )
         except BusConfigError:
             raise
         except BusError as error:

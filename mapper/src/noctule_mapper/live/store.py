@@ -1,9 +1,14 @@
-"""The mapper's memory: the sweeps of its window and how far it has read each unit's log, in one SQLite file."""
+"""The mapper's memory: the sweeps of its window and how far it has read each unit's log, in one SQLite file.
+
+What was committed outlives the process at once, and a power cut as soon as the system has written it to the disk. No
+sweep waits for that: its gateway has it on a disk, and a cursor that a power cut has set back reads it again. A
+contour's number is on the disk before anybody sees it, because nothing else would tell that it was used.
+"""
 
 import sqlite3
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import astuple, dataclass
 from itertools import groupby
 from operator import itemgetter
@@ -15,9 +20,12 @@ from noctule.messages_pb2 import Cursor, Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
 from noctule_mapper.live import store_file
-from noctule_mapper.live.store_file import StoreError, sealed
+from noctule_mapper.live.store_file import SYNCED, UNSYNCED, StoreError, sealed
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
+
+_VERSIONS_AHEAD = 100  # so many contours after a kill are never numbered, and one in so many waits for the disk
+_COPIED_AFTER_COMMITS = 50  # a sweep's changes some 14 pages, and at 1,000 the commits copy the -wal themselves
 
 # Sweeps that broke the map leave the window and stay here, with the reason, as long as they would
 # have been in it.
@@ -60,6 +68,9 @@ class SweepStore:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._database, self.damage = store_file.opened(path, now())
         self._rows = SweepWindow(self._database, window)
+        self._version = self._reserved = 0  # of contours: the last one, and up to which the file has them as used
+        self._copier: sqlite3.Connection | None = None
+        self._commits = 0  # since the -wal was copied
 
     def check(self) -> None:
         """Raise RuntimeError if the file was found damaged while in use: the next start rebuilds it."""
@@ -95,6 +106,7 @@ class SweepStore:
             held = database.execute(_HELD, row | now).fetchall()
             database.executemany("INSERT OR REPLACE INTO set_aside VALUES (?, ?, ?, ?, ?, ?, ?)", map(sealed, held))
             database.execute(_TAKE_OUT, row)
+            self._rows.recount()
             database.execute(_FORGET, limits | now)
 
     def sweeps_set_aside(self) -> list[tuple[str, Identity, str]]:
@@ -122,28 +134,59 @@ class SweepStore:
         return {unit: Cursor(unit=unit, log_id=log_id, log_sequence=sequence) for unit, log_id, sequence in rows}
 
     def next_contour_version(self) -> int:
-        """A number that no contour of this store has borne yet, greater than all before it."""
-        with self._transaction() as database:
-            (version,) = database.execute("SELECT version + 1 FROM contour").fetchone()
-            database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
-            return version
+        """A number that no contour of this store has borne yet, greater than all before it. For one thread."""
+        if self._version == self._reserved:
+            with self._transaction(SYNCED) as database:
+                (version,) = database.execute("SELECT version FROM contour").fetchone()
+                _note_version(database, version + _VERSIONS_AHEAD)
+            self._version, self._reserved = version, version + _VERSIONS_AHEAD
+        self._version += 1
+        return self._version
+
+    def checkpoint(self) -> None:
+        """Copy what was committed from the -wal into the database, where that is due.
+
+        Called each second by one thread, it spares the commits that work and its waits for the disk.
+        """
+        if self._commits < _COPIED_AFTER_COMMITS:
+            return
+        self._commits = 0
+        try:
+            if self._copier is None:
+                self._copier = sqlite3.connect(self._path, isolation_level=None, check_same_thread=False)
+            self._copier.execute("PRAGMA wal_checkpoint(PASSIVE)")
+            with self._transaction():  # the first commit after it waits for the disk
+                self._count_to(self._now())
+        except StoreError:
+            pass  # the next sweep's commit says it
+        except SQLITE_ERRORS as error:
+            if is_damage(error):
+                self._damaged = str(error)
 
     def close(self) -> None:
+        if self._version < self._reserved:
+            with suppress(StoreError, *SQLITE_ERRORS), self._transaction() as database:
+                _note_version(database, self._version)
         with self._lock:
+            if self._copier is not None:
+                self._copier.close()
             self._database.close()
 
     @contextmanager
-    def _transaction(self) -> Iterator[sqlite3.Connection]:
+    def _transaction(self, durability: str = UNSYNCED) -> Iterator[sqlite3.Connection]:
         with self._lock:
             try:
+                self._database.execute(f"PRAGMA synchronous = {durability}")
                 self._database.execute("BEGIN IMMEDIATE")
                 yield self._database
                 self._database.execute("COMMIT")
+                self._commits += 1
             except BaseException as error:
                 if isinstance(error, SQLITE_ERRORS) and is_damage(error):
                     self._damaged = str(error)
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
+                    self._rows.recount()
                 if isinstance(error, SQLITE_ERRORS) and not is_damage(error):
                     raise StoreError(
                         f"the mapper's store {self._path} can't be used: {error}; see to its disk"
@@ -163,3 +206,7 @@ class SweepStore:
         if database.execute(_IS_SET_ASIDE, identity_of(sweep)).fetchone():
             return None
         return self._rows.enter(sweep, sweep.SerializeToString(), elapsed_s)
+
+
+def _note_version(database: sqlite3.Connection, version: int) -> None:
+    database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))

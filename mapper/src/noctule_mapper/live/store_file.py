@@ -19,6 +19,9 @@ from noctule.errors import NoctuleError
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.window import SCHEMA as WINDOW_SCHEMA
 
+# SQLite's words for a commit that waits for the disk, and for one that leaves it to the system. A power cut can undo
+# the newest of the latter, all from some moment on, so that cursors go back with the sweeps.
+SYNCED, UNSYNCED = "FULL", "NORMAL"
 VERSION = 4  # 3 had checksums and no elapsed time, 2 neither
 _SCHEMA = (
     *WINDOW_SCHEMA,
@@ -103,7 +106,7 @@ def held(path: Path) -> int:
 def _connected(path: Path, now: Instant) -> sqlite3.Connection:
     database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     database.execute("PRAGMA journal_mode = WAL")
-    database.execute("PRAGMA synchronous = FULL")
+    database.execute(f"PRAGMA synchronous = {UNSYNCED}")
     version = _version(database, path)
     with _writing(database):
         if version in (2, 3):

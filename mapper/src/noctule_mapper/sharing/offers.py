@@ -1,12 +1,12 @@
 """Which mappers are ready to map which sites: a liveliness token for each site and mapper, theirs and this one's.
 
-A token goes with its mapper: at once where its connection closes, after Zenoh's lease where its host is cut off.
+A token goes with its mapper: at once where its connection closes, after the session's lease where its host is cut off.
 """
 
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import zenoh
 
@@ -14,8 +14,10 @@ from noctule import keys
 from noctule.errors import KeyFormatError
 from noctule_mapper.sharing.errors import SharingError
 
-_SETTLED_AFTER_S = 1.0  # several mappers come or go together
-GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off: Zenoh's lease is 10 s
+SETTLED_AFTER_S = 1.0  # since one came: others may come with it, and each takes sites
+# Since one went. All its tokens go in one moment, and whoever goes next takes no site from those that stay.
+GONE_AFTER_S = 0.2
+GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off; of an earlier version, with Zenoh's lease of 10 s, too
 _ASK_AGAIN_S = 0.5
 _QUERY_TIMEOUT_S = 1.0
 
@@ -30,15 +32,18 @@ class Offers:
         sites: Sequence[str],
         stop: threading.Event,
         ghost_goes_within_s: float = GHOST_GOES_WITHIN_S,
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
         """Waits for an offer of the same name to go, at most so long or until ``stop`` is set.
 
         Raises SharingError where it stays: two of one name would both take themselves for the owner of a site.
         """
-        self._name = name
+        self._name, self._sites = name, list(sites)
         self._lock = threading.Lock()
+        self._session, self._now = session, now
         self._members: defaultdict[str, set[str]] = defaultdict(set)
-        self._changed_at_s = time.monotonic()
+        self._settled_at_s = self._quiet_at_s = 0.0
+        self._wait(SETTLED_AFTER_S)
         self._refuse_twin(session, sites, stop, time.monotonic() + ghost_goes_within_s)
         liveliness = session.liveliness()
         self._tokens = [liveliness.declare_token(keys.offer(site, name)) for site in sites]
@@ -53,8 +58,27 @@ class Offers:
             return frozenset(self._members[site] | {self._name})
 
     def are_settled(self) -> bool:
-        """No mapper has come or gone for a second."""
-        return time.monotonic() >= self._changed_at_s + _SETTLED_AFTER_S
+        """No mapper has come for a second, and none has gone for GONE_AFTER_S.
+
+        Without a router they are not: all the others seem to have gone.
+        """
+        if not _is_connected(self._session):
+            self._wait(SETTLED_AFTER_S)  # the tokens come again after the connection
+        return self._now() >= self._settled_at_s
+
+    def are_quiet(self) -> bool:
+        """They are settled, and no mapper has gone for a second either."""
+        return self.are_settled() and self._now() >= self._quiet_at_s
+
+    def unshared(self) -> dict[str, list[str]]:
+        """By mapper, those of this one's sites that it does not share, though it shares others of them. Where they are
+        not quiet, one may be half gone.
+        """
+        with self._lock:
+            members = {site: frozenset(self._members[site]) for site in self._sites}
+        others = set[str]().union(*members.values()) - {self._name}
+        lacking = {other: [site for site in self._sites if other not in members[site]] for other in sorted(others)}
+        return {other: sites for other, sites in lacking.items() if sites}
 
     def close(self) -> None:
         """Offer nothing any more."""
@@ -75,12 +99,21 @@ class Offers:
             site, member = keys.parse_offer(str(sample.key_expr))
         except KeyFormatError:
             return  # no mapper of ours
+        comes = sample.kind == zenoh.SampleKind.PUT
         with self._lock:
-            if sample.kind == zenoh.SampleKind.PUT:
-                self._members[site].add(member)
-            else:
-                self._members[site].discard(member)
-        self._changed_at_s = time.monotonic()
+            (self._members[site].add if comes else self._members[site].discard)(member)
+        self._wait(SETTLED_AFTER_S if comes else GONE_AFTER_S)
+
+    def _wait(self, seconds: float) -> None:
+        """They are not settled for so long, or longer where they were not yet."""
+        now_s = self._now()
+        with self._lock:
+            self._settled_at_s = max(self._settled_at_s, now_s + seconds)
+            self._quiet_at_s = now_s + SETTLED_AFTER_S
+
+
+def _is_connected(session: zenoh.Session) -> bool:
+    return bool(list(session.info.transports()))
 
 
 def _is_offered(session: zenoh.Session, site: str, name: str) -> bool:

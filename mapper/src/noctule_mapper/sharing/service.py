@@ -3,7 +3,7 @@
 import os
 import threading
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,9 +20,12 @@ from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.rendezvous import owner_of
 from noctule_mapper.sharing.shown import Shown
 from noctule_mapper.sharing.site_process import SiteProcess, forking_context
+from noctule_mapper.sharing.unshared import UnsharedSites
 
 _STEP_S = 0.2
 _QUERY_TIMEOUT_S = 1.0
+# Of a mapper that hangs or lost its host the sites move after this. Zenoh sends a sign of life four times in it.
+LEASE_S = 3.0
 _MAPPERS_WITHIN_S = 3.0  # to end: this process has 4 s in all (noctule.ending)
 
 
@@ -44,45 +47,69 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
 
     Raises FolderError, SharingError, KeyFormatError, BusConfigError, MetricsError.
     """
-    sites = [keys.name(each.site, "site") for each in shared.sites]
-    name = keys.name(shared.sites[0].service, "service name")
+    settings = site_settings(shared)
+    name = keys.name(settings[0].service, "service name")
     context, manager, shown = forking_context(), ServiceManager(), Shown(name)
     with ExitStack() as closing:
         closing.enter_context(FolderLock(shared.data, Owner("mapper of several sites", "", name)))
         figures = metrics.registry(shown.statuses, sites=shown.pids)
         closing.enter_context(metrics_server.serving(shared.metrics_at, figures))
-        session = join(shared.sites[0], stop, manager)
+        session = join(settings[0], stop, manager)
         if session is None:
             return
         closing.callback(session.close)
-        offers = Offers(session, name, sites, stop)
+        offers = Offers(session, name, [each.site for each in settings], stop)
         closing.callback(offers.close)
         closing.callback(shown.close)
-        mapped = [SiteProcess(each, shared.log_format, context) for each in _with_turns(shared)]
+        mapped = [SiteProcess(each, shared.log_format, context) for each in settings]
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
+        unshared = UnsharedSites()
         while not stop.wait(_STEP_S):
             if offers.are_settled():
-                _step(mapped, {site: owner_of(site, offers.members(site)) == name for site in sites}, session, name)
+                _step(mapped, offers, session, name)
+            if offers.are_quiet():
+                unshared.note(offers.unshared())
             pids = {each.site: each.pid for each in mapped if each.pid is not None}
             if shared.metrics_at is not None:
-                failed = sum(each.failed for each in mapped)
-                shown.note({"sites": len(sites), "sites_mapped": len(pids), "mappers_failed": failed}, pids)
+                shown.note(_counters(mapped, unshared), pids)
                 shown.follow(session, pids)
-            manager.serving(f"maps {len(pids)} of {len(sites)} shared sites")
+            manager.serving(
+                "; ".join(filter(None, (f"maps {len(pids)} of {len(mapped)} shared sites", unshared.detail)))
+            )
 
 
-def _with_turns(shared: SharedSites) -> list[LiveSettings]:
-    """The sites' settings, with as many turns at fitting among them as half the processors of this host."""
+def site_settings(shared: SharedSites) -> list[LiveSettings]:
+    """The settings of each site's mapper, of whose sessions a silent one is soon known to be gone. They have as many
+    turns at fitting among them as half the processors of this host.
+
+    Raises KeyFormatError.
+    """
     turns = max(1, (os.cpu_count() or 1) // 2)
     return [
-        replace(each, fit_turn=shared.data / f"fit-turn-{number % turns}") for number, each in enumerate(shared.sites)
+        replace(
+            each,
+            site=keys.name(each.site, "site"),
+            fit_turn=shared.data / f"fit-turn-{number % turns}",
+            lease_s=LEASE_S,
+        )
+        for number, each in enumerate(shared.sites)
     ]
 
 
-def _step(mapped: Sequence[SiteProcess], mine: Mapping[str, bool], session: zenoh.Session, name: str) -> None:
+def _counters(mapped: Sequence[SiteProcess], unshared: UnsharedSites) -> dict[str, int]:
+    return {
+        "sites": len(mapped),
+        "sites_mapped": sum(each.pid is not None for each in mapped),
+        "sites_unshared": unshared.sites,
+        "mappers_failed": sum(each.failed for each in mapped),
+    }
+
+
+def _step(mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str) -> None:
     """Start what is to start, and end what is to end."""
     now_s = time.monotonic()
+    mine = {each.site: owner_of(each.site, offers.members(each.site)) == name for each in mapped}
     due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
     others = other_mappers(session, due, but=name)
     for each in mapped:

@@ -31,7 +31,8 @@ _log = logging.getLogger(__name__)
 def forking_context() -> ForkServerContext:
     """Where the processes come from."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["noctule_mapper.sharing.preload", __name__])
+    # A process loads the main module again (spawn.prepare): what that imports is there already.
+    context.set_forkserver_preload(["noctule_mapper.sharing.preload", __name__, "noctule_mapper.cli"])
     return context
 
 
