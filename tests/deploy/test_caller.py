@@ -104,3 +104,13 @@ def test_without_certificates_a_command_is_its_sessions(monkeypatch: pytest.Monk
 
 def _der(certificate: x509.Certificate) -> bytes:
     return certificate.public_bytes(Encoding.DER)
+
+
+def test_a_refused_commands_record_says_who_was_claimed_to_have_given_it(made: SecuredFleet) -> None:
+    forged = attached(made, "viewer.screen.g1")
+    forged.certificate = attached(made).certificate
+    assert caller.claimed(forged.SerializeToString()) == Who("operator.anna.g1", signed=False)
+    assert caller.claimed(Caller(session="abc").SerializeToString()) == Who("session abc", signed=False)
+    unreadable = Caller(certificate=b"0\x82").SerializeToString()
+    assert caller.claimed(unreadable) == Who("a certificate that can't be read", signed=False)
+    assert caller.claimed(b"\xff") == Who("session ?", signed=False)

@@ -19,6 +19,7 @@ from noctule.messages_pb2 import Caller
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
 
+_LONGEST_CLAIM = 128  # characters
 _CONTEXT = b"noctule command 1\n"  # so that a signature of anything else is none of a command
 
 
@@ -60,6 +61,24 @@ class Callers:
         if not caller.certificate:
             raise CallerError("the command is not signed: give it by noctule or its client, with --tls FOLDER")
         return Who(_checked(caller, self._authority, key, payload), signed=True)
+
+
+def claimed(attached: bytes) -> Who:
+    """Who an attachment says has given a command, true or not: for a record of what was refused."""
+    from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
+
+    try:
+        caller = bounds.decode(Caller, attached)
+    except BoundsError:
+        return _session("")
+    if not caller.certificate:
+        return _session(caller.session)
+    try:
+        name = tls.common_name_of(x509.load_der_x509_certificate(caller.certificate))
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        name = "a certificate that can't be read"
+    return Who(name[:_LONGEST_CLAIM], signed=False)
 
 
 def _session(said: str) -> Who:
