@@ -118,6 +118,7 @@ class Gateway:
         self._newer = NewerFields()
         self._status: bus.StatePublisher | None = None
         self._watch: BusWatch | None = None
+        self._callers: Callers | None = None
         self._latest: ServiceStatus | None = None
 
     def start(self) -> None:
@@ -131,7 +132,7 @@ class Gateway:
         Commands are to be signed where there is a ``tls_folder`` (``tls.chosen``). The caller closes ``session``, after
         close(). Raises TlsError.
         """
-        callers = Callers(tls_folder)
+        callers = self._callers = Callers(tls_folder)
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
@@ -145,13 +146,15 @@ class Gateway:
             watch.begin(self._states)
 
     def report(self) -> None:
-        """Look after the folder and the host's clock, publish the gateway's own status; to be called each second.
+        """Look after the folder, the host's clock and the list of operators, and publish the gateway's own status.
 
-        Raises FolderError if another process has got hold of the folder.
+        To be called each second. Raises FolderError if another process has got hold of the folder.
         """
         self._folder.keep()
         self._clock_watch.keep()
         self._synchronisation.look()
+        if self._callers is not None:
+            self._callers.look()
         self._latest = message = self._status_message()
         if (status := self._status) is not None:
             self._outbox.post(lambda: status.put(message))
@@ -213,6 +216,7 @@ class Gateway:
                         _listed("not connected", away),
                         _listed("being updated", updating),
                         _listed("served late", late),
+                        self._callers.detail if self._callers else "",
                         self._audit.detail or self._refused.detail,
                         self._clock_watch.detail,
                         self._synchronisation.detail if self._site.clock == "utc" else "",

@@ -15,6 +15,7 @@ from noctule import bounds, tls
 from noctule.errors import BoundsError, CallerError
 from noctule.keys import Role
 from noctule.messages_pb2 import Caller
+from noctule.operators import Operators
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -47,6 +48,17 @@ class Callers:
         """Raises TlsError."""
         identity = tls.chosen(tls_folder)
         self._authority = None if identity is None else tls.read_certificate(identity.folder / tls.AUTHORITY)
+        self._operators = None if identity is None else Operators(identity.folder)
+
+    def look(self) -> None:
+        """See whether other operators are admitted now; to be called now and again. It reads a file."""
+        if self._operators is not None:
+            self._operators.look()
+
+    @property
+    def detail(self) -> str:
+        """What is wrong with the list of operators, for the gateway's status; empty if nothing is."""
+        return "" if self._operators is None else self._operators.detail
 
     def who(self, attached: bytes, key: str, payload: bytes) -> Who:
         """Who gave the command on ``key``. Raises CallerError."""
@@ -56,11 +68,17 @@ class Callers:
             if self._authority is not None:
                 raise CallerError(f"the command does not say who gives it: {error}") from error
             return _session("")
-        if self._authority is None:
+        if self._authority is None or self._operators is None:
             return _session(caller.session)
         if not caller.certificate:
             raise CallerError("the command is not signed: give it by noctule or its client, with --tls FOLDER")
-        return Who(_checked(caller, self._authority, key, payload), signed=True)
+        name = _checked(caller, self._authority, key, payload)
+        if not self._operators.admit(name):
+            raise CallerError(
+                f"the command is signed by {name}, which was revoked or is not for this site; where it is new, copy "
+                "the gateway's folder of noctule-deploy render to its host"
+            )
+        return Who(name, signed=True)
 
 
 def claimed(attached: bytes) -> Who:
