@@ -7,6 +7,7 @@
 #include "calibration.h"
 #include "delivery.h"
 #include "layout.h"
+#include "life.h"
 #include "little_endian.h"
 #include "plan.h"
 #include "protocol.h"
@@ -17,6 +18,7 @@
 #include "unit.h"
 #include "update.h"
 
+#define FOR_BYTES 9       // before the frame that is in a FOR
 #define REPEATS_WITHIN 32 // requests; a host that counts them comes back to a number only after 255
 
 // The last command that was run: it is known again by its CRC, and its number alone may have been used anew.
@@ -112,8 +114,22 @@ static void greet(uint8_t request, uint8_t protocol)
     transmit_hello(request, protocol);
 }
 
+// Whether a FOR names another unit, or this one before its chip was erased.
+static bool is_for_another(const __xdata uint8_t *frame)
+{
+    return get32(frame + 1) != settings_serial() || get32(frame + 5) != life_number();
+}
+
 uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc, uint32_t received)
 {
+    bool is_refused = false;
+    if (frame[0] == FRAME_FOR) {
+        if (length < FOR_BYTES + 2)
+            return REASON_WRONG_LENGTH;
+        is_refused = is_for_another(frame);
+        frame += FOR_BYTES;
+        length -= FOR_BYTES;
+    }
     uint8_t type = frame[0];
     uint8_t request = frame[1];
     uint8_t expected = request_length(type);
@@ -121,6 +137,10 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         return REASON_UNKNOWN_TYPE;
     if (length != expected)
         return REASON_WRONG_LENGTH;
+    if (is_refused) {
+        transmit_result(request, type, RESULT_NOT_FOR_THIS_UNIT);
+        return REASON_NONE;
+    }
     if (type != FRAME_ACK && type != FRAME_ACK_2 && last.age < REPEATS_WITHIN)
         last.age++;
     switch (type) {

@@ -8,7 +8,7 @@
 #include "crc.h"
 #include "memory.h"
 
-#define INCOMING_LONGEST (16 + CRC_BYTES) // CONFIGURE
+#define INCOMING_LONGEST (9 + 16 + CRC_BYTES) // FOR with CONFIGURE
 
 struct incoming {
     uint8_t frame[INCOMING_LONGEST]; // type and payload

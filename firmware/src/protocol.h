@@ -24,6 +24,7 @@ enum frame_type {
     FRAME_ACK_2 = 0x10, // of protocol 2, for sweeps of protocol 2
     FRAME_UPDATE = 0x11,
     FRAME_ACK = 0x12,
+    FRAME_FOR = 0x13, // names the unit that the frame in it is for
 
     FRAME_PUT = 0x20, // from here on to the loader only
     FRAME_PROGRAM = 0x21,

@@ -12,11 +12,11 @@ from deploy.secured_fleet import SecuredFleet, rendered
 from hypothesis import given
 from hypothesis import strategies as st
 
-from noctule import caller, tls
+from noctule import caller, operators, tls
 from noctule.caller import Callers, Who
-from noctule.errors import CallerError
+from noctule.errors import CallerError, TlsError
 from noctule.messages_pb2 import Caller
-from noctule_deploy import authority
+from noctule_deploy import authority, fleet_file, render
 
 KEY, PAYLOAD = "noctule/@v1/house/unit/u1/@rpc/stop", b"\x0a\x04mine"
 
@@ -104,3 +104,86 @@ def test_without_certificates_a_command_is_its_sessions(monkeypatch: pytest.Monk
 
 def _der(certificate: x509.Certificate) -> bytes:
     return certificate.public_bytes(Encoding.DER)
+
+
+def test_a_refused_commands_record_says_who_was_claimed_to_have_given_it(made: SecuredFleet) -> None:
+    forged = attached(made, "viewer.screen.g1")
+    forged.certificate = attached(made).certificate
+    assert caller.claimed(forged.SerializeToString()) == Who("operator.anna.g1", signed=False)
+    assert caller.claimed(Caller(session="abc").SerializeToString()) == Who("session abc", signed=False)
+    unreadable = Caller(certificate=b"0\x82").SerializeToString()
+    assert caller.claimed(unreadable) == Who("a certificate that can't be read", signed=False)
+    assert caller.claimed(b"\xff") == Who("session ?", signed=False)
+
+
+@pytest.fixture
+def fresh(tmp_path: Path) -> SecuredFleet:
+    """A fleet of its own, to be changed."""
+    return rendered(tmp_path)
+
+
+def test_a_command_that_is_signed_with_a_revoked_operators_key_is_refused_as_soon_as_the_gateways_folder_is_new(
+    fresh: SecuredFleet,
+) -> None:
+    gateway = Callers(fresh.folder("gateway.attic.g1"))
+    members, now = fleet_file.load(fresh.file), datetime.now(UTC)
+    old = attached(fresh).SerializeToString()
+    assert gateway.who(old, KEY, PAYLOAD).name == "operator.anna.g1"
+    render.renew(members, fresh.place, "operator.anna", now)
+    gateway.look()
+    new = attached(fresh, "operator.anna.g2").SerializeToString()
+    assert [gateway.who(each, KEY, PAYLOAD).name for each in (old, new)] == ["operator.anna.g1", "operator.anna.g2"]
+    render.revoke(members, fresh.place, "operator.anna", now)
+    gateway.look()
+    newest = attached(fresh, "operator.anna.g3").SerializeToString()
+    assert gateway.who(newest, KEY, PAYLOAD) == Who("operator.anna.g3", signed=True)
+    for callers in (gateway, Callers(fresh.folder("gateway.attic.g1")), Callers(fresh.folder("router.one.g1"))):
+        for revoked in (old, new):
+            with pytest.raises(CallerError, match=r"operator\.anna\.g[12], which was revoked or is not for this site"):
+                callers.who(revoked, KEY, PAYLOAD)
+
+
+def test_an_operator_of_another_site_commands_nothing_here_nor_does_one_who_has_left(fresh: SecuredFleet) -> None:
+    whole = fresh.file.read_text()
+    fresh.file.write_text(whole.replace('name = "anna"\nsites = ["*"]', 'name = "anna"\nsites = ["farm"]'))
+    render.render(fleet_file.load(fresh.file), fresh.place, datetime.now(UTC))
+    signed = attached(fresh).SerializeToString()
+    barn = Callers(fresh.folder("gateway.barn.g1"))
+    assert barn.who(signed, KEY, PAYLOAD).name == "operator.anna.g1"
+    with pytest.raises(CallerError, match="is not for this site"):
+        Callers(fresh.folder("gateway.attic.g1")).who(signed, KEY, PAYLOAD)
+    fresh.file.write_text(whole.replace('[[operator]]\nname = "anna"\nsites = ["*"]\n', ""))
+    render.render(fleet_file.load(fresh.file), fresh.place, datetime.now(UTC))
+    barn.look()
+    with pytest.raises(CallerError, match="was revoked"):
+        barn.who(signed, KEY, PAYLOAD)
+
+
+@pytest.mark.parametrize("spoiled", [None, "", '["operator.anna', '{"operator.anna.g1": 1}', "[1]", "\xff"])
+def test_a_list_of_operators_that_can_not_be_read_leaves_the_one_before_in_force(
+    fresh: SecuredFleet, spoiled: str | None
+) -> None:
+    gateway = Callers(fresh.folder("gateway.attic.g1"))
+    old = attached(fresh).SerializeToString()
+    render.revoke(fleet_file.load(fresh.file), fresh.place, "operator.anna", datetime.now(UTC))
+    gateway.look()
+    path = fresh.folder("gateway.attic.g1") / operators.FILE
+    path.unlink() if spoiled is None else path.write_bytes(spoiled.encode("latin-1"))
+    gateway.look()
+    assert "the list before stays in force" in gateway.detail and "noctule-deploy render" in gateway.detail
+    with pytest.raises(CallerError, match="was revoked"):
+        gateway.who(old, KEY, PAYLOAD)
+    if spoiled is not None:
+        with pytest.raises(TlsError, match=r"operators\.json .*: run noctule-deploy render"):
+            Callers(fresh.folder("gateway.attic.g1"))
+    path.unlink(missing_ok=True)
+    render.render(fleet_file.load(fresh.file), fresh.place, datetime.now(UTC))
+    gateway.look()
+    assert gateway.detail == ""
+
+
+def test_a_folder_of_an_earlier_rendering_admits_every_operator_and_the_status_says_so(fresh: SecuredFleet) -> None:
+    (fresh.folder("gateway.attic.g1") / operators.FILE).unlink()
+    gateway = Callers(fresh.folder("gateway.attic.g1"))
+    assert gateway.who(attached(fresh).SerializeToString(), KEY, PAYLOAD).signed
+    assert gateway.detail.startswith("revoked operators are not refused: ")

@@ -12,7 +12,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from deploy.secured_fleet import SecuredFleet, rendered
 from typer.testing import CliRunner
 
-from noctule import tls
+from noctule import operators, tls
 from noctule_deploy import check, cli, fleet_file, render
 from noctule_deploy.check import Severity
 from noctule_deploy.errors import RenderError
@@ -137,6 +137,17 @@ def test_what_was_revoked_is_not_admitted_again_because_the_generations_are_lost
 def test_a_name_that_is_none_of_the_fleet_can_not_be_revoked(made: SecuredFleet) -> None:
     with pytest.raises(RenderError, match=r"'gateway.atic' .* names are router.one, .*gateway.attic"):
         render.revoke(fleet_file.load(made.file), made.place, "gateway.atic", NOW)
+
+
+def test_the_check_names_a_list_of_operators_that_is_not_the_newest(made: SecuredFleet) -> None:
+    path = made.folder("gateway.attic.g1") / operators.FILE
+    before = path.read_bytes()
+    render.revoke(fleet_file.load(made.file), made.place, "operator.anna", NOW)
+    assert findings(made) == []
+    path.write_bytes(before)
+    (found,) = findings(made)
+    assert str(path) in found.text and "does not fit the fleet file" in found.text
+    assert not (made.folder("mapper.cartographer.g1") / operators.FILE).exists()
 
 
 def test_a_sound_rendering_has_no_findings(made: SecuredFleet) -> None:

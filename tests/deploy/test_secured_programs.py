@@ -140,6 +140,11 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
         assert [each.get("who") for each in recorded] == [None, "operator.anna.g1", None]  # file begun, given, done
         assert recorded[1]["signed"] and recorded[2]["event"] == "done"
         assert "the command is not signed" in unsigned(closing.enter_context(secured.join("operator.anna.g1")))
+        refused = tmp_path / "data" / "refused-1.jsonl"
+        wait_until(lambda: refused.exists() and len(refused.read_text().splitlines()) == 2, "it was not recorded", 20)
+        claim = json.loads(refused.read_text().splitlines()[1])
+        assert (claim["who"], claim["signed"]) == ("session operator.anna.g1", False)
+        assert "the command is not signed" in claim["error"]
         with line.lock:
             assert len(line.unit.carried_out) == 2
             line.unit.make_sweep(time.monotonic())

@@ -23,6 +23,7 @@ AS_PROTOCOL_2: dict[str, Changes] = {
         ("FRAME_ACK = 0x12", "FRAME_ACK = 0x10"),
         ("FRAME_SWEEP_2 = 0x90", "FRAME_SWEEP_2 = 0x91"),
         ("FRAME_SWEEP = 0x91", "FRAME_SWEEP = 0x90"),
+        ("FRAME_FOR = 0x13", "FRAME_FOR = 0x7E"),  # which nobody sends
     ],
     "src/request.c": [("        return 15;", "        return 7;")],
     "src/record.h": [("RECORD_NAME_BYTES 14", "RECORD_NAME_BYTES 6")],

@@ -19,6 +19,7 @@ from noctule_gateway.wire.frames import (
     Calibrate,
     Clock,
     Configure,
+    For,
     GoTo,
     Hello,
     Home,
@@ -265,6 +266,7 @@ REQUESTS = [
     *(replace(order, request=9) for order in [*BETWEEN_SWEEPS, *AT_REST_ONLY, *ALWAYS]),
     Ack(1, 0, 0, 0),
     Ack2(1, 0),
+    For(1, 1, replace(PLAN, request=9)),
 ]
 
 
@@ -275,18 +277,60 @@ def test_a_request_of_another_length_is_rejected_by_its_type(unit, request_frame
     content = content_of(request_frame)
     unit.send_bytes(framed(content[:change] if change < 0 else content + b"\0"))
     # firmware/README.md: reason 3, wrong length; 4, longer than any
-    reason = 4 if len(content) + change > len(content_of(PLAN)) else 3
+    reason = 4 if len(content) + change > len(content_of(For(1, 1, PLAN))) else 3
     assert unit.receive(Rejected) == Rejected(reason, request_frame.TYPE)
     after = unit.ask(AskStatus(0), Status)
     assert (after.frames_bad - before.frames_bad, after.frames_unknown, after.waypoint) == (1, 0, NO_WAYPOINT)
 
 
-@pytest.mark.parametrize("kind", [0x00, 0x13, 0x1F, 0x20, 0x23, 0x7F, 0x81, 0x91, 0xFF])
+@pytest.mark.parametrize("kind", [0x00, 0x14, 0x1F, 0x20, 0x23, 0x7F, 0x81, 0x91, 0xFF])
 def test_a_type_that_is_not_in_the_table_is_rejected_as_unknown(unit, kind):
     unit.send_bytes(framed(bytes([kind, 9])))
     assert unit.receive(Rejected) == Rejected(2, kind)
     status = unit.ask(AskStatus(0), Status)
     assert (status.frames_bad, status.frames_unknown) == (0, 1)
+
+
+@pytest.mark.parametrize("order", [Start(0, 500), SetWaypoint(0, 3), Single(0), replace(PLAN, count=7)], ids=name)
+def test_an_order_that_names_another_unit_or_life_is_refused_and_one_that_names_this_unit_is_obeyed(unit, order):
+    hello = unit.ask(AskHello(0), Hello)
+    before = unit.ask(AskStatus(0), Status)
+    for serial, life in ((hello.serial + 1, hello.life), (hello.serial, hello.life ^ 1)):
+        unit.send(For(serial, life, replace(order, request=200)))
+        assert unit.receive(Result) == Result(200, order.TYPE, Outcome.NOT_FOR_THIS_UNIT)
+    after = unit.ask(AskStatus(0), Status)
+    assert (after.state, after.waypoint) == (before.state, before.waypoint) == (State.IDLE, NO_WAYPOINT)
+    assert unit.ask(AskSettings(0), Settings).count == PLAN.count
+    unit.send(For(hello.serial, hello.life, replace(order, request=201)))
+    assert unit.receive(Result) == Result(201, order.TYPE, Outcome.DONE)
+    match order:
+        case Start() | Single():
+            unit.wait_for_state(State.HOMING)
+        case SetWaypoint():
+            assert unit.ask(AskStatus(0), Status).waypoint == 3
+        case Configure():
+            assert unit.ask(AskSettings(0), Settings).count == 7
+
+
+def test_an_order_that_names_its_unit_is_obeyed_once_though_it_is_heard_twice(unit):
+    hello = unit.ask(AskHello(0), Hello)
+    once = For(hello.serial, hello.life, SetWaypoint(200, 3))
+    unit.send(once)
+    assert unit.receive(Result).result == Outcome.DONE
+    unit.command(SetWaypoint(0, 4))
+    unit.send(For(hello.serial, hello.life, SetWaypoint(201, 5)))
+    unit.send(For(hello.serial, hello.life, SetWaypoint(201, 5)))
+    assert [unit.receive(Result).request for _ in range(2)] == [201, 201]
+    assert [status.waypoint for status in unit.take(Status)] in ([], [5])
+    assert unit.ask(AskStatus(0), Status).waypoint == 5
+
+
+def test_what_is_in_a_frame_for_this_unit_is_checked_as_any_other(unit):
+    hello = unit.ask(AskHello(0), Hello)
+    to = bytes([For.TYPE]) + hello.serial.to_bytes(4, "little") + hello.life.to_bytes(4, "little")
+    for content, reason in ((to, 3), (to + b"\x06", 3), (to + b"\x7f\x09", 2), (to + to[:1] + b"\x09", 2)):
+        unit.send_bytes(framed(content))
+        assert unit.receive(Rejected) == Rejected(reason, For.TYPE)
 
 
 def test_an_ack_has_no_answer(unit):

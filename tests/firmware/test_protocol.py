@@ -19,6 +19,7 @@ from noctule_gateway.wire.frames import (
     AskStatus,
     Clock,
     Configure,
+    For,
     Hello,
     Home,
     NoEcho,
@@ -54,7 +55,7 @@ def framed(content: bytes) -> bytes:
 
 
 def is_request_to_a_unit(vector: dict) -> bool:
-    return vector["type"] < 0x20 and vector["type"] not in (Ack.TYPE, Ack2.TYPE)
+    return vector["type"] < 0x20 and vector["type"] not in (Ack.TYPE, Ack2.TYPE, For.TYPE)
 
 
 @pytest.mark.parametrize("vector", list(filter(is_request_to_a_unit, VECTORS)), ids=lambda vector: vector["name"])

@@ -34,7 +34,7 @@ LOADERS = {Put, Program, Install, Run}
 REQUESTS = [kind for kind in [*get_args(Enquiry), *get_args(Order), Ack] if kind not in LOADERS]
 # firmware/README.md: reasons of REJECTED
 UNREADABLE, UNKNOWN_TYPE, WRONG_LENGTH, TOO_LONG = "1", "2", "3", "4"
-LONGEST = 20
+LONGEST = 29
 
 
 def integers(wire: Wire) -> st.SearchStrategy[int]:

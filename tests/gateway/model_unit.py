@@ -121,6 +121,9 @@ class ModelUnit:
             if isinstance(frame, frames.AskHello):
                 self.say_loader(frame.request)
             return
+        if isinstance(frame, frames.For) and self.protocol == 2:
+            self._out += encode(frames.Rejected(2, frame.TYPE))
+            return
         self._resends = 0  # the waits begin anew with every frame of the host
         self._resend_s = min(self._resend_s, now_s + RESEND_AFTER_S[0])
         if isinstance(frame, frames.AskHello):
@@ -158,6 +161,10 @@ class ModelUnit:
                 return self._status(frame.request, now_s)
             case frames.AskSettings():
                 return self._settings(frame.request)
+        if isinstance(frame, frames.For):
+            if (frame.serial, frame.life) != (self.serial, self.life):
+                return frames.Result(frame.order.request, frame.order.TYPE, Outcome.NOT_FOR_THIS_UNIT)
+            frame = frame.order
         assert isinstance(frame, frames.Order)
         return self._obey(frame, now_s)
 

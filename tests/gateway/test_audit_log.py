@@ -2,11 +2,14 @@
 
 import json
 import logging
+import os
 import resource
 import shutil
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +20,8 @@ from typer.testing import CliRunner
 
 from noctule.caller import Who
 from noctule.messages_pb2 import CommandReply, CommandRequest
-from noctule_gateway.audit import audit_file, audit_log, lines
+from noctule_gateway.audit import allowance, audit_file, audit_log, lines
+from noctule_gateway.audit.allowance import COMMANDS, DAY_S, KEPT_AT_LEAST_S, REFUSALS, Keeping, Sum
 from noctule_gateway.audit.audit_log import AuditLog
 from noctule_gateway.audit.look import AuditLook, copy_audit, look_at_audit
 from noctule_gateway.bus.recorded_commands import RecordedCommands
@@ -27,11 +31,9 @@ from noctule_gateway.errors import AuditError
 ANNA = Who("operator.anna.g1", signed=True)
 
 
-def record(
-    folder: Path, count: int, max_file_bytes: int = audit_log.MAX_FILE_BYTES, max_bytes: int = audit_log.MAX_BYTES
-) -> AuditLog:
+def record(folder: Path, count: int, keeping: Keeping = COMMANDS) -> AuditLog:
     """What one run of a gateway records."""
-    log = AuditLog(folder, {"site": "house"}, max_file_bytes, max_bytes)
+    log = AuditLog(folder, {"site": "house"}, keeping)
     for number in range(count):
         log.append({"event": "given", "command": "stop", "request_id": f"r{number}"}).result(10)
     log.close()
@@ -43,8 +45,8 @@ def look(folder: Path) -> AuditLook:
     return found
 
 
-def facts(folder: Path) -> list[lines.Facts]:
-    return [json.loads(line) for _, path in lines.files(folder) for line in path.read_bytes().splitlines()]
+def facts(folder: Path, family: str = "audit") -> list[lines.Facts]:
+    return [json.loads(line) for _, path in lines.files(folder, family) for line in path.read_bytes().splitlines()]
 
 
 @pytest.fixture(scope="module")
@@ -118,14 +120,78 @@ def test_a_line_that_a_crash_has_cut_is_no_alteration_and_the_next_run_goes_on(c
     )
 
 
+SMALL = replace(COMMANDS, max_file_bytes=2_000, max_bytes=10_000, burst_bytes=10**6)
+
+
+def sizes(folder: Path, family: str = "audit") -> list[int]:
+    return [path.stat().st_size for _, path in lines.files(folder, family)]
+
+
 def test_its_size_is_bounded_and_the_oldest_files_go_first(tmp_path: Path) -> None:
-    log = record(tmp_path, 300, max_file_bytes=2_000, max_bytes=10_000)
-    sizes = [path.stat().st_size for _, path in lines.files(tmp_path)]
-    assert sum(sizes) <= 10_000 and max(sizes) <= 2_000 + 300
+    log = record(tmp_path, 300, SMALL)
+    assert sum(sizes(tmp_path)) <= 2 * 10_000 and max(sizes(tmp_path)) <= 2_000 + 300
     assert lines.files(tmp_path)[0][0] > 1
     found = look(tmp_path)
     assert (found.trouble, found.last) == ("", log.recorded)
     assert found.first > 1
+
+
+def test_a_file_of_the_last_thirty_days_stays_until_twice_the_size_and_an_older_one_goes(tmp_path: Path) -> None:
+    record(tmp_path, 70, SMALL)
+    assert 10_000 < sum(sizes(tmp_path)) <= 20_000
+    assert lines.files(tmp_path)[0][0] == 1
+    for _, path in lines.files(tmp_path):
+        os.utime(path, (0, time.time() - KEPT_AT_LEAST_S - 60))
+    record(tmp_path, 1, SMALL)
+    assert sum(sizes(tmp_path)) <= 10_000
+    assert (look(tmp_path).trouble, lines.files(tmp_path)[0][0] > 1) == ("", True)
+
+
+@pytest.mark.parametrize("keeping", [COMMANDS, REFUSALS])
+def test_no_flood_fills_a_log_within_thirty_days(keeping: Keeping) -> None:
+    most = Sum(0.0)
+    for number in range(20):
+        most.add({"event": "refused", "unit": f"{number}" * 64, "command": f"{number}" * 64, "who": "\x01" * 64})
+    longest_sum = len(json.dumps(most.facts())) + 200
+    assert longest_sum * DAY_S / allowance.SUM_UP_EVERY_S <= keeping.bytes_per_day
+    days = KEPT_AT_LEAST_S / DAY_S
+    most_written = keeping.burst_bytes + days * keeping.bytes_per_day + longest_sum
+    assert most_written + keeping.max_file_bytes <= keeping.max_bytes
+
+
+def test_a_flood_is_summed_up_and_washes_out_nothing_that_was_recorded_before(tmp_path: Path) -> None:
+    keeping = Keeping("refused", max_bytes=60_000, burst_bytes=10_000, bytes_per_day=1_000, max_file_bytes=5_000)
+    now_s = 0.0
+    log = AuditLog(tmp_path, {}, keeping, now_s=lambda: now_s)
+    log.append({"event": "refused", "who": "the first"}).result(10)
+    refusals = 15_000
+    for number in range(refusals):
+        now_s = number * KEPT_AT_LEAST_S / refusals
+        log.append({"event": "refused", "unit": "u1", "command": "home", "who": f"session {number % 2}"})
+    log.close()
+    assert log.lost == 0
+    assert sum(sizes(tmp_path, "refused")) <= keeping.max_bytes
+    recorded = facts(tmp_path, "refused")
+    assert recorded[1]["who"] == "the first"
+    sums = [each for each in recorded if each["event"] == "summed up"]
+    whole = [each for each in recorded if each["event"] == "refused"]
+    assert len(whole) + sum(each["count"] for each in sums) == 1 + refusals
+    assert sum(each["count"] for each in sums) == log.summed_up
+    assert {kind["who"] for each in sums for kind in each["kinds"]} == {"session 0", "session 1"}
+    assert str(look(tmp_path)).startswith("log of refusals: ") and look(tmp_path).trouble == ""
+
+
+def test_a_command_that_is_only_counted_is_carried_out_all_the_same(tmp_path: Path) -> None:
+    log = AuditLog(tmp_path, {}, replace(COMMANDS, burst_bytes=0, bytes_per_day=0))
+    reply: Future[CommandReply] = Future()
+    reply.set_result(CommandReply(done=True))
+    given = RecordedCommands(lambda *_: reply, log, "u1").carry_out("stop", CommandRequest(request_id="r1"), ANNA)
+    assert given.result(10).done
+    log.close()
+    assert facts(tmp_path)[1]["kinds"] == [
+        {"event": "given", "unit": "u1", "command": "stop", "who": "operator.anna.g1", "count": 1},
+        {"event": "done", "unit": "u1", "command": "stop", "count": 1},
+    ]
 
 
 def test_a_copy_of_a_running_gateways_log_ends_with_a_whole_line(copy: Path, tmp_path: Path) -> None:

@@ -57,6 +57,9 @@ def frame_of(vector: dict) -> Frame:
     if vector["type"] in (Sweep.TYPE, Sweep2.TYPE):
         values["readings"] = tuple(Reading(**reading) for reading in values["readings"])
         values.pop("count", None)
+    if vector["type"] == frames.For.TYPE:
+        order = values["order"]
+        values["order"] = TYPES[order["type"]](**{name: value for name, value in order.items() if name != "type"})
     return TYPES[vector["type"]](**values)
 
 
@@ -66,6 +69,13 @@ def test_agrees_with_the_firmware_on_every_shared_vector(vector: dict) -> None:
     wire = bytes.fromhex(vector["wire"])
     assert encode(frame) == wire
     assert decode(wire[:-1]) == frame
+
+
+@pytest.mark.parametrize("inside", [b"", b"\x01\x01\x03", b"\x7f\x01", b"\x05\x04", b"\x06\x04\x00"])
+def test_a_frame_that_names_its_unit_and_holds_no_whole_order_can_not_be_read(inside: bytes) -> None:
+    content = bytes([frames.For.TYPE]) + bytes(8) + inside
+    with pytest.raises(FrameError):
+        decode(cobs.encode(content + zlib.crc32(content).to_bytes(4, "little")))
 
 
 def test_the_shared_vectors_hold_every_type_of_the_table() -> None:

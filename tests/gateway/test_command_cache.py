@@ -25,6 +25,10 @@ class Slow:
         return self.replies[-1]
 
 
+def unrecorded(_command: str, _request_id: str, _who: Who, _why: str) -> None:
+    """Refusals are of no interest here."""
+
+
 def request(number: int, image: bytes = b"") -> CommandRequest:
     return CommandRequest(request_id=f"r{number}", image=image)
 
@@ -32,7 +36,7 @@ def request(number: int, image: bytes = b"") -> CommandRequest:
 def test_of_twenty_thousand_commands_sixteen_wait_and_the_others_are_refused_in_words() -> None:
     """20,000 orders to one unit took 250 MB, and the operator's stop timed out."""
     unit = Slow()
-    cache = CommandCache(unit)
+    cache = CommandCache(unit, unrecorded)
     replies = [cache.carry_out("home", request(number), ANNA) for number in range(20_000)]
     assert len(unit.begun) == MAX_UNDER_WAY == 16
     assert cache.refused == 20_000 - 16
@@ -45,7 +49,7 @@ def test_of_twenty_thousand_commands_sixteen_wait_and_the_others_are_refused_in_
 
 def test_there_is_room_again_when_a_command_was_answered_and_a_refused_one_can_be_tried_again() -> None:
     unit = Slow()
-    cache = CommandCache(unit)
+    cache = CommandCache(unit, unrecorded)
     for number in range(17):
         cache.carry_out("home", request(number), ANNA)
     unit.replies[0].set_result(CommandReply(done=True))
@@ -57,7 +61,7 @@ def test_there_is_room_again_when_a_command_was_answered_and_a_refused_one_can_b
 def test_of_a_hundred_images_one_is_kept_and_none_with_a_command_that_needs_none() -> None:
     """100 images of a megabyte were kept."""
     unit, image = Slow(), b":" * 2**20
-    cache = CommandCache(unit)
+    cache = CommandCache(unit, unrecorded)
     refused = [cache.carry_out("update", request(number, image), ANNA) for number in range(100)][1:]
     assert all("the unit is being updated" in reply.result(0).error for reply in refused)
     assert all(reply.result(0).under_way for reply in refused)
@@ -75,8 +79,8 @@ def test_a_stop_goes_before_all_orders_that_wait() -> None:
 
 def test_an_id_that_was_used_for_another_command_is_refused_and_not_answered_with_that_ones_result() -> None:
     """`stop` under the id of an earlier `start` was answered "done", and the unit went on."""
-    unit = Slow()
-    cache = CommandCache(unit)
+    unit, told = Slow(), []
+    cache = CommandCache(unit, lambda *refusal: told.append(refusal))
     start = CommandRequest(request_id="mine", pause_s=2.0)
     first = cache.carry_out("start", start, ANNA)
     first.set_result(CommandReply(request_id="mine", done=True))
@@ -87,10 +91,21 @@ def test_an_id_that_was_used_for_another_command_is_refused_and_not_answered_wit
     assert cache.carry_out("start", CommandRequest(request_id="mine", pause_s=2.0), ANNA) is first
     assert len(unit.begun) == 1
     assert cache.refused == 2
+    cache.carry_out("home", CommandRequest(), ANNA)
+    assert [(command, request_id, who) for command, request_id, who, _ in told] == [
+        ("stop", "mine", ANNA),
+        ("start", "mine", ANNA),
+        ("home", "", ANNA),
+    ]
+    assert [why.partition(":")[0] for *_, why in told] == [
+        "its request_id was used for another command (start)",
+        "its request_id was used for another command (start)",
+        "request_id is empty",
+    ]
 
 
 def test_an_update_that_is_asked_for_again_is_the_same_one_only_with_the_same_image() -> None:
-    cache = CommandCache(Slow())
+    cache = CommandCache(Slow(), unrecorded)
     first = cache.carry_out("update", request(1, b":one"), ANNA)
     assert cache.carry_out("update", request(1, b":one"), ANNA) is first
     assert (

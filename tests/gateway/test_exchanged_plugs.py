@@ -118,6 +118,69 @@ def test_a_commit_that_takes_long_is_not_acknowledged_to_a_unit_of_protocol_2_th
     assert list(other.ring) == [others]
 
 
+@pytest.mark.parametrize("protocols", [(3, 3), (2, 2), (3, 2), (2, 3)])
+def test_an_order_that_is_pending_when_plugs_are_exchanged_reaches_no_other_unit(
+    protocols: tuple[int, int],
+) -> None:
+    units = [ModelUnit(serial, protocol=protocol) for serial, protocol in zip((SERIAL, OTHER), protocols, strict=True)]
+    rigs = [Rig(unit, serial=unit.serial) for unit in units]
+    random = Random(1)
+    for hand_s in (VOUCHES_FOR_S, 1.8):
+        for rig in rigs:
+            rig.run(random.uniform(1.0, 2.0))
+        orders = [
+            (rig, rig.link.order(frames.SetWaypoint(0, serial)))
+            for rig, serial in zip(rigs, (SERIAL, OTHER), strict=True)
+            if rig.link.identified
+        ]
+        for rig in rigs:
+            rig.cut(hand_s)
+        rigs[0].unit, rigs[1].unit = rigs[1].unit, rigs[0].unit
+        for rig in rigs:
+            rig.run(4.0)  # ORDER_ATTEMPTS
+        assert all(rig.settled(ticket) for rig, ticket in orders)
+    for unit in units:
+        assert {order for order in unit.carried_out if isinstance(order, frames.SetWaypoint)} <= {
+            frames.SetWaypoint(0, unit.serial)
+        }
+
+
+def test_an_order_that_was_refused_by_another_unit_fails_at_once_and_says_so() -> None:
+    unit, other = ModelUnit(SERIAL), ModelUnit(OTHER)
+    rig = Rig(unit)
+    rig.run(5.0)
+    rig.unit = other
+    ticket = rig.link.order(frames.Single(0))
+    rig.run(0.2)
+    assert "another unit was on the line and refused it" in str(rig.settled(ticket).error)
+    assert (other.carried_out, other.made) == ([], [])
+    assert not rig.link.identified
+
+
+def test_an_order_reaches_a_unit_of_protocol_2_soon_after_a_hello_and_is_not_repeated_later() -> None:
+    unit = ModelUnit(SERIAL, protocol=2)
+    rig = Rig(unit)
+    rig.run(VOUCHES_FOR_S + 2.0)
+    hellos = sum(isinstance(frame, frames.AskHello) for frame in unit.heard)
+    ticket = rig.link.order(frames.SetWaypoint(0, 3))
+    rig.run(0.2)
+    assert rig.settled(ticket).error is None
+    assert sum(isinstance(frame, frames.AskHello) for frame in unit.heard) == hellos + 1
+    ticket = rig.link.order(frames.SetWaypoint(0, 4))
+    rig.cut(VOUCHES_FOR_S + 0.5)
+    assert "did not answer" in str(rig.settled(ticket).error)
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_orders_of_either_protocol_come_through_a_bad_line(protocol: int) -> None:
+    unit = ModelUnit(SERIAL, protocol=protocol)
+    rig = Rig(unit, replace(SWEEPING, plan=None), Faults(corrupted=0.01, delay_s=0.02))
+    rig.run(5.0)
+    tickets = [rig.link.order(frames.SetWaypoint(0, waypoint)) for waypoint in range(20)]
+    rig.run(20.0)
+    assert sum(rig.settled(ticket).error is None for ticket in tickets) >= 15
+
+
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_sweeps_of_both_protocols_are_taken_from_a_unit_that_was_updated_or_went_back(protocol: int) -> None:
     unit = ModelUnit(SERIAL, protocol=2)

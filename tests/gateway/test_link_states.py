@@ -38,7 +38,8 @@ class StateRig(Rig):
         before, heard = self.link.state, len(self.unit.heard)
         if of_type(self.run(0.001), SweepRead):
             self.took_sweeps.add(before)
-        self.heard.update((before, type(frame)) for frame in self.unit.heard[heard:])
+        asked = (frame.order if isinstance(frame, frames.For) else frame for frame in self.unit.heard[heard:])
+        self.heard.update((before, type(frame)) for frame in asked)
         self.note()
 
     def note(self) -> None:

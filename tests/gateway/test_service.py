@@ -154,6 +154,10 @@ def test_a_command_with_a_wildcard_is_refused_and_no_unit_obeys(
             (refusal,) = router.get(several, payload=request)
             assert refusal.err is not None and b"can't be part of a key" in refusal.err.payload.to_bytes()
             assert client.command("u1", "single", CommandRequest(), timeout_s=10).done
+    (recorded,) = [json.loads(line) for line in (tmp_path / "refused-1.jsonl").read_text().splitlines()[1:]]
+    assert (recorded["event"], recorded["unit"], recorded["request_id"]) == ("refused", "u1", "several")
+    assert (recorded["who"], recorded["signed"]) == ("session ?", False)  # nothing was attached
+    assert "can't be part of a key" in recorded["error"]
     _, single = unit.carried_out  # first the plan that every fixed unit gets
     assert single == frames.Single(0)
 

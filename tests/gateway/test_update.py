@@ -23,6 +23,7 @@ from noctule_gateway.wire.frames import (
     Ack2,
     AnySweep,
     AskHello,
+    For,
     Hello,
     Loader,
     Outcome,
@@ -180,7 +181,7 @@ class Script:
             updater.advance(self.now_s)
             while asked := reader.feed(updater.output(self.now_s)):
                 for frame in asked:
-                    assert not isinstance(frame, Ack | Ack2 | Rejected | AnySweep)
+                    assert not isinstance(frame, Ack | Ack2 | For | Rejected | AnySweep)
                     if (said := answer(frame)) is not None:
                         updater.receive(encode(replace(said, request=frame.request)), self.now_s)
             self.now_s = min(updater.next_s, self.now_s + 1.0)

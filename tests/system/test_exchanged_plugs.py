@@ -98,7 +98,13 @@ class Bench:
             self._now_s += STEP_S
 
     def exchange(self, hand_s: float) -> None:
-        """Pull both plugs and put each into the other's socket, which takes a hand so long."""
+        """Pull both plugs and put each into the other's socket, which takes a hand so long. An order is pending then.
+
+        It sets the waypoint to the number of the unit that it is for.
+        """
+        for serial, socket in enumerate(self.sockets, start=1):
+            if socket.link.identified:
+                socket.link.order(frames.SetWaypoint(0, serial))
         exchanged = self._in_socket[::-1]
         self._in_socket = [None, None]
         self.run(hand_s)
@@ -138,7 +144,8 @@ def test_exchanged_plugs_cost_no_sweep_its_unit_and_no_unit_a_sweep(
             bench.exchange(hand_s)
             bench.run(random.uniform(0.1, 8.0))
         bench.drain()
-    for socket, plug in zip(bench.sockets, bench.plugs, strict=True):
+    for serial, (socket, plug) in enumerate(zip(bench.sockets, bench.plugs, strict=True), start=1):
+        assert {sweep.waypoint for sweep in plug.made} <= {frames.NO_WAYPOINT, serial}
         assert socket.refused > 0
         assert socket.status is not None and socket.status.sweeps_waiting == 0
         assert len(socket.committed) == socket.status.sweeps_made > 20

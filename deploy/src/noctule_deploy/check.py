@@ -6,7 +6,7 @@ from datetime import datetime
 from enum import IntEnum
 from pathlib import Path
 
-from noctule import firmware_rules, tls
+from noctule import firmware_rules, operators, tls
 from noctule.errors import TlsError
 from noctule_deploy import authority, generations
 from noctule_deploy.fleet import Fleet
@@ -70,9 +70,10 @@ def _folder(folder: Path, wanted: Wanted, now: datetime) -> Iterator[Finding]:
         yield _wrong(f"{folder} holds a certificate of {identity.common_name}, which is of another name: {_RENDER}")
     if (folder / tls.CONFIG).read_bytes() != wanted.config:
         yield _wrong(f"{folder / tls.CONFIG} does not fit the fleet file and its generations: {_RENDER}")
-    firmware = folder / firmware_rules.FILE
-    if (firmware.read_bytes() if firmware.exists() else None) != wanted.firmware:
-        yield _wrong(f"{firmware} does not fit the fleet file: run noctule-deploy render, copy the folder to its host")
+    for name, content in ((firmware_rules.FILE, wanted.firmware), (operators.FILE, wanted.operators)):
+        path = folder / name
+        if (path.read_bytes() if path.exists() else None) != content:
+            yield _wrong(f"{path} does not fit the fleet file: run noctule-deploy render, copy the folder to its host")
 
 
 def _host(fleet: Fleet, host: str, place: Place, known: dict[str, generations.Generations]) -> Iterator[Finding]:

@@ -9,8 +9,8 @@ from typing import Any
 
 from cryptography import x509
 
-from noctule import firmware_rules, tls
-from noctule.keys import Role
+from noctule import firmware_rules, operators, tls
+from noctule.keys import ANY, Role
 from noctule_deploy import authority, generations, zenoh_config
 from noctule_deploy.errors import RenderError
 from noctule_deploy.files import make_private_folder, write_atomically
@@ -36,6 +36,7 @@ class Wanted:
     addresses: tuple[str, ...]
     config: bytes
     firmware: bytes | None  # the rules for firmware images; None where the folder has none
+    operators: bytes | None  # whose commands are taken; None where the folder has no such list
 
 
 def render(fleet: Fleet, place: Place, now: datetime) -> list[Path]:
@@ -63,11 +64,26 @@ def wanted(fleet: Fleet, known: dict[str, Generations]) -> Iterator[Wanted]:
         subject = f"{ROUTER}.{each.name}"
         config = as_json(zenoh_config.router(fleet, each, known, certificate_folder(fleet, subject)))
         # A gateway of a small site is its own router.
-        yield Wanted(common_name(subject, known[subject].newest), (each.address,), config, firmware)
+        everybody = _operators(fleet, known, {ANY})
+        yield Wanted(common_name(subject, known[subject].newest), (each.address,), config, firmware, everybody)
     for member in fleet.members():
         config = as_json(zenoh_config.client(fleet, certificate_folder(fleet, member.subject)))
-        own = firmware if member.role is Role.GATEWAY else None
-        yield Wanted(common_name(member.subject, known[member.subject].newest), (), config, own)
+        name = common_name(member.subject, known[member.subject].newest)
+        if member.role is Role.GATEWAY:
+            yield Wanted(name, (), config, firmware, _operators(fleet, known, {ANY, *member.sites}))
+        else:
+            yield Wanted(name, (), config, None, None)
+
+
+def _operators(fleet: Fleet, known: dict[str, Generations], sites: set[str]) -> bytes:
+    """The certificates of operators that are admitted at one of ``sites``; at ANY are all of them."""
+    names = (
+        name
+        for member in fleet.members()
+        if member.role is Role.OPERATOR and (sites == {ANY} or not sites.isdisjoint(member.sites))
+        for name in known[member.subject].admitted(member.subject)
+    )
+    return operators.to_json(names).encode()
 
 
 def as_json(config: dict[str, Any]) -> bytes:
@@ -134,12 +150,13 @@ def _write_one(wanted: Wanted, place: Place, issuer: authority.Authority, now: d
         certificate = issuer.issue(wanted.common_name, wanted.addresses, key, now, valid)
         touched |= write_atomically(folder / tls.CERTIFICATE, authority.pem(certificate))
     touched |= write_atomically(folder / tls.CONFIG, wanted.config)
-    return _write_firmware(folder / firmware_rules.FILE, wanted.firmware) or touched
+    touched |= _write_or_remove(folder / firmware_rules.FILE, wanted.firmware)
+    return _write_or_remove(folder / operators.FILE, wanted.operators) or touched
 
 
-def _write_firmware(path: Path, rules: bytes | None) -> bool:
-    if rules is not None:
-        return write_atomically(path, rules)
+def _write_or_remove(path: Path, content: bytes | None) -> bool:
+    if content is not None:
+        return write_atomically(path, content)
     was_there = path.exists()
     path.unlink(missing_ok=True)
     return was_there

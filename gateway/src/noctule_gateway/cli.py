@@ -23,6 +23,7 @@ from noctule_gateway.limits import allow_files
 from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.look import Look, look_at_all
 from noctule_gateway.log.repair import repair as repair_logs
+from noctule_gateway.router import serve as serve_router
 from noctule_gateway.service import Gateway
 from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.report import Bars, report
@@ -92,6 +93,29 @@ def run(
         default = [] if connect or tls_folder else [DEFAULT_LISTEN]
         access = _Access(connect or [], listen or default, tls_folder, firmware, metrics_at)
         _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
+    except (NoctuleError, OSError) as error:
+        _log.error("%s", error)
+        raise typer.Exit(1) from error
+
+
+@app.command()
+def router(
+    listen: Annotated[
+        list[str] | None, typer.Option(help=f"Where; {DEFAULT_LISTEN} without --tls, else as its folder says.")
+    ] = None,
+    connect: Annotated[list[str] | None, typer.Option(help="Another router to link with.")] = None,
+    tls_folder: TlsFolder = None,
+    log_format: Annotated[
+        LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
+    ] = LogFormat.TEXT,
+) -> None:
+    """Be the router alone, for gateways with --connect, until SIGTERM or Ctrl-C."""
+    logs.set_up(log_format)
+    zenoh.init_log_from_env_or("error")
+    end_process_when_one_fails()
+    ending = Ending()
+    try:
+        serve_router(listen or ([] if tls.chosen(tls_folder) else [DEFAULT_LISTEN]), connect or [], tls_folder, ending)
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error

@@ -20,10 +20,12 @@ from noctule.kernel_clock import KernelClock, kernel_clock
 from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule.newer_fields import NewerFields
 from noctule.site import Site, Unit
+from noctule_gateway.audit.allowance import REFUSALS
 from noctule_gateway.audit.audit_log import AuditLog
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.recorded_commands import RecordedCommands
+from noctule_gateway.bus.refused_commands import RefusedCommands
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
 from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.clock.synchronisation import Synchronisation
@@ -109,12 +111,14 @@ class Gateway:
         self._served = [
             _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission) for unit in site.units
         ]
-        self._audit = AuditLog(data, {"site": site.name, "gateway": self._name, "version": VERSION})
+        whose = {"site": site.name, "gateway": self._name, "version": VERSION}
+        self._audit, self._refused = AuditLog(data, whose), AuditLog(data, whose, REFUSALS)
         self._outbox = Outbox()
         self._readers = LogReaders()
         self._newer = NewerFields()
         self._status: bus.StatePublisher | None = None
         self._watch: BusWatch | None = None
+        self._callers: Callers | None = None
         self._latest: ServiceStatus | None = None
 
     def start(self) -> None:
@@ -128,24 +132,29 @@ class Gateway:
         Commands are to be signed where there is a ``tls_folder`` (``tls.chosen``). The caller closes ``session``, after
         close(). Raises TlsError.
         """
-        callers = Callers(tls_folder)
+        callers = self._callers = Callers(tls_folder)
         bus.declare_schemas(session)
         self._status = bus.StatePublisher(session, keys.service_status(self._site.name, self._name), ServiceStatus)
         for served in self._served:
             commands = RecordedCommands(served.server.command, self._audit, served.unit.name).carry_out
-            served.on_bus = UnitOnBus(session, served.kept, commands, self._outbox, self._readers, self._newer, callers)
+            refused = RefusedCommands(self._refused, served.unit.name).note
+            served.on_bus = UnitOnBus(
+                session, served.kept, commands, self._outbox, self._readers, self._newer, callers, refused
+            )
         if watch is not None:
             self._watch = watch
             watch.begin(self._states)
 
     def report(self) -> None:
-        """Look after the folder and the host's clock, publish the gateway's own status; to be called each second.
+        """Look after the folder, the host's clock and the list of operators, and publish the gateway's own status.
 
-        Raises FolderError if another process has got hold of the folder.
+        To be called each second. Raises FolderError if another process has got hold of the folder.
         """
         self._folder.keep()
         self._clock_watch.keep()
         self._synchronisation.look()
+        if self._callers is not None:
+            self._callers.look()
         self._latest = message = self._status_message()
         if (status := self._status) is not None:
             self._outbox.post(lambda: status.put(message))
@@ -179,6 +188,7 @@ class Gateway:
             served.close(by_s)
         self._readers.close()
         self._audit.close()
+        self._refused.close()
         self._outbox.close()
         self._folder.close()
 
@@ -206,7 +216,8 @@ class Gateway:
                         _listed("not connected", away),
                         _listed("being updated", updating),
                         _listed("served late", late),
-                        self._audit.detail,
+                        self._callers.detail if self._callers else "",
+                        self._audit.detail or self._refused.detail,
                         self._clock_watch.detail,
                         self._synchronisation.detail if self._site.clock == "utc" else "",
                         self._readers.cut_off(),
@@ -223,7 +234,9 @@ class Gateway:
                 "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
                 "messages_newer": self._newer.count,
                 "audit_lines": self._audit.recorded,
-                "audit_lines_late_or_lost": self._audit.lost,
+                "audit_lines_late_or_lost": self._audit.lost + self._refused.lost,
+                "audit_lines_summed_up": self._audit.summed_up,
+                "refused_lines": self._refused.recorded,
                 "clock_sets": self._clock_watch.sets,
                 **self._synchronisation.counters,
             },

@@ -15,10 +15,12 @@ from noctule import bounds, tls
 from noctule.errors import BoundsError, CallerError
 from noctule.keys import Role
 from noctule.messages_pb2 import Caller
+from noctule.operators import Operators
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
 
+_LONGEST_CLAIM = 128  # characters
 _CONTEXT = b"noctule command 1\n"  # so that a signature of anything else is none of a command
 
 
@@ -46,6 +48,17 @@ class Callers:
         """Raises TlsError."""
         identity = tls.chosen(tls_folder)
         self._authority = None if identity is None else tls.read_certificate(identity.folder / tls.AUTHORITY)
+        self._operators = None if identity is None else Operators(identity.folder)
+
+    def look(self) -> None:
+        """See whether other operators are admitted now; to be called now and again. It reads a file."""
+        if self._operators is not None:
+            self._operators.look()
+
+    @property
+    def detail(self) -> str:
+        """What is wrong with the list of operators, for the gateway's status; empty if nothing is."""
+        return "" if self._operators is None else self._operators.detail
 
     def who(self, attached: bytes, key: str, payload: bytes) -> Who:
         """Who gave the command on ``key``. Raises CallerError."""
@@ -55,11 +68,35 @@ class Callers:
             if self._authority is not None:
                 raise CallerError(f"the command does not say who gives it: {error}") from error
             return _session("")
-        if self._authority is None:
+        if self._authority is None or self._operators is None:
             return _session(caller.session)
         if not caller.certificate:
             raise CallerError("the command is not signed: give it by noctule or its client, with --tls FOLDER")
-        return Who(_checked(caller, self._authority, key, payload), signed=True)
+        name = _checked(caller, self._authority, key, payload)
+        if not self._operators.admit(name):
+            raise CallerError(
+                f"the command is signed by {name}, which was revoked or is not for this site; where it is new, copy "
+                "the gateway's folder of noctule-deploy render to its host"
+            )
+        return Who(name, signed=True)
+
+
+def claimed(attached: bytes) -> Who:
+    """Who an attachment says has given a command, true or not: for a record of what was refused."""
+    from cryptography import x509
+    from cryptography.exceptions import UnsupportedAlgorithm
+
+    try:
+        caller = bounds.decode(Caller, attached)
+    except BoundsError:
+        return _session("")
+    if not caller.certificate:
+        return _session(caller.session)
+    try:
+        name = tls.common_name_of(x509.load_der_x509_certificate(caller.certificate))
+    except (ValueError, TypeError, UnsupportedAlgorithm):
+        name = "a certificate that can't be read"
+    return Who(name[:_LONGEST_CLAIM], signed=False)
 
 
 def _session(said: str) -> Who:

@@ -97,7 +97,7 @@ def open_units(
             log = SweepLog(data / f"{known.name}.{unit.name}.sqlite", Retention())
             closing.callback(log.close)
             kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / "clock-epoch"))
-            on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers())
+            on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers(), lambda *_: None)
             opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng))
     return opened
 

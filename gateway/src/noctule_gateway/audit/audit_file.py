@@ -44,10 +44,13 @@ class AuditFile:
         os.close(self._file)
 
 
-def begin_file(folder: Path, whose: Facts, number: int, after: str) -> AuditFile:
-    """A new file, the next of ``folder``, that goes on from line ``number`` with the hash ``after``. Raises OSError."""
-    present = lines.files(folder)
-    path = folder / lines.file_name(present[-1][0] + 1 if present else 1)
+def begin_file(folder: Path, family: str, whose: Facts, number: int, after: str) -> AuditFile:
+    """A new file, the next of its ``family`` in ``folder``; it goes on from line ``number`` with the hash ``after``.
+
+    Raises OSError.
+    """
+    present = lines.files(folder, family)
+    path = folder / lines.file_name(present[-1][0] + 1 if present else 1, family)
     made = AuditFile(path, os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o640), number, after)
     try:
         made.append([{"event": "file begun", "audit": 1, "after": after} | whose])
@@ -59,12 +62,12 @@ def begin_file(folder: Path, whose: Facts, number: int, after: str) -> AuditFile
     return made
 
 
-def last_line(folder: Path) -> tuple[int, str]:
+def last_line(folder: Path, family: str) -> tuple[int, str]:
     """Number and hash of the last whole line, as it says itself; zero where there is none.
 
     What was damaged before is for check() to say; the log goes on, and no number is used twice.
     """
-    for _, path in reversed(lines.files(folder)):
+    for _, path in reversed(lines.files(folder, family)):
         with suppress(OSError):
             for line in reversed(path.read_bytes().splitlines()):
                 if (claimed := lines.claimed(line)) is not None:

@@ -1,4 +1,4 @@
-"""The lines of the audit log, and its files ``audit-1.jsonl``, ``audit-2.jsonl`` and so on.
+"""The lines of an audit log, and its files: ``audit-1.jsonl``, ``audit-2.jsonl`` and so on, or ``refused-1.jsonl``.
 
 A line is a JSON object. Its last member, ``hash``, is BLAKE2b (16 bytes) over the hash of the line before and the
 object without this member: a line that was changed, taken out or moved shows. The first line of a file names the hash
@@ -18,18 +18,18 @@ Facts = dict[str, Any]
 
 BEGINNING = "0" * 32  # what the first line of all goes on from
 
-_NAME = re.compile(r"audit-([1-9]\d{0,8})\.jsonl")
 _LINE = re.compile(rb'(\{.*),"hash":"([0-9a-f]{32})"\}')
 
 
-def files(folder: Path) -> list[tuple[int, Path]]:
-    """The audit log's files by their numbers, oldest first."""
-    return sorted((int(found[1]), path) for path in folder.glob("*.jsonl") if (found := _NAME.fullmatch(path.name)))
+def files(folder: Path, family: str = "audit") -> list[tuple[int, Path]]:
+    """The files of an audit log by their numbers, oldest first; ``family`` begins their names."""
+    name = re.compile(rf"{family}-([1-9]\d{{0,8}})\.jsonl")
+    return sorted((int(found[1]), path) for path in folder.glob("*.jsonl") if (found := name.fullmatch(path.name)))
 
 
-def file_name(number: int) -> str:
-    """The name of a file of the audit log."""
-    return f"audit-{number}.jsonl"
+def file_name(number: int, family: str = "audit") -> str:
+    """The name of a file of an audit log."""
+    return f"{family}-{number}.jsonl"
 
 
 def written(facts: Facts, before: str) -> tuple[bytes, str]:

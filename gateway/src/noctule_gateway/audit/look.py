@@ -1,18 +1,24 @@
-"""Whether the audit log is what was written, every line of it: for the operator, by hand. It changes nothing."""
+"""Whether the audit logs are what was written, every line of them: for the operator, by hand. It changes nothing."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 from noctule_gateway.audit import lines
+from noctule_gateway.audit.allowance import COMMANDS, REFUSALS
 from noctule_gateway.errors import AuditError
 
 _MOST_NAMED = 20  # damaged places
+_NAMES = {COMMANDS.family: "audit log", REFUSALS.family: "log of refusals"}
 
 
 @dataclass(frozen=True)
 class AuditLook:
-    """What was found: ``sound`` lines, numbered ``first`` to ``last``; ``trouble`` is empty if nothing was altered."""
+    """What was found in the log ``family``: ``sound`` lines, numbered ``first`` to ``last``.
 
+    ``trouble`` is empty if nothing was altered.
+    """
+
+    family: str
     sound: int
     first: int
     last: int
@@ -23,25 +29,26 @@ class AuditLook:
         numbers = f"{self.first} to {self.last}" if self.sound else "none"
         cut = f", {self.cut} unfinished at the end of a file, as a crash leaves them" if self.cut else ""
         state = self.trouble or "all is sound"
-        return f"audit log: {self.sound} sound lines, numbers {numbers}{cut}; {state}"
+        return f"{_NAMES[self.family]}: {self.sound} sound lines, numbers {numbers}{cut}; {state}"
 
 
 def look_at_audit(data: Path) -> list[AuditLook]:
-    """Look at the audit log in the folder ``data``, also while a gateway runs; nothing where there is none."""
-    found = lines.files(data)
-    if not found:
-        return []
-    chain = _Chain()
+    """Look at the audit logs in the folder ``data``, also while a gateway runs; nothing where there is none."""
+    return [_look(family, found) for family in _NAMES if (found := lines.files(data, family))]
+
+
+def _look(family: str, found: list[tuple[int, Path]]) -> AuditLook:
+    chain = _Chain(family)
     for number, path in found:
         chain.take_file(number, path)
     more = f"; and {len(chain.bad) - _MOST_NAMED} more" if len(chain.bad) > _MOST_NAMED else ""
     trouble = f"it was altered: {'; '.join(chain.bad[:_MOST_NAMED])}{more}" if chain.bad else ""
-    return [AuditLook(len(chain.numbers), min(chain.numbers, default=0), chain.last or 0, chain.cut, trouble)]
+    return AuditLook(family, len(chain.numbers), min(chain.numbers, default=0), chain.last or 0, chain.cut, trouble)
 
 
 def copy_audit(data: Path, out: Path) -> None:
-    """Copy the audit log of the folder ``data`` into ``out``, up to the last line that is whole. Raises AuditError."""
-    for _, path in lines.files(data):
+    """Copy the audit logs of the folder ``data`` into ``out``, up to the last line that is whole. Raises AuditError."""
+    for _, path in (each for family in _NAMES for each in lines.files(data, family)):
         try:
             content = path.read_bytes()
             (out / path.name).write_bytes(content[: content.rfind(b"\n") + 1])
@@ -52,7 +59,8 @@ def copy_audit(data: Path, out: Path) -> None:
 class _Chain:
     """The lines of all files, in their order; ``hash`` and ``last`` are those of the last sound line."""
 
-    def __init__(self) -> None:
+    def __init__(self, family: str) -> None:
+        self._family = family
         self.numbers: list[int] = []
         self.bad: list[str] = []
         self.cut = 0
@@ -63,8 +71,7 @@ class _Chain:
     def take_file(self, number: int, path: Path) -> None:
         """Read one file and hold it against what came before."""
         if self._file is not None and number != self._file + 1:
-            missing = number - self._file - 1
-            self.bad.append(f"{missing} files before {path.name} are missing" if missing > 1 else _missing(number - 1))
+            self.bad.append(self._missing(self._file + 1, number - 1))
             self.hash = self.last = None
         self._file = number
         try:
@@ -99,6 +106,7 @@ class _Chain:
         claimed = lines.claimed(line)
         self.last, self.hash = claimed if claimed else (None, self.hash)
 
-
-def _missing(number: int) -> str:
-    return f"{lines.file_name(number)} is missing"
+    def _missing(self, first: int, last: int) -> str:
+        if first < last:
+            return f"{last + 1 - first} files before {lines.file_name(last + 1, self._family)} are missing"
+        return f"{lines.file_name(first, self._family)} is missing"

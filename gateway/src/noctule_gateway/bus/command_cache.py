@@ -21,6 +21,7 @@ STOP, UPDATE = "stop", "update"
 _REMEMBERED = 100
 
 Server = Callable[[str, CommandRequest, Who], "Future[CommandReply]"]
+Refused = Callable[[str, str, Who, str], None]  # command, request_id, who, why
 
 
 @dataclass(frozen=True)
@@ -35,37 +36,37 @@ class _Known:
 class CommandCache:
     """The latest commands to one unit, and what became of them. From any thread.
 
-    ``refused`` counts those that found too many under way, or had another one's request_id. The limit is for stops and
-    for all others apart.
+    ``refused`` counts those that found too many under way, or had none or another one's request_id; ``note_refused`` is
+    called with each. The limit is for stops and for all others apart.
     """
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: Server, note_refused: Refused) -> None:
         self.refused = 0
-        self._server = server
+        self._server, self._note_refused = server, note_refused
         self._lock = threading.Lock()
         self._known: OrderedDict[str, _Known] = OrderedDict()
         self._under_way: dict[str, list[Future[CommandReply]]] = {STOP: [], UPDATE: [], "": []}
 
     def carry_out(self, name: str, request: CommandRequest, who: Who) -> "Future[CommandReply]":
         """The reply to come: of this request, or of the same one that came before under its request_id."""
-        if not request.request_id:
-            return _refusal(request, "request_id is empty: give each command one of its own")
         digest = sha256(request.SerializeToString(deterministic=True)).digest()
         with self._lock:
             known = self._known.get(request.request_id)
-            if known is not None:
-                if (known.name, known.digest) == (name, digest):
-                    return known.reply
-                self.refused += 1
-                return _refusal(request, _used_for(known))
-            if too_many := self._too_many(name):
-                self.refused += 1
-                return _refusal(request, too_many, under_way=name == UPDATE)
-            reply = self._begin(name, request, who)
-            self._known[request.request_id] = _Known(name, digest, reply)
-            if len(self._known) > _REMEMBERED:
-                self._known.popitem(last=False)
-            return reply
+            if known is not None and (known.name, known.digest) == (name, digest):
+                return known.reply
+            why = _unusable(request, known) or self._too_many(name)
+            if not why:
+                return self._begin_known(name, request, who, digest)
+            self.refused += 1
+        self._note_refused(name, request.request_id, who, why)
+        return _refusal(request, why)
+
+    def _begin_known(self, name: str, request: CommandRequest, who: Who, digest: bytes) -> "Future[CommandReply]":
+        reply = self._begin(name, request, who)
+        self._known[request.request_id] = _Known(name, digest, reply)
+        if len(self._known) > _REMEMBERED:
+            self._known.popitem(last=False)
+        return reply
 
     def _begin(self, name: str, request: CommandRequest, who: Who) -> "Future[CommandReply]":
         if name != UPDATE:
@@ -88,11 +89,17 @@ class CommandCache:
         return self._under_way[name if name in self._under_way else ""]
 
 
-def _used_for(known: _Known) -> str:
-    return f"its request_id was used for another command ({known.name}): give each command its own"
+def _unusable(request: CommandRequest, known: _Known | None) -> str:
+    """Why no command can go under this request_id, under which ``known`` has come before; empty if one can."""
+    if not request.request_id:
+        return "request_id is empty: give each command one of its own"
+    if known is not None:
+        return f"its request_id was used for another command ({known.name}): give each command its own"
+    return ""
 
 
-def _refusal(request: CommandRequest, why: str, under_way: bool = False) -> "Future[CommandReply]":
+def _refusal(request: CommandRequest, why: str) -> "Future[CommandReply]":
     refusal: Future[CommandReply] = Future()
+    under_way = why == BEING_UPDATED
     refusal.set_result(CommandReply(request_id=request.request_id, error=why, under_way=under_way))
     return refusal

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 
 import zenoh
 
-from noctule import bounds, bus, keys
+from noctule import bounds, bus, caller, keys
 from noctule.caller import Callers
 from noctule.errors import BoundsError, CallerError, KeyFormatError
 from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
@@ -14,7 +14,7 @@ from noctule.newer_fields import NewerFields
 from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
-from noctule_gateway.bus.command_cache import CommandCache, Server
+from noctule_gateway.bus.command_cache import CommandCache, Refused, Server
 from noctule_gateway.bus.log_readers import LONGEST_NAME, LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.errors import LogError
@@ -42,12 +42,13 @@ class UnitOnBus:
         readers: LogReaders,
         newer: NewerFields,
         callers: Callers,
+        note_refused: Refused,
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
         self._outbox, self._readers = outbox, readers
         site, unit = served.site.name, served.unit
         self._newer = newer
-        self._commands, self._callers = CommandCache(server), callers
+        self._commands, self._callers, self._note_refused = CommandCache(server, note_refused), callers, note_refused
         self._forged = Refusals()
         self._log_key = keys.log(site, unit.name)
         self._sweeps = bus.declare_publisher(session, keys.sweep(site, unit.name), Sweep)
@@ -72,7 +73,7 @@ class UnitOnBus:
 
     @property
     def commands_refused(self) -> int:
-        """Commands that found too many under way, had another one's request_id, or did not say who gives them."""
+        """Commands that were refused here: too many under way, another one's request_id, unreadable, unsigned."""
         return self._commands.refused + self._forged.count
 
     def _on_pose(self, sample: zenoh.Sample) -> None:
@@ -108,15 +109,18 @@ class UnitOnBus:
 
     def _on_command(self, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload else b""
+        attached = query.attachment.to_bytes() if query.attachment else b""
+        request_id = ""
         try:
-            name = keys.parse_rpc(str(query.key_expr))  # a wildcard commands nobody
             request = bounds.decode(CommandRequest, payload)
-            attached = query.attachment.to_bytes() if query.attachment else b""
+            request_id = request.request_id
+            name = keys.parse_rpc(str(query.key_expr))  # a wildcard commands nobody
             who = self._callers.who(attached, str(query.key_expr), payload)
         except (BoundsError, CallerError, KeyFormatError) as error:
-            if isinstance(error, CallerError):
-                self._forged.note(str(query.key_expr), error)
+            self._forged.note(str(query.key_expr), error)
             why = str(error)
+            command = str(query.key_expr).rpartition("/")[2]
+            self._note_refused(command, request_id, caller.claimed(attached), why)
             self._outbox.post(lambda: _refuse(query, why))
             return
         self._newer.note(request, payload)

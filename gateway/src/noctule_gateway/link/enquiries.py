@@ -22,6 +22,7 @@ class Enquiries:
 
     def __init__(self) -> None:
         self._clocks_to_begin_with = QUICK_CLOCKS
+        self._hello_asked_s = -inf
         self._hello_due_s = self._clock_due_s = self._status_due_s = self._settings_due_s = 0.0
 
     @property
@@ -42,7 +43,7 @@ class Enquiries:
     def urgent(self, now_s: float) -> Enquiry | None:
         """What goes before any order, if something does: who is there, and its time."""
         if now_s >= self._hello_due_s:
-            self._hello_due_s = now_s + HELLO_RETRY_S
+            self._hello_asked_s, self._hello_due_s = now_s, now_s + HELLO_RETRY_S
             return AskHello(0)
         return None if self.time_is_known else AskClock(0)
 
@@ -60,6 +61,10 @@ class Enquiries:
     def greet(self, at_s: float) -> None:
         """It is not known who is there, or there is doubt: HELLO at ``at_s``."""
         self._hello_due_s = at_s
+
+    def greet_soon(self, now_s: float) -> None:
+        """Something waits for an answer to HELLO: over a bad line, other enquiries have their turns between two."""
+        self.greet(min(self._hello_due_s, max(now_s, self._hello_asked_s + HELLO_RETRY_S)))
 
     def greeted(self, now_s: float) -> None:
         """HELLO has been answered."""

@@ -30,10 +30,24 @@ from noctule_gateway.link.states import IDENTIFIED, TIME_IS_KNOWN, Cause, LinkSt
 from noctule_gateway.link.voucher import Voucher
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import Clock, Configure, Enquiry, Hello, Loader, Order, Result, Settings, Status, Sweep
+from noctule_gateway.wire.frames import (
+    Clock,
+    Configure,
+    Enquiry,
+    Hello,
+    Loader,
+    Order,
+    Outcome,
+    Result,
+    Settings,
+    Status,
+    Sweep,
+)
 
 REFUSED_RETRY_S = 5.0
 LOADER_RETRY_S = 5.0
+
+_ANOTHER_UNIT = "another unit was on the line and refused it; whether the right one has obeyed before is not known"
 
 
 class Link:
@@ -102,6 +116,10 @@ class Link:
         self._silence.timed_out()
         if self.identified and self._silence.lasts:
             return [*self._greet(now_s, "the unit has stopped answering"), Silent()]
+        if self._orders.given and not self._voucher.speaks_for_orders(now_s):
+            # A HELLO now would have the unit forget the order, and do it twice if its answer was lost.
+            self._requests.abandon()
+            return self._settle(None, now_s)
         again = self._requests.repeat(now_s)
         if again is not None:
             self._out += again
@@ -177,10 +195,14 @@ class Link:
         self._receipts.failed(sweep)
 
     def _next_request(self, now_s: float) -> Enquiry | Order:
+        ordered = now_s >= self._orders.due_s
+        vouched = self._voucher.speaks_for_orders(now_s)
+        if ordered and not vouched:
+            self._enquiries.greet_soon(now_s)
         urgent = self._enquiries.urgent(now_s)
         if urgent is not None:
             return urgent
-        return self._orders.give() if now_s >= self._orders.due_s else self._enquiries.routine(now_s)
+        return self._orders.give() if ordered and vouched else self._enquiries.routine(now_s)
 
     def _go(self, cause: Cause) -> None:
         self._state = after(self._state, cause)
@@ -229,6 +251,8 @@ class Link:
             case Settings() if self._requests.answered(frame):
                 self._settings = frame
                 self._enquiries.settings_came()
+            case Result(result=Outcome.NOT_FOR_THIS_UNIT) if self._requests.answered(frame):
+                return self._greet(now_s, _ANOTHER_UNIT)
             case Result() if self._requests.answered(frame):
                 return self._settle(frame, now_s)
         return []
@@ -247,6 +271,7 @@ class Link:
     def _hello(self, hello: Hello, now_s: float) -> list[Event]:
         self._enquiries.greeted(now_s)
         self._voucher.greeted(hello, now_s)
+        self._requests.address(self._voucher.addressee)
         rebooted = self._boot.is_another(hello.boot_of_life)
         if self.identified and not rebooted:
             return []

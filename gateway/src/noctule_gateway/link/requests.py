@@ -17,6 +17,7 @@ from noctule_gateway.wire.frames import (
     AskStatus,
     Clock,
     Enquiry,
+    For,
     Hello,
     Loader,
     Order,
@@ -51,6 +52,7 @@ class Requests:
 
     def __init__(self, first: int) -> None:
         self._number = first % MAX_REQUEST
+        self._addressee: tuple[int, int] | None = None
         self._pending: _Pending | None = None
 
     @property
@@ -98,8 +100,14 @@ class Requests:
         """Await nothing any more."""
         self._pending = None
 
+    def address(self, addressee: tuple[int, int] | None) -> None:
+        """Orders name this unit (serial number and life) from now on; None for a unit that knows no such orders."""
+        self._addressee = addressee
+
     def _send(self, frame: Enquiry | Order, attempts: int, now_s: float) -> bytes:
         self._pending = _Pending(frame, attempts, now_s + TIMEOUT_S)
+        if self._addressee is not None and isinstance(frame, Order):
+            return encode(For(*self._addressee, frame))
         return encode(frame)
 
 

@@ -2,7 +2,7 @@
 
 import zlib
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin, get_type_hints
 
 from cobs import cobs
 
@@ -11,8 +11,10 @@ from noctule_gateway.wire.frames import (
     MAX_PUT_BYTES,
     MAX_READINGS,
     NO_LIFE,
+    For,
     Frame,
     Hello,
+    Order,
     Put,
     Reading,
     Sweep,
@@ -97,6 +99,8 @@ def _pack_tail(frame: Frame) -> bytes:
             if not 1 <= len(data) <= MAX_PUT_BYTES:
                 raise FrameError(f"{len(data)} bytes do not fit a PUT: from 1 to {MAX_PUT_BYTES} do")
             return data
+        case For(order=order):
+            return bytes([order.TYPE]) + _pack(order)
         case Hello(life=life) if life != NO_LIFE:
             return _pack_integer(life, _LIFE, frame)
     return b""
@@ -123,12 +127,22 @@ def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
     elif frame_type is Put and size < len(payload) <= size + MAX_PUT_BYTES:
         values["data"] = payload[size:]
         size = len(payload)
+    elif frame_type is For:
+        values["order"] = _unpack_order(payload[size:])
+        size = len(payload)
     elif frame_type is Hello and len(payload) == size + _LIFE.size_bytes:
         values["life"] = int.from_bytes(payload[size:], "little")
         size = len(payload)
     if len(payload) != size:
         raise FrameError(f"{frame_type.__name__} of {len(payload)} bytes instead of {size}")
     return frame_type(**values)
+
+
+def _unpack_order(content: bytes) -> Order:
+    frame_type = _TYPES.get(content[0]) if content else None
+    if frame_type is None or frame_type not in get_args(Order):
+        raise FrameError(f"a For holds no order but {content.hex() or 'nothing'}")
+    return cast(Order, _unpack_frame(frame_type, content[1:]))
 
 
 @dataclass

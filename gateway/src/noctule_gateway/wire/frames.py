@@ -23,7 +23,7 @@ U32 = Annotated[int, Wire(4)]
 U48 = Annotated[int, Wire(6)]
 
 PROTOCOL = 3
-PROTOCOLS = (2, PROTOCOL)  # that the gateway speaks; protocol 2 has Sweep2 and Ack2 in place of Sweep and Ack
+PROTOCOLS = (2, PROTOCOL)  # that the gateway speaks; protocol 2 has Sweep2 and Ack2 for Sweep and Ack, and no For
 NO_SERIAL = 0xFFFFFFFF
 NO_LIFE = 0  # of a unit of protocol 2
 NO_WAYPOINT = 0xFFFF
@@ -218,6 +218,16 @@ class Ack:
     sequence: U32
     serial: U32
     life: U32
+
+
+@dataclass(frozen=True)
+class For:
+    """An order that names its unit: another one, whose plug is where this one's was, refuses it."""
+
+    TYPE: ClassVar = 0x13
+    serial: U32
+    life: U32
+    order: "Order"
 
 
 # ---- Host to loader ------------------------------------------------------------------------------
@@ -421,6 +431,6 @@ Order = (
 )
 LoaderOrder = Put | Program | Install | Run
 AnySweep = Sweep | Sweep2
-HostFrame = Enquiry | Order | LoaderOrder | Ack | Ack2
+HostFrame = Enquiry | Order | For | LoaderOrder | Ack | Ack2
 UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | AnySweep
 Frame = HostFrame | UnitFrame
