@@ -82,7 +82,7 @@ def _parts(placed: Sequence[PlacedUnit]) -> list[list[PlacedUnit]]:
     for group in grouped(placed):
         for number, _ in group:
             part[part == part[number]] = part[group[0][0]]
-    return [[placed[number] for number in np.nonzero(part == one)[0]] for one in np.unique(part)]
+    return [[placed[number] for number in np.nonzero(part == one)[0].tolist()] for one in np.unique(part)]
 
 
 def _is_tied(part: Sequence[PlacedUnit], known: Collection[str], alone_nats: float, pairs: Pairs) -> bool:
