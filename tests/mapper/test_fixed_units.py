@@ -53,6 +53,16 @@ def test_two_units_metres_apart_make_the_walls_that_both_hear() -> None:
     assert contour.walls
 
 
+def test_two_units_that_face_each_other_hear_the_radius_of_the_post_between_them() -> None:
+    """Their ranges leave between them as much as the post is thick; no wall and no edge answers to two sides."""
+    room = Room(RECTANGLE.vertices, ((2.0, 1.4, 0.1),))
+    contour, verdict = contour_of(room, np.array([(1.3, 1.45, -0.3), (2.8, 1.4, 2.8)]), np.random.default_rng(3))
+    assert not verdict.false
+    (post,) = contour.cylinders
+    # sqrt(2) / 2 of a range's error of 3.2 mm, which plateaus halve at best (readings/plateaus.py), five times over.
+    assert post.radius_m == pytest.approx(0.1, abs=0.006)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_one_unit_alone_makes_no_false_object(seed: int) -> None:
     rng = np.random.default_rng(seed)

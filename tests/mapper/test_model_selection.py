@@ -1,6 +1,7 @@
 """Which objects are there: what is added by its price, how a wall is cut to its feet, what counts as determined."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ from mapper.small_scene import MOST_GAIN_NATS, evidence_of
 from noctule_mapper.config import MapperConfig, PriceConfig, RefinementConfig
 from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
+from noctule_mapper.readings.looks import Looks
 from noctule_mapper.refinement.candidates import candidates
-from noctule_mapper.refinement.model_selection import add_objects, determined, trimmed
+from noctule_mapper.refinement.model_selection import add_objects, determined, is_heard_enough, trimmed
 
 CONFIG = MapperConfig()
 FIVE = (-0.4, -0.2, 0.0, 0.2, 0.4)
@@ -73,8 +75,11 @@ def test_only_echoes_that_are_used_are_feet_and_only_walls_are_cut() -> None:
     assert trimmed(cylinder, used, facing((0.0, 0.2, 0.4, 0.6)), CONFIG) is cylinder
 
 
-def is_determined(one: Reflector, sigmas: tuple[float, ...], places: int = 3) -> bool:
-    return determined(one, np.diag(np.square(sigmas)), places, facing(FIVE), CONFIG)
+def is_determined(one: Reflector, sigmas: tuple[float, ...], places: int = 3, fine: bool = False) -> bool:
+    data = facing(FIVE)
+    if fine:
+        data = replace(data, echoes=replace(data.echoes, step_rad=data.echoes.half_beam_rad / 2))
+    return determined(one, np.diag(np.square(sigmas)), places, data, CONFIG)
 
 
 def test_a_wall_is_determined_by_its_direction_and_by_its_length_or_its_places() -> None:
@@ -93,6 +98,35 @@ def test_a_cylinder_is_determined_when_its_radius_is_no_corners() -> None:
     assert not is_determined(Circle(2.0, 0.0, 0.2), (0.051, 0.01, 0.01))
     assert not is_determined(Circle(2.0, 0.0, 1.1), (0.01, 0.01, 0.01))
     assert not is_determined(Circle(2.0, 0.0, 0.015), (0.001, 0.001, 0.001))
+
+
+def test_a_cylinder_of_fine_sweeps_is_determined_when_its_radius_is_known_to_a_quarter() -> None:
+    # LimitConfig.most_radius_sigma_share. By tape measure where it stands is known no better than the units.
+    assert is_determined(Circle(2.0, 0.0, 0.4), (0.09, 0.02, 0.099), fine=True)
+    assert not is_determined(Circle(2.0, 0.0, 0.4), (0.01, 0.01, 0.101), fine=True)
+    assert not is_determined(Circle(2.0, 0.0, 0.1), (0.01, 0.01, 0.026), fine=True)
+
+
+def test_a_cylinder_is_heard_enough_from_three_places_or_from_its_two_sides() -> None:
+    """The cylinder of 0.2 m about (2, 0), by echoes of plateaus at its front, its back and beside it."""
+    cylinder = Circle(2.0, 0.0, 0.2)
+    front, back, beside, oblique = (
+        (0, 0, 0, 1.8),
+        (4, 0, np.pi, 1.8),
+        (2, 2, -np.pi / 2, 1.8),
+        (0.6, 1.4, -np.pi / 4, 1.78),
+    )
+
+    def is_enough(*heard: tuple[float, float, float, float]) -> bool:
+        data = evidence_of(heard)
+        looks = Looks(data.echoes, np.ones(len(data.echoes)))
+        fine = replace(data.echoes, step_rad=data.echoes.half_beam_rad / 2)
+        return is_heard_enough(cylinder, replace(data, echoes=fine, looks=looks), CONFIG)
+
+    assert is_enough(front, back)
+    assert not is_enough(front, beside)  # an edge's two walls would answer so
+    assert is_enough(front, oblique, beside)
+    assert not is_enough(front)
 
 
 def test_a_point_is_determined_by_its_place() -> None:

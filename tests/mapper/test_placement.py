@@ -251,3 +251,12 @@ def test_posts_and_acute_corners_tell_where_units_stand() -> None:
     found, _ = find_poses([known], [one.view for one in others])
     assert {*tellable(room, poses, surveyed)} == {one.unit for one in found} == {"u2", "u3", "u4"}
     assert all(is_near(one.pose, poses[int(one.unit[1:]) - 1]) for one in found)
+
+
+def test_a_known_unit_in_another_room_keeps_no_pose_open() -> None:
+    elsewhere = Room(IRREGULAR.vertices[::-1] * (1.2, -1.0) + (20.0, 0.0))
+    here, (there, *_) = placed(IRREGULAR, NEAR_ITS_MIDDLE[:3]), placed(elsewhere, np.array([(21.9, -1.6, 0.4)]))
+    known = [here[0], replace(there, view=replace(there.view, unit="there"))]
+    found, left_open = find_poses(known, [unit.view for unit in here[1:]])
+    assert left_open == []
+    assert all(is_near(one.pose, unit.pose) for one, unit in zip(found, here[1:], strict=True))

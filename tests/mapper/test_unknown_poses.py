@@ -100,6 +100,22 @@ def test_sweeps_of_unknown_units_come_and_go_like_others() -> None:
     assert {pose.unit for pose in left.poses} <= {"u1"}
 
 
+def test_sweeps_of_a_unit_that_has_just_been_found_do_not_date_the_contour() -> None:
+    """They came before the clock was set to a day earlier, and reach the map after those that came since."""
+    rng = np.random.default_rng(4)
+    sweeps = survey_unknown(IRREGULAR, NEAR_ITS_MIDDLE, rng)
+    mapper = Mapper()
+    for sweep in sweeps:
+        if sweep.pose_is_unknown:
+            mapper.register_sweep(replace(sweep, time_s=200_000.0, clock_epoch="before"))
+    for sweep in sweeps:
+        if not sweep.pose_is_unknown:
+            mapper.register_sweep(replace(sweep, time_s=100_000.0, clock_epoch="since"))
+    contour = mapper.contour()
+    assert contour.sweeps == len(sweeps)  # all are found
+    assert contour.time_s == 100_000.0
+
+
 @cache
 def outcomes() -> list[tuple[Outcome, tuple[str, ...]]]:
     with ProcessPoolExecutor(2) as pool:

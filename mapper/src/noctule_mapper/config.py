@@ -272,6 +272,8 @@ class LimitConfig(_Model):
     # A cylinder's radius against its error: a smaller one may be a corner.
     least_radius_sigmas: float = Field(default=2.5, gt=0)
     most_cylinder_sigma_m: float = Field(default=0.05, gt=0)
+    # Of fine sweeps, in place of both: the error of a cylinder's radius as a share of the radius.
+    most_radius_sigma_share: float = Field(default=0.25, gt=0)
     most_corner_sigma_m: float = Field(default=0.04, gt=0)
 
 

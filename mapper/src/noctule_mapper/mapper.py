@@ -39,6 +39,7 @@ class Mapper:
         self._grid: Grid | None = None  # until it is looked at
         self._contacts = ContactBook(self.config.contacts, self.config.refinement)
         self._sweeps: dict[Identity, SweepReadings] = {}
+        self._came: dict[Identity, None] = {}  # as they came, those that wait for a pose too
         self._unplaced = Unplaced()  # sweeps of units whose poses are to be found
         self._lasting: dict[Identity, SweepReadings] = {}  # with those echoes alone that last
         self._places: dict[Pose, list[Identity]] = {}  # of units that stand still
@@ -53,6 +54,7 @@ class Mapper:
         """Put a sweep on the map; one that is there already changes nothing, one whose pose is unknown waits until its
         unit is found.
         """
+        self._came.setdefault(sweep.identity)
         placed = self._unplaced.take(sweep) if sweep.pose_is_unknown else sweep
         if placed is not None and placed.identity not in self._sweeps:
             self._register(placed)
@@ -70,6 +72,7 @@ class Mapper:
 
     def remove_sweep(self, identity: Identity) -> None:
         """Take a sweep off the map; one that is not there changes nothing."""
+        self._came.pop(identity, None)
         self._unplaced.drop(identity)
         sweep = self._sweeps.pop(identity, None)
         if sweep is None:
@@ -115,7 +118,7 @@ class Mapper:
         """The contour of all sweeps on the map, by the method that the configuration names."""
         for sweep in self._unplaced.seek(list(self._sweeps.values()), self.config):
             self._register(sweep)
-        newest_s = _newest_s(list(self._sweeps.values()))
+        newest_s = _newest_s([self._sweeps[identity] for identity in self._came if identity in self._sweeps])
         found = self._contour()
         note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config.refinement.limits)
         now, stops = parted(found.poses, self._sweeps.values())
@@ -189,5 +192,5 @@ class Mapper:
 
 
 def _newest_s(sweeps: Sequence[SweepReadings]) -> float:
-    """The latest time that the clock of the last sweep has told since it was set; 0 of no sweeps."""
+    """The latest time since the clock of the last of ``sweeps``, which are as they came, was set; 0 of no sweeps."""
     return max((sweep.time_s for sweep in sweeps if sweep.clock_epoch == sweeps[-1].clock_epoch), default=0.0)

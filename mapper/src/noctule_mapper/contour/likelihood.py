@@ -118,6 +118,24 @@ def contradictions(reflector: Reflector, data: Evidence, config: RefinementConfi
     return float(against.sum())
 
 
+def price_beside(one: Reflector, data: Evidence, config: RefinementConfig) -> float:
+    """What an object must gain to be believed, in nats. A cylinder costs more than a wall because arcs of walls and
+    corners may agree on one; those lie on one side of it, so one that is heard from both sides costs what a wall does.
+    """
+    if isinstance(one, Circle) and data.has_fine and are_facing(one, data.take(gains(one, data, config) > 0)):
+        return min(config.prices.cylinder_nats, config.prices.wall_nats)
+    return price_of(type(one), config)
+
+
+def are_facing(one: Circle, made: Evidence) -> bool:
+    """Whether among the echoes ``made`` of a cylinder are two from its two sides: an edge has no such two walls."""
+    directions_rad = one.directions(made.echoes)
+    return bool((np.abs(wrapped(directions_rad[:, None] - directions_rad)) > FACING_RAD).any())
+
+
+FACING_RAD = np.radians(100.0)  # of two directions: more than a right angle, for edges are mostly right-angled
+
+
 def price_of(kind: type[Line] | type[Circle] | type[Spot], config: RefinementConfig) -> float:
     """What an object of a kind must gain to be believed, in nats."""
     return {Line: config.prices.wall_nats, Circle: config.prices.cylinder_nats, Spot: config.prices.point_nats}[kind]

@@ -21,7 +21,7 @@ def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], li
         return _nothing_heard(sweeps)
     places = _places(echoes, limits)
     heard = f"echoes from {places} place{'' if places == 1 else 's'}"
-    if places < limits.least_places:
+    if places < limits.least_places and not contour.cylinders:
         wall_needs = limits.least_places - any(is_fine(sweep) for sweep in sweeps)
         wall = f"a wall needs {wall_needs}, " if places < wall_needs and not contour.walls else ""
         return (

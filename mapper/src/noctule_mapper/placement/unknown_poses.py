@@ -6,7 +6,7 @@ still does if the other units stand as they are. Where a room cannot tell (a rec
 quarter, a corridor's length: Krekovic, Dokmanic and Vetterli 2016) the hypotheses stay alike and the pose stays open.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ from noctule_mapper.readings.angles import wrapped
 MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 14.0
 ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 12.0  # the same where all other units stand as they are
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
+_ADRIFT = "it and the units about it share too few walls with those whose poses are known"
 _MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.028, np.radians(1.0)
 
 
@@ -53,22 +54,46 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     rivals = search(known, unknown, pairs)
     best = rivals[0]
     placed = settled(best.placed, len(known))
-    asked = {*(one.view.unit for one in placed[len(known) :]), *(one.view.unit for one in known[len(known) > 1 :])}
-    alone = {unit: margin_alone_nats(placed, unit, pairs) for unit in asked if len(placed) > 1}
+    names = frozenset(one.view.unit for one in known)
+    alone = {one.view.unit: margin_alone_nats(placed, one.view.unit, pairs) for one in placed[len(known) :]}
     square = _is_square(placed)
     wanted_nats = SQUARE_MARGIN_NATS if square else MARGIN_NATS
     alone_nats = SQUARE_ALONE_MARGIN_NATS if square else ALONE_MARGIN_NATS
-    tied = all(alone.get(one.view.unit, np.inf) > alone_nats for one in known)
+    tied = [part for part in _parts(placed) if _is_tied(part, names, alone_nats, pairs)]
+    tied_units = {one.view.unit for part in tied for one in part}
     found, left_open = [], []
     for view in unknown:
         at = next((one for one in placed if one.view.unit == view.unit), None)
         margin_nats, rival = _margin(best, rivals, view.unit)
-        sure = tied and margin_nats > wanted_nats and alone.get(view.unit, -np.inf) > alone_nats
-        if at is not None and sure and _is_known(at.covariance):
+        sure = margin_nats > wanted_nats and alone.get(view.unit, -np.inf) > alone_nats
+        if at is not None and sure and view.unit in tied_units and _is_known(at.covariance):
             found.append(FoundPose(view.unit, at.pose, at.covariance))
         else:
-            left_open.append(OpenPose(view.unit, _why(at, margin_nats > wanted_nats, rival)))
+            is_adrift = at is not None and view.unit not in tied_units
+            left_open.append(
+                OpenPose(view.unit, _ADRIFT if sure and is_adrift else _why(at, margin_nats > wanted_nats, rival))
+            )
     return found, left_open
+
+
+def _parts(placed: Sequence[PlacedUnit]) -> list[list[PlacedUnit]]:
+    """The units that hear the same reflectors, directly or by way of others: those of other rooms tell them nothing."""
+    part = np.arange(len(placed))
+    for group in grouped(placed):
+        for number, _ in group:
+            part[part == part[number]] = part[group[0][0]]
+    return [[placed[number] for number in np.nonzero(part == one)[0].tolist()] for one in np.unique(part)]
+
+
+def _is_tied(part: Sequence[PlacedUnit], known: Collection[str], alone_nats: float, pairs: Pairs) -> bool:
+    """Whether what the units that were looked for hear together tells where a known one is, or what the known ones hear
+    where one of these is. Otherwise the units may be right beside one another and wrong beside the known ones.
+    """
+    stated = [one for one in part if one.view.unit in known]
+    sought = [one for one in part if one.view.unit not in known]
+    tries = [(one, sought) for one in stated]
+    tries += [(one, stated) for one in sought] if len(stated) > 1 else []  # of one alone it is the same question
+    return any(margin_alone_nats([*others, one], one.view.unit, pairs) > alone_nats for one, others in tries if others)
 
 
 def _is_square(placed: Sequence[PlacedUnit]) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.corners import Link, crossing, heard_price, parting
-from noctule_mapper.contour.likelihood import answering, hidden, price_of
+from noctule_mapper.contour.likelihood import answering, hidden, price_beside
 from noctule_mapper.contour.reflectors import Crossing, Line, Reflector, box_of_rays
 from noctule_mapper.contour.silence import silence_of, silence_of_link
 from noctule_mapper.readings.evidence import Evidence
@@ -68,6 +68,7 @@ class Scene:
     def __init__(self, data: Evidence, config: RefinementConfig) -> None:
         self.data, self.config = data, config
         self._row = lru_cache(_REMEMBERED)(self._worked_out_row)
+        self._price = lru_cache(_REMEMBERED)(lambda one: price_beside(one, data, config))
         self._hidden = lru_cache(_REMEMBERED)(self._worked_out_hidden)
         self.heard_price = lru_cache(_REMEMBERED)(lambda corner: heard_price(corner, data, config))
 
@@ -126,7 +127,7 @@ class Scene:
         """What the objects gain from all echoes, less their prices and those of the looks that did not hear them, in
         nats.
         """
-        price = sum(price_of(type(one), self.config) for one in objects)
+        price = sum(self._price(one) for one in objects)
         price += sum(silence_of(one, self.data, self.config, objects) for one in objects)
         price += sum(silence_of_link(crossing(objects, link), self.data, self.config, objects) for link in links)
         return float(explanation.gain.sum()) - price

@@ -11,6 +11,7 @@ import numpy as np
 from noctule_mapper.config import ContactConfig, CylinderConfig, MapperConfig, RefinementConfig
 from noctule_mapper.contacts.tangency import SIDES, direction_rad, other_direction_rad, turn_rad
 from noctule_mapper.contacts.voting import Contacts, Kind
+from noctule_mapper.contour.likelihood import FACING_RAD
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
@@ -231,8 +232,8 @@ def _plateau_lines(data: Evidence) -> np.ndarray:
 
 
 def _plateau_circles(data: Evidence, cylinder: CylinderConfig, config: RefinementConfig) -> np.ndarray:
-    """Circles (x, y, radius) by the ranges and directions of three plateaus from different places, (m, 3): three ranges
-    alone tell a radius poorly, and directions choose among few triples.
+    """Circles (x, y, radius) by the ranges and directions of three plateaus from different places, or of two that face
+    each other, (m, 3): three ranges alone tell a radius poorly, and directions choose among few triples.
 
     Along and across its axis u a plateau says u . (c - p) - r = R and v . (c - p) = 0: least squares in c and r.
     """
@@ -265,8 +266,9 @@ def _plateau_circles(data: Evidence, cylinder: CylinderConfig, config: Refinemen
     may[pairs[:, 0], pairs[:, 1]] = True
     pair, third = np.nonzero(may[pairs[:, 0]] & may[pairs[:, 1]])
     triples = np.column_stack([pairs[pair], third])[: config.search.most_triples]
-    circle, likely = fitted(triples)
-    return circle[likely]
+    facing = pairs[(axis[pairs[:, 0]] * axis[pairs[:, 1]]).sum(axis=1) < np.cos(FACING_RAD)]
+    both = [fitted(members) for members in (triples, facing)]
+    return np.concatenate([circle[likely] for circle, likely in both])
 
 
 _ALONG_M = 0.005  # of a plateau's range for a start

@@ -19,7 +19,7 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import settle
 from noctule_mapper.refinement.exchanges import met_walls, others_for
-from noctule_mapper.refinement.model_selection import add_objects, least_places, trimmed
+from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
 from noctule_mapper.refinement.state import State
@@ -217,9 +217,8 @@ def _without_one(
     claims = scene.claims(objects, links)
     explanation = scene.explain(claims)
     for number in range(len(objects)):
-        if len(np.unique(scene.data.place[made_by(number, claims, explanation.share)])) < least_places(
-            type(objects[number]), scene.data, config
-        ):
+        made = scene.data.take(made_by(number, claims, explanation.share))
+        if not is_heard_enough(objects[number], made, config):
             return objects[:number] + objects[number + 1 :]
     worth = scene.worth(objects, links, explanation)
     alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))

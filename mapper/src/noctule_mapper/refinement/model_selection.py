@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from noctule_mapper.config import MapperConfig
-from noctule_mapper.contour.likelihood import contradictions, gains, hidden, price_of
+from noctule_mapper.contour.likelihood import are_facing, contradictions, gains, hidden, price_beside, price_of
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot, box_of_rays
 from noctule_mapper.contour.silence import silence_of, silence_of_stretch
 from noctule_mapper.readings.angles import wrapped
@@ -81,7 +81,7 @@ def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: Map
         wide = data.respread(relax)
         tried = trimmed(tried, free & (gains(tried, wide, config.refinement) > 0), data, config)
         used = free & (gains(tried, wide, config.refinement) > 0)
-        if len(np.unique(data.place[used])) < least_places(type(tried), data, config):
+        if not is_heard_enough(tried, data.take(used), config):
             return None
         tried, covariance = _stepped(_unbounded(tried), wide.take(np.nonzero(used)[0]))
     tried = trimmed(tried, free & (gains(tried, data, config.refinement) > 0), data, config)
@@ -146,6 +146,8 @@ def determined(
             size = config.cylinders
             sized = size.smallest_radius_m <= tried.radius_m <= size.largest_radius_m
             loose = 1.0 if data.looks is None else slack  # plateaus know a range half as well as all their readings
+            if data.has_fine:  # where it stands is known no better than the units' poses
+                return bool(sized and sigma[2] < loose * limits.most_radius_sigma_share * tried.radius_m)
             real = tried.radius_m > limits.least_radius_sigmas / loose * sigma[2]
             return bool(sized and real and sigma.max() < loose * limits.most_cylinder_sigma_m)
         case _:
@@ -232,11 +234,15 @@ def _holes(wall: Line, along_m: np.ndarray, data: Evidence, config: MapperConfig
     return np.array(silence) > config.refinement.prices.hole_nats
 
 
-def least_places(kind: type[Reflector], data: Evidence, config: MapperConfig) -> int:
-    """From how many places an object must be heard: two arcs whose directions are known have one common tangent, and
-    one crossing.
+def is_heard_enough(one: Reflector, made: Evidence, config: MapperConfig) -> bool:
+    """Whether the echoes ``made`` of an object are from places enough: two arcs whose directions are known have one
+    common tangent, and one crossing. Of a circle they leave the radius open, unless they are of its two sides: what
+    lies between two units that face each other is no wall, and no edge of two.
     """
-    return config.refinement.limits.least_places - (data.looks is not None and kind is not Circle)
+    places = len(np.unique(made.place)) + (made.looks is not None)
+    if isinstance(one, Circle) and made.looks is not None:
+        places -= not (made.has_fine and are_facing(one, made))
+    return places >= config.refinement.limits.least_places
 
 
 def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> np.ndarray:
@@ -257,7 +263,7 @@ def _cost(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: 
         against = config.refinement.prices.contradiction_nats * contradictions(one, data, config.refinement)
     else:
         against = silence_of(one, data, config.refinement, objects)
-    return price_of(type(one), config.refinement) + against
+    return price_beside(one, data, config.refinement) + against
 
 
 def _unbounded(tried: Reflector) -> Reflector:
