@@ -14,12 +14,13 @@ from noctule import bus, keys
 from noctule.client import Client
 from noctule.messages_pb2 import LogRecords, ServiceStatus
 from noctule.read_watch import ReadWatch
+from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.presence import Presence
 
 
 @contextmanager
 def shown(secured: SecuredFleet, site: str, name: str) -> Iterator[Presence]:
-    with Presence(site, tls_folder=secured.folder(name)) as presence:
+    with Presence(site, SiteState(site), tls_folder=secured.folder(name)) as presence:
         presence.put(ServiceStatus(role="viewer"))
         yield presence
 
