@@ -20,7 +20,7 @@ from noctule_viewer.presence import Presence
 
 @contextmanager
 def shown(secured: SecuredFleet, site: str, name: str) -> Iterator[Presence]:
-    with Presence(site, SiteState(site), tls_folder=secured.folder(name)) as presence:
+    with Presence(site, SiteState(), tls_folder=secured.folder(name)) as presence:
         presence.put(ServiceStatus(role="viewer"))
         yield presence
 
