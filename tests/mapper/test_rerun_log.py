@@ -238,3 +238,20 @@ def test_the_mappers_figures_come_with_a_heading_that_says_what_the_map_holds(sh
     assert watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars") == [[12.0]]
     ((heading,),) = watching.values(rerun_paths.HEARTBEAT, "TextDocument:text")
     assert heading.startswith("### paper-room — 5 walls — ")
+
+
+def test_a_relay_that_was_started_again_is_given_the_figures_that_no_longer_change(tmp_path: Path) -> None:
+    with relay() as far_end:
+        far_end.start()
+        log = RerunLog(far_end.url, "paper-room")
+        try:
+            log.show_service_status(ServiceStatus(counters={"sweeps_unusable": 3}), "5 walls")
+            with viewer(far_end.url, tmp_path) as watching:
+                watching.wait_for(rerun_paths.mapper_counter("sweeps_unusable"))
+            far_end.kill()
+            far_end.start()
+            with viewer(far_end.url, tmp_path) as watching:
+                values = watching.values(rerun_paths.mapper_counter("sweeps_unusable"), "Scalars:scalars")
+            assert values == [[3.0]]
+        finally:
+            log.close()

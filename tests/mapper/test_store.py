@@ -2,6 +2,7 @@
 
 import math
 import re
+import resource
 import shutil
 import sqlite3
 import subprocess
@@ -104,6 +105,26 @@ def test_sweeps_that_are_set_aside_are_bounded_by_the_window(path: Path) -> None
     host.pass_time(60.0)
     store.set_aside((LOG, 99), "not here any more")
     assert store.sweeps_set_aside() == []
+    store.close()
+
+
+def test_the_window_keeps_its_limit_after_a_disk_was_full(path: Path) -> None:
+    host = Host()
+    store = SweepStore(path, Window(max_age_s=60.0, max_sweeps=20), host)
+    store.commit([sweep(number) for number in range(1, 11)], [cursor(10)])
+    host.pass_time(100.0)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    written = path.with_name(path.name + "-wal").stat().st_size
+    resource.setrlimit(resource.RLIMIT_FSIZE, (written, limit[1]))
+    try:
+        for _ in range(5):  # each takes out the ten that are too old, and fails
+            with pytest.raises(StoreError):
+                store.commit([sweep(11)], [cursor(11)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    host.pass_time(-100.0)
+    store.commit([sweep(number, start_s=1000 + number) for number in range(11, 71)], [cursor(70)])
+    assert sequences(store) == list(range(51, 71))
     store.close()
 
 

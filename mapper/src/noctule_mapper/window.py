@@ -106,12 +106,11 @@ class SweepWindow:
         self._database, self._window = database, window
         for statement in SCHEMA:
             database.execute(statement)
-        self._held = 0
-        self.recount()
+        self._held: int | None = None  # so many sweeps; None where they are to be counted
 
     def recount(self) -> None:
-        """See how many sweeps there are, after a transaction that was rolled back, or others' changes."""
-        (self._held,) = self._database.execute("SELECT count(*) FROM sweep").fetchone()
+        """Count the sweeps again when their number matters: after a transaction that failed, or others' changes."""
+        self._held = None
 
     def enter(self, sweep: Sweep, record: bytes, elapsed_s: float) -> list[Identity] | None:
         """Take a sweep in, with what is to be kept of it; those that it supersedes, perhaps itself. None if it is there
@@ -121,7 +120,8 @@ class SweepWindow:
         row["checksum"] = checksum(*(row[name] for name in _COVERED))
         if self._database.execute(_ENTER, row).rowcount != 1:
             return None
-        self._held += 1
+        if self._held is not None:
+            self._held += 1
         return self._taken_out(_SUPERSEDED, row)
 
     def too_old(self, elapsed_s: float, now_ns: int) -> list[Identity]:
@@ -134,13 +134,16 @@ class SweepWindow:
 
     def too_many(self) -> list[Identity]:
         """Take out what is too many."""
+        if self._held is None:
+            (self._held,) = self._database.execute("SELECT count(*) FROM sweep").fetchone()
         if self._held <= self._window.max_sweeps:  # the statement would go over the whole window to find that out
             return []
         return self._taken_out(_TOO_MANY, {"max_sweeps": self._window.max_sweeps})
 
     def _taken_out(self, statement: str, values: dict[str, Any]) -> list[Identity]:
         taken = self._database.execute(statement, values).fetchall()
-        self._held -= len(taken)
+        if self._held is not None:
+            self._held -= len(taken)
         return taken
 
     def _row(self, sweep: Sweep) -> dict[str, Any]:

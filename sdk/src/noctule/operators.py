@@ -47,13 +47,14 @@ class Operators:
         version = _version(self._path)
         if version == self._seen:
             return
-        self._seen = version
         try:
-            self._admitted, self.detail = _read(self._path), ""
-        except TlsError as error:
-            self.detail = f"{error}; the list before stays in force"
-            _log.error("%s", self.detail)
+            self._admitted = _read(self._path)
+        except TlsError as error:  # it is tried again: rights may change, and a disk may recover
+            if (detail := f"{error}; the list before stays in force") != self.detail:
+                self.detail = detail
+                _log.error("%s", detail)
         else:
+            self._seen, self.detail = version, ""
             _log.info("operators who may command: %s", ", ".join(sorted(self._admitted)) or "none")
 
 

@@ -1,10 +1,11 @@
 """The mapper's memory: the sweeps of its window and how far it has read each unit's log, in one SQLite file.
 
-What was committed outlives the process at once, and a power cut as soon as the system has written it to the disk. No
-sweep waits for that: its gateway has it on a disk, and a cursor that a power cut has set back reads it again. A
-contour's number is on the disk before anybody sees it, because nothing else would tell that it was used.
+What was committed outlives the process at once, and a power cut as soon as the system has written it to the disk. A
+sweep's commit does not wait for that: its gateway has it on a disk, and a cursor that a power cut has set back reads it
+again. A contour's number is on the disk before anybody sees it, because nothing else would tell that it was used.
 """
 
+import logging
 import sqlite3
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -24,6 +25,7 @@ from noctule_mapper.live.store_file import SYNCED, UNSYNCED, StoreError, sealed
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
 
+_log = logging.getLogger(__name__)
 _VERSIONS_AHEAD = 100  # so many contours after a kill are never numbered, and one in so many waits for the disk
 _COPIED_AFTER_COMMITS = 50  # a sweep's changes some 14 pages, and at 1,000 the commits copy the -wal themselves
 
@@ -162,6 +164,8 @@ class SweepStore:
         except SQLITE_ERRORS as error:
             if is_damage(error):
                 self._damaged = str(error)
+            else:
+                _log.warning("the -wal of %s can't be copied into it: %s; see to its disk", self._path, error)
 
     def close(self) -> None:
         if self._version < self._reserved:
@@ -182,11 +186,11 @@ class SweepStore:
                 self._database.execute("COMMIT")
                 self._commits += 1
             except BaseException as error:
+                self._rows.recount()
                 if isinstance(error, SQLITE_ERRORS) and is_damage(error):
                     self._damaged = str(error)
-                if self._database.in_transaction:
+                if self._database.in_transaction:  # a disk that is full has rolled it back already
                     self._database.execute("ROLLBACK")
-                    self._rows.recount()
                 if isinstance(error, SQLITE_ERRORS) and not is_damage(error):
                     raise StoreError(
                         f"the mapper's store {self._path} can't be used: {error}; see to its disk"

@@ -1,5 +1,6 @@
 """What the mapper tells the people who watch: each method shows one kind of thing and returns at once."""
 
+import threading
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -39,6 +40,7 @@ class RerunLog:
         self._states: dict[str, int] = {}
         self._troubles: dict[str, str] = {}
         self._tiles: dict[tuple[int, int], GridTile] = {}
+        self._drawing_tiles = threading.Lock()  # the mapper's thread draws those that change, the one of the status all
         self._contour = Contour()
         self._seen: Sight | None = None
         self._thinning = Thinning(now)
@@ -83,8 +85,9 @@ class RerunLog:
     def show_tiles(self, tiles: Iterable[GridTile]) -> None:
         """Those tiles of the reliability grid that have changed."""
         for tile in tiles:
-            self._tiles[tile.tile_x, tile.tile_y] = tile
-            self._show_tile(tile)
+            with self._drawing_tiles:
+                self._tiles[tile.tile_x, tile.tile_y] = tile
+                self._show_tile(tile)
 
     def show_unit_status(self, status: UnitStatus) -> None:
         """A unit's state and clock, and in the log what it tells its operator."""
@@ -105,12 +108,13 @@ class RerunLog:
         """The mapper's own figures, in a line what its map holds and at what hour, and the grid where walls have moved;
         called each second.
         """
-        if not self._thinning.is_due(rerun_paths.HEARTBEAT):
+        if isinstance(self._link, NoLink) or not self._thinning.is_due(rerun_paths.HEARTBEAT):
             return
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"
-        counters = self._thinning.changed(status.counters)
-        self._show(None, time(), rerun_status.draw_service, heading, counters)
+        self._show(None, time(), rerun_status.draw_heading, heading)
+        for name, value in self._thinning.changed(status.counters).items():
+            self._show(rerun_paths.mapper_counter(name), time(), rerun_status.draw_counter, name, value)
         self._look_again()
 
     def show_event(self, text: str, level: str = "INFO") -> None:
@@ -140,8 +144,9 @@ class RerunLog:
         if seen is self._seen or (seen is not None and seen.is_near(self._seen, within_m=cell_m)):
             return
         self._seen = seen
-        for tile in tiles:
-            self._show_tile(tile)
+        for place in list(self._tiles):
+            with self._drawing_tiles:  # never an older tile over a newer one
+                self._show_tile(self._tiles[place])
 
     def _show_tile(self, tile: GridTile) -> None:
         path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))

@@ -1,7 +1,5 @@
 """How units and the mapper itself fare, as the viewer shows it: states, figures over time, and a log of events."""
 
-from collections.abc import Mapping
-
 import rerun as rr
 
 from noctule import rerun_paths
@@ -41,11 +39,14 @@ def draw_clock(status: UnitStatus) -> Entries:
     yield rerun_paths.unit_clock_error(status.unit), rr.Scalars(status.clock_error_s * 1e3)
 
 
-def draw_service(heading: str, counters: Mapping[str, float]) -> Entries:
-    """The mapper's own figures, and ``heading``, which says when they were taken."""
+def draw_heading(heading: str) -> Entries:
+    """What the mapper says of its map, and at what hour."""
     yield rerun_paths.HEARTBEAT, rr.TextDocument(heading, media_type="text/markdown")
-    for counter, value in counters.items():
-        yield rerun_paths.mapper_counter(counter), rr.Scalars(value)
+
+
+def draw_counter(name: str, value: float) -> Entries:
+    """One of the mapper's own figures."""
+    yield rerun_paths.mapper_counter(name), rr.Scalars(value)
 
 
 def draw_event(path: str, text: str, level: str) -> Entries:
