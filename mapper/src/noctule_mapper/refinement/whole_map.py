@@ -22,7 +22,7 @@ from noctule_mapper.refinement.corner_lines import corner_lines
 from noctule_mapper.refinement.model_selection import add_objects, trimmed
 from noctule_mapper.refinement.state import State
 
-_MOST_TRIED = 40  # lines of a round
+_MOST_TRIED = 40  # lines of a round, of each kind of candidates
 _FITTED = 3  # of these the maps that are fitted, the best
 _LEAST_PLACES = 2
 _LEAST_LINE_NATS = 1.0  # that a line gains from what no object explains, roughly

@@ -24,7 +24,7 @@ from noctule_mapper.sharing.unshared import UnsharedSites
 
 _STEP_S = 0.2
 _QUERY_TIMEOUT_S = 1.0
-# Of a mapper that hangs or lost its host the sites move after this. Zenoh sends a sign of life four times in it.
+# Of a mapper that is stopped or lost its host the sites move after this. Zenoh sends a sign of life four times in it.
 LEASE_S = 3.0
 _MAPPERS_WITHIN_S = 3.0  # to end: this process has 4 s in all (noctule.ending)
 
