@@ -63,8 +63,6 @@ def unit(program: Program, web_port: int | None = None) -> str:
     service = Template("\n".join(lines)).substitute(subject=program.own)
     return _template("program.service").substitute(
         title=f"{program.role} {program.name}",
-        # Debian's caddy would hold the ports of a page.
-        unit="Conflicts=caddy.service\n" if program.role == WEB else "",
         type="notify" if program.role in ("gateway", "mapper", "viewer", WEB) else "exec",
         command=" ".join(map(_quoted, program.command)),
         user=program.user,
