@@ -10,7 +10,7 @@ from noctule_deploy import udev, units
 from noctule_deploy.caddy import caddyfile
 from noctule_deploy.compose import compose
 from noctule_deploy.fleet import ROUTER, Fleet
-from noctule_deploy.hosts import CADDYFILE, WEB, Program, certificate_folder, programs, site_file
+from noctule_deploy.hosts import CADDYFILE, WEB, Program, certificate_folder, devices, programs, site_file
 
 _PACKAGES = {"gateway": "noctule_gateway", "mapper": "noctule_mapper", "viewer": "noctule_viewer"}
 _NEEDS = {
@@ -57,8 +57,10 @@ def host_files(fleet: Fleet, host: str, certificates: Mapping[str, Path]) -> lis
 def _of_systemd(fleet: Fleet, own: list[Program]) -> Iterator[HostFile]:
     yield HostFile(PurePosixPath("etc/sysusers.d/noctule.conf"), units.users(own).encode())
     pages = {each.name: each.web.port for each in fleet.viewer if each.web}
+    serial = {each.name: devices(each) for each in fleet.gateway}
     for each in own:
-        text = units.unit(each, pages[each.name] if each.role == WEB else None)
+        web_port = pages[each.name] if each.role == WEB else None
+        text = units.unit(each, web_port, serial[each.name] if each.role == "gateway" else ())
         yield HostFile(PurePosixPath("etc/systemd/system") / each.service, text.encode())
 
 
