@@ -80,6 +80,9 @@ class Host:
         """It succeeds and writes down how it is called."""
         self._stub(name, f'#!/bin/sh\necho "{name} $*" >>"{self._log}"\n')
 
+    def lacks(self, name: str) -> None:
+        (self._stubs / name).unlink()
+
     def has_python(self, version: str) -> None:
         self._version.write_text(version)
 
@@ -157,6 +160,12 @@ def test_a_wheel_that_is_not_there_is_named(host: Host) -> None:
     ended = host.install()
     assert ended.returncode == 1
     assert "dist/noctule_viewer-*.whl is not there: make wheels" in ended.stderr
+
+
+def test_a_program_that_the_host_needs_and_has_not_is_named(host: Host) -> None:
+    host.lacks("caddy")
+    ended = host.install()
+    assert (ended.returncode, ended.stderr) == (1, "install.sh: apt-get install caddy\n")
 
 
 def test_what_was_installed_by_hand_stays(host: Host) -> None:

@@ -92,7 +92,7 @@ def _install(fleet: Fleet, host: str, own: list[Program], found: list[HostFile])
     has_udev = any("udev" in each.path.parts for each in found)
     return Template(files("noctule_deploy").joinpath("templates", "install.sh").read_text()).substitute(
         host=host,
-        needs="\n".join(f'[ -n "$root" ] || [ -x {program} ] || fail "{what}"' for program, what in needs),
+        needs="\n".join(f'[ -n "$staged" ] || [ -x {program} ] || fail "{what}"' for program, what in needs),
         packages=" ".join(wheels),
         folder=PurePosixPath(fleet.folder).relative_to("/"),
         files="\n".join(f"put {each.path} {each.mode:o}" for each in found),
