@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from noctule_deploy import cli, fleet, fleet_file
+from noctule_deploy import cli, fleet, fleet_file, hosts
 from noctule_deploy.errors import FleetFileError
+from noctule_viewer import memory_limit
 
 SOUND = """
 [[router]]
@@ -129,6 +130,84 @@ def test_what_does_not_fit_together_on_a_host_is_told(mistake: str, tmp_path: Pa
     assert told in "\n".join(
         refusal(tmp_path, SOUND.replace('units = ["u1", "u2"]', f'units = ["u1", "u2"]\n{written}'))
     )
+
+
+VIEWER = """
+[[viewer]]
+name = "hall"
+sites = ["house"]
+host = "box"
+"""
+MAPPER = """
+[[mapper]]
+name = "sharer"
+sites = ["*"]
+host = "box"
+"""
+BARN = '[[gateway]]\nname = "barn"\nsite = "farm"\nunits = ["u1"]\n'
+WEB = f"""
+[viewer.web]
+name = "map.example.net"
+users = {{ anna = "$2b$04${"a" * 53}" }}
+"""
+BESIDE = {
+    "a folder that no service can read": (
+        'folder = "/home/noctule"\n' + SOUND + VIEWER,
+        "folder is '/home/noctule': the hosts' programs read /etc/noctule only",
+    ),
+    "a folder with a blank": ('folder = "/etc/noctule/a bus"\n' + SOUND + VIEWER, "without blanks"),
+    "a folder that leads elsewhere": ('folder = "/etc/noctule/../x"\n' + SOUND + VIEWER, "give a folder there"),
+    "a memory limit that keeps no map": (
+        SOUND + VIEWER + 'memory_limit = "7MB"',
+        "memory_limit is '7MB': write it as 64MB or 1GB; a relay needs 8MB to keep a map",
+    ),
+    "a page on the port of its files": (
+        SOUND + VIEWER + WEB + "port = 9090",
+        "web.port is 9090, which viewer 'hall' of the same host has as its web_port: give another",
+    ),
+    "a viewer of one port": (
+        SOUND + VIEWER + "web_port = 9876",
+        "web_port is 9876, which viewer 'hall' of the same host has as its port: give another",
+    ),
+    "a member with the name of a gateway's router": (
+        SOUND.replace('site = "house"', 'site = "house"\nrouter = "one"', 1).replace("cartographer", "one"),
+        "[[mapper]] 1: name 'one' is that of the router which gateway 'attic' is: give this table another",
+    ),
+    "a mapper that the viewer beside it may not show": (
+        SOUND + BARN + VIEWER + MAPPER,
+        "[[mapper]] 2: no viewer of host 'box' (hall) has all sites of this mapper, so none shows its maps",
+    ),
+    "all sites where there is none": (
+        '[[router]]\nname = "one"\naddress = "one"\n' + MAPPER,
+        '[[mapper]] 1: sites has "*", and no gateway serves a site: add a [[gateway]]',
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", BESIDE)
+def test_what_does_not_go_together_beside_each_other_is_told(mistake: str, tmp_path: Path) -> None:
+    text, told = BESIDE[mistake]
+    said = refusal(tmp_path, text)
+    assert len(said) == 1 and told in said[0]
+
+
+def test_a_mapper_draws_on_the_viewer_of_its_host_that_has_its_sites(tmp_path: Path) -> None:
+    other = VIEWER.replace("hall", "farm-screen").replace("house", "farm")
+    own = VIEWER.replace('["house"]', '["house", "farm"]') + "port = 9976\nweb_port = 9190\n"
+    file = tmp_path / "fleet.toml"
+    file.write_text(SOUND + BARN + other + own + MAPPER)
+    (mapper,) = [each for each in hosts.programs(fleet_file.load(file)) if each.name == "sharer"]
+    assert mapper.command[mapper.command.index("--rerun") + 1] == "rerun+http://127.0.0.1:9976/proxy"
+
+
+def test_a_mapper_that_says_itself_where_it_draws_needs_no_viewer(tmp_path: Path) -> None:
+    file = tmp_path / "fleet.toml"
+    file.write_text(SOUND + BARN + VIEWER + MAPPER + 'options = ["--rerun", "none"]\n')
+    assert len(fleet_file.load(file).mapper) == 2
+
+
+def test_a_relays_least_memory_is_that_of_the_viewer() -> None:
+    assert fleet.LEAST_MEMORY_MB == memory_limit.LEAST_MB
 
 
 def test_an_adapter_and_the_units_address_must_be_one(tmp_path: Path) -> None:

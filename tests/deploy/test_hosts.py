@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 
 from noctule import tls
 from noctule_deploy import check, cli, fleet_file, render
+from noctule_deploy.caddy import caddyfile
+from noctule_deploy.fleet import Viewer, Web
 from noctule_deploy.render import Place
 
 NOW = datetime(2026, 3, 1, tzinfo=UTC)
@@ -137,6 +139,34 @@ def test_the_containers_of_a_host_run_the_commands_of_its_units(made: tuple[Path
             assert (service["read_only"], service["cap_drop"], service["network_mode"]) == (True, ["ALL"], "host")
     gateway = yaml.safe_load((made[1].out / "attic-pi/compose.yaml").read_text())["services"]["gateway-attic"]
     assert gateway["devices"] == ["/dev/noctule/u1:/dev/noctule/u1"]
+
+
+def test_a_gateway_may_open_the_devices_of_its_site_file(tmp_path: Path) -> None:
+    assert CliRunner().invoke(cli.app, ["init", str(tmp_path)]).exit_code == 0
+    for name, right, wrong in (
+        ("house.toml", '"/dev/noctule/u1"', '"/dev/ttyAMA0"'),
+        ("fleet.toml", "adapters =", "# adapters ="),
+    ):
+        file = tmp_path / name
+        assert right in file.read_text()
+        file.write_text(file.read_text().replace(right, wrong))
+    place = Place(tmp_path / "rendered", tmp_path / "ca")
+    render.render(fleet_file.load(tmp_path / "fleet.toml"), place, NOW)
+    assert "\nDeviceAllow=/dev/ttyAMA0 rw\n" in unit_files(place)["noctule-gateway-attic"].read_text()
+    services = yaml.safe_load((place.out / "attic-pi/compose.yaml").read_text())["services"]
+    assert services["gateway-attic"]["devices"] == ["/dev/ttyAMA0:/dev/ttyAMA0"]
+    assert services["gateway-attic"]["group_add"] == ["dialout"]
+
+
+def test_caddy_takes_a_page_whose_name_is_an_address(tmp_path: Path) -> None:
+    web = Web(name="fd00::5", users={"anna": f"$2b$04${'a' * 53}"})
+    file = tmp_path / "Caddyfile"
+    file.write_text(caddyfile(Viewer(name="hall", sites=["house"], web=web), web))
+    home = {"HOME": str(tmp_path), "XDG_DATA_HOME": str(tmp_path), "PATH": "/usr/bin"}
+    adapted = json.loads(ran("caddy", "adapt", "--adapter", "caddyfile", "--config", file, env=home).splitlines()[0])
+    (server,) = adapted["apps"]["http"]["servers"].values()
+    assert server["listen"] == [":443"]
+    assert server["routes"][0]["match"] == [{"host": ["fd00::5"]}]
 
 
 def test_zenoh_takes_every_configuration_and_its_files_are_where_the_host_has_them(made: tuple[Path, Place]) -> None:

@@ -5,14 +5,17 @@ import http.client
 import re
 import sqlite3
 import ssl
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 from deploy.rendered_host import RenderedHost
+from mapper.rerun_relay import viewer
 from system.processes import PATIENCE_S, ROOT, free_ports, listens, programs, wait_until
 from typer.testing import CliRunner, Result
 
+from noctule import rerun_paths
 from noctule_deploy import cli
 
 FLEET = """
@@ -86,8 +89,9 @@ def states(folder: Path) -> dict[str, str]:
     return {row[1]: row[3] for row in rows}
 
 
-def answer(port: int, method: str, path: str, password: str | None = PASSWORD) -> tuple[int, bytes]:
-    """Status and first bytes of what the page's host answers."""
+@contextmanager
+def asked(port: int, method: str, path: str, password: str | None = PASSWORD) -> Iterator[http.client.HTTPResponse]:
+    """What the page's host answers."""
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE  # Caddy's own authority is of this test only
     connection = http.client.HTTPSConnection("localhost", port, context=context, timeout=PATIENCE_S)
@@ -96,10 +100,26 @@ def answer(port: int, method: str, path: str, password: str | None = PASSWORD) -
         headers["Authorization"] = "Basic " + base64.b64encode(f"anna:{password}".encode()).decode()
     try:
         connection.request(method, path, b"\0\0\0\0\0" if method == "POST" else None, headers)
-        reply = connection.getresponse()
-        return reply.status, reply.read(16)
+        yield connection.getresponse()
     finally:
         connection.close()
+
+
+def answer(port: int, method: str, path: str, password: str | None = PASSWORD) -> tuple[int, bytes]:
+    """Status and first bytes of what the page's host answers."""
+    with asked(port, method, path, password) as reply:
+        return reply.status, reply.read(16)
+
+
+def streams(port: int, wanted: bytes) -> bool:
+    """What comes behind the page's login has ``wanted`` in it; the stream ends only with the connection."""
+    with asked(port, "POST", READ) as reply:
+        got = b""
+        while wanted not in got:
+            more = reply.read1(65536)
+            assert more, "the stream has ended"
+            got = got[-len(wanted) :] + more
+    return True
 
 
 def stored(folder: Path) -> int:
@@ -128,8 +148,6 @@ def check_page(port: int) -> None:
     assert answer(port, "POST", READ, password=None)[0] == 401
     assert answer(port, "GET", "/")[0] == 302  # to the page with the relay's address
     assert answer(port, "GET", f"/?url=rerun%2Bhttps%3A%2F%2Flocalhost%3A{port}%2Fproxy") == (200, b"<!doctype html>\n")
-    status, begun = answer(port, "POST", READ)
-    assert status == 200 and len(begun) == 16
     assert answer(port, "POST", WRITE)[0] == 403
 
 
@@ -149,6 +167,10 @@ def test_a_rendered_host_maps_its_site_and_serves_the_map_to_those_who_log_in(
 
         wait_until(up, "no sweeps are stored, or there is no page")
         check_page(ports["page"])
+        with viewer(f"rerun+http://127.0.0.1:{ports['relay']}/proxy", tmp_path) as beside:
+            beside.values(rerun_paths.WALLS, "LineStrips2D:strips")
+        # Layouts name it without the slash at the front.
+        assert streams(ports["page"], f"/{rerun_paths.WALLS}".encode())
         wait_until(lambda: states(tmp_path) == dict.fromkeys(PROGRAMS, "well"), "not all are well", every_s=1.0)
         running.kill("noctule-mapper-cartographer")
         left = {"mapper.cartographer": "away"}

@@ -126,8 +126,8 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
         follower = LogFollower(client, got.extend, {})
         closing.callback(follower.close)
         follower.start()
-        wait_until(lambda: client.units() == {"u1", "u2"}, "the mapper sees no units", 20)
-        wait_until(lambda: line.unit.carried_out, "the unit was not connected", 20)
+        wait_until(lambda: client.units() == {"u1", "u2"}, "the mapper sees no units")
+        wait_until(lambda: line.unit.carried_out, "the unit was not connected")
 
         assert "firmware: no image is taken: there are no firmware keys. Add them to" in running.log("gateway")
 
@@ -141,14 +141,14 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
         assert recorded[1]["signed"] and recorded[2]["event"] == "done"
         assert "the command is not signed" in unsigned(closing.enter_context(secured.join("operator.anna.g1")))
         refused = tmp_path / "data" / "refused-1.jsonl"
-        wait_until(lambda: refused.exists() and len(refused.read_text().splitlines()) == 2, "it was not recorded", 20)
+        wait_until(lambda: refused.exists() and len(refused.read_text().splitlines()) == 2, "it was not recorded")
         claim = json.loads(refused.read_text().splitlines()[1])
         assert (claim["who"], claim["signed"]) == ("session operator.anna.g1", False)
         assert "the command is not signed" in claim["error"]
         with line.lock:
             assert len(line.unit.carried_out) == 2
             line.unit.make_sweep(time.monotonic())
-        wait_until(lambda: got, "the sweep did not come to the mapper", 20)
+        wait_until(lambda: got, "the sweep did not come to the mapper")
         assert '"log_sequence": "1"' in noctule(secured.folder("viewer.screen.g1"), "log", "house", "u1")
         assert "nobody reads" not in details(client)["attic"]  # the name is the certificate's
     assert running.end("gateway") == 0
@@ -176,7 +176,7 @@ def test_a_unit_that_the_fleet_file_does_not_give_the_gateway_stands_in_its_stat
         Client("house", session=session) as client,
     ):
         told = "nobody reads what is published on noctule/@v1/house/unit/u3/status: the rules of"
-        wait_until(lambda: told in details(client).get("attic", ""), "the status does not say it", 10)
+        wait_until(lambda: told in details(client).get("attic", ""), "the status does not say it")
 
 
 def test_a_gateway_with_a_routers_certificate_is_the_router(tmp_path: Path) -> None:
@@ -186,8 +186,8 @@ def test_a_gateway_with_a_routers_certificate_is_the_router(tmp_path: Path) -> N
         small.join("operator.anna.g1", small.endpoint(0)) as session,
         Client("house", session=session) as client,
     ):
-        wait_until(lambda: client.units() == {"u1"}, "the units are not seen", 10)
-        wait_until(lambda: list(details(client)) == ["one"], "the gateway does not show itself", 10)
+        wait_until(lambda: client.units() == {"u1"}, "the units are not seen")
+        wait_until(lambda: list(details(client)) == ["one"], "the gateway does not show itself")
 
 
 def test_a_program_whose_key_others_may_read_says_what_to_do(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ gateway = [
 ]
 mapper = [{ name = "m1", sites = ["*"], host = "hub" }, { name = "m2", sites = ["*"], host = "spare" }]
 operator = [{ name = "anna", sites = ["house"] }, { name = "berta", sites = ["farm", "house"] }]
-viewer = [{ name = "screen", sites = ["house"], host = "hub" }]
+viewer = [{ name = "screen", sites = ["*"], host = "hub" }]
 """
 
 

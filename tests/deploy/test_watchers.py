@@ -33,7 +33,7 @@ def test_a_viewer_is_seen_at_its_own_site(secured: SecuredFleet) -> None:
     ):
         got: list[ServiceStatus] = []
         client.on_service_status(got.append)
-        wait_until(lambda: got, "the viewer is not seen", 10)
+        wait_until(lambda: got, "the viewer is not seen")
         assert (got[0].site, got[0].name, got[0].detail) == ("house", "screen", "")
 
 
@@ -85,20 +85,20 @@ def test_a_reader_that_may_read_nothing_says_so_within_ten_seconds(secured: Secu
 
 def test_a_reader_that_sees_a_unit_whose_log_it_may_not_read_names_the_unit(secured: SecuredFleet) -> None:
     with unit_at(secured, has_log=False), reading(secured, "viewer.screen.g1") as viewer:
-        wait_until(lambda: viewer.trouble, "the reader did not see it", 10)
+        wait_until(lambda: viewer.trouble, "the reader did not see it")
         assert viewer.trouble.startswith("the logs of u1 can't be read: the rules of the router at tls/")
 
 
 def test_a_reader_says_when_its_site_can_be_read_again(secured: SecuredFleet, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING), reading(secured, "viewer.screen.g1") as viewer:
-        wait_until(lambda: viewer.trouble, "the reader did not see it", 10)
+        wait_until(lambda: viewer.trouble, "the reader did not see it")
         with unit_at(secured):
-            wait_until(lambda: "site 'house' is read again" in caplog.text, "it was not told", 10)
+            wait_until(lambda: "site 'house' is read again" in caplog.text, "it was not told")
 
 
 def test_a_recording_says_within_ten_seconds_that_its_site_is_hidden(secured: SecuredFleet, tmp_path: Path) -> None:
     with programs(tmp_path) as running:
         folder = str(secured.folder("service.alarm.g1"))
         running.start("record", "noctule", "record", "house", str(tmp_path / "sweeps.jsonl"), "--tls", folder)
-        wait_until(lambda: "don't allow it to service.alarm.g1" in running.log("record"), "it was not told", 20)
+        wait_until(lambda: "don't allow it to service.alarm.g1" in running.log("record"), "it was not told")
         running.end("record")

@@ -2,7 +2,7 @@
 
 from urllib.parse import quote
 
-from noctule_deploy.fleet import Viewer, Web
+from noctule_deploy.fleet import Viewer, Web, bracketed
 
 _DATA = "/rerun.sdk_comms.v1alpha1.*"
 _WRITES = "/rerun.sdk_comms.v1alpha1.MessageProxyService/Write*"
@@ -11,7 +11,7 @@ _WRITES = "/rerun.sdk_comms.v1alpha1.MessageProxyService/Write*"
 def caddyfile(viewer: Viewer, web: Web) -> str:
     """The configuration of Caddy for a viewer's page."""
     users = "".join(f"\t\t\t{name} {hashed}\n" for name, hashed in web.users.items())
-    origin = f"https://{web.name}:{web.port}"
+    origin = f"https://{bracketed(web.name)}:{web.port}"
     relay = quote(f"rerun+{origin}/proxy", safe="")
     vouched = "" if web.certificate == "acme" else "\ttls internal\n"
     return f"""\

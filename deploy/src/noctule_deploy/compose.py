@@ -1,12 +1,11 @@
 """A compose file of a host's programs, for those who run containers: the command lines are those of the units."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from noctule_deploy.fleet import ROUTER, Gateway
-from noctule_deploy.fleet_rules import DEVICES
-from noctule_deploy.hosts import WEB, Program
+from noctule_deploy.hosts import WEB, Program, devices
 
 _IMAGE = "noctule"  # deploy/container/Containerfile
 _IMAGES = {ROUTER: "docker.io/eclipse/zenoh:1.10.2", WEB: "docker.io/library/caddy:2"}
@@ -19,12 +18,12 @@ _HEAD = """\
 
 def compose(programs: Iterable[Program], gateways: Iterable[Gateway]) -> str:
     """The compose file of a host; JSON is YAML too. Its folder is the host's rendered folder."""
-    adapters = {each.name: each.adapters for each in gateways}
-    services = {each.own.replace(".", "-"): _service(each, adapters.get(each.name, {})) for each in programs}
+    serial = {each.name: devices(each) for each in gateways}
+    services = {each.own.replace(".", "-"): _service(each, serial.get(each.name, [])) for each in programs}
     return _HEAD + json.dumps({"name": "noctule", "services": services}, indent=2) + "\n"
 
 
-def _service(program: Program, adapters: Mapping[str, str]) -> dict[str, Any]:
+def _service(program: Program, serial: list[str]) -> dict[str, Any]:
     command = [word.replace("$", "$$") for word in program.command]
     service: dict[str, Any] = {
         "image": _IMAGES.get(program.role, _IMAGE),
@@ -43,7 +42,7 @@ def _service(program: Program, adapters: Mapping[str, str]) -> dict[str, Any]:
         # The image's program has the right to a port of root's by itself, which no-new-privileges would take from it.
         service |= {"cap_add": ["NET_BIND_SERVICE"], "security_opt": []}
         service["environment"] = {"XDG_DATA_HOME": f"/var/lib/noctule/{program.own}", "XDG_CONFIG_HOME": "/tmp"}
-    if program.role == "gateway" and adapters:
+    if program.role == "gateway" and serial:
         service["group_add"] = ["dialout"]
-        service["devices"] = [f"{DEVICES}/{unit}:{DEVICES}/{unit}" for unit in adapters]
+        service["devices"] = [f"{each}:{each}".replace("$", "$$") for each in serial]
     return service

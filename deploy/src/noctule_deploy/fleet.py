@@ -19,6 +19,7 @@ from noctule.keys import Role
 
 ROUTER = "router"
 LONGEST_NAME = 40  # a certificate's common name has 64 characters: role, name and generation
+LEAST_MEMORY_MB = 8  # of a relay, as noctule_viewer has it, which need not be installed where fleets are rendered
 OWN_FOLDERS = ("ca",)  # what render makes beside the hosts' folders
 
 
@@ -91,6 +92,18 @@ def _port(value: int) -> int:
     if not 1 <= value <= 65535:
         raise ValueError("give a port from 1 to 65535")
     return value
+
+
+def _memory(value: str) -> str:
+    match = re.fullmatch(r"(\d+)(MB|GB)", value)
+    if match is None or int(match[1]) * (1000 if match[2] == "GB" else 1) < LEAST_MEMORY_MB:
+        raise ValueError(f"write it as 64MB or 1GB; a relay needs {LEAST_MEMORY_MB}MB to keep a map")
+    return value
+
+
+def bracketed(address: str) -> str:
+    """An address as it stands before a port."""
+    return f"[{address}]" if ":" in address else address
 
 
 def _option(value: str) -> str:
@@ -169,7 +182,7 @@ class Viewer(Watcher):
     host: Host | None = None
     port: Port = 9876
     web_port: Port = 9090
-    memory_limit: str = Field(default="64MB", pattern=r"^\d+(MB|GB)$")
+    memory_limit: Annotated[str, AfterValidator(_memory)] = "64MB"
     web: Web | None = None
     options: Options = []
 

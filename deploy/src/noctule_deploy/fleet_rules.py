@@ -11,6 +11,7 @@ from noctule import site as sites
 from noctule.errors import SiteFileError
 from noctule.site import Site
 from noctule.toml_lines import Place
+from noctule_deploy import host_rules
 from noctule_deploy.fleet import ROUTER, Fleet, Gateway
 
 DEVICES = "/dev/noctule"  # the udev rules' names of the units' serial adapters
@@ -23,7 +24,8 @@ def mistakes(fleet: Fleet) -> Iterator[tuple[Place, str]]:
     yield from _names(fleet)
     yield from _units(fleet)
     yield from _sites(fleet)
-    yield from _ports(fleet)
+    yield from _bus_names(fleet)
+    yield from host_rules.mistakes(fleet)
     for number, gateway in enumerate(fleet.gateway):
         yield from _gateway(fleet, gateway, ("gateway", number))
 
@@ -35,6 +37,16 @@ def _names(fleet: Fleet) -> Iterator[tuple[Place, str]]:
         for place, name in places:
             if counts[name] > 1:
                 yield place, f"name {name!r} is given {counts[name]} times: give each table a name of its own"
+
+
+def _bus_names(fleet: Fleet) -> Iterator[tuple[Place, str]]:
+    """A gateway that is a router has the router's name on the bus, so no other member may have it."""
+    own = {each.router: each.name for each in fleet.gateway if each.router}
+    for kind in _MEMBERS:
+        for number, each in _numbered(fleet, kind):
+            if own.get(each.name, each.name) != each.name:
+                problem = f"name {each.name!r} is that of the router which gateway {own[each.name]!r} is"
+                yield (kind, number, "name"), f"{problem}: give this table another"
 
 
 def _units(fleet: Fleet) -> Iterator[tuple[Place, str]]:
@@ -59,25 +71,6 @@ def _sites(fleet: Fleet) -> Iterator[tuple[Place, str]]:
             for site in each.sites:
                 if site not in served | {keys.ANY}:
                     yield (kind, number, "sites"), f"sites has {site!r}, {_unserved(site, served)}"
-
-
-def _ports(fleet: Fleet) -> Iterator[tuple[Place, str]]:
-    taken: dict[tuple[str | None, int], str] = {}
-    for kind, keys_ in ((ROUTER, ("port",)), ("viewer", ("port", "web_port"))):
-        for number, each in _numbered(fleet, kind):
-            for key in keys_:
-                port = getattr(each, key)
-                before = taken.setdefault((each.host or f"{kind} {number}", port), f"{kind} {each.name!r}")
-                if before != f"{kind} {each.name!r}":
-                    yield (kind, number, key), f"{key} is {port}, which {before} of the same host has: give another"
-    web = [(number, each) for number, each in enumerate(fleet.viewer) if each.web and each.host]
-    hosts = Counter(each.host for _, each in web)
-    for number, each in web:
-        if hosts[each.host] > 1:
-            yield (
-                ("viewer", number, "web"),
-                f"host {each.host!r} has {hosts[each.host]} pages: put one of them elsewhere",
-            )
 
 
 def _gateway(fleet: Fleet, gateway: Gateway, place: Place) -> Iterator[tuple[Place, str]]:

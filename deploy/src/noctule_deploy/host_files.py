@@ -10,7 +10,7 @@ from noctule_deploy import udev, units
 from noctule_deploy.caddy import caddyfile
 from noctule_deploy.compose import compose
 from noctule_deploy.fleet import ROUTER, Fleet
-from noctule_deploy.hosts import CADDYFILE, WEB, Program, certificate_folder, programs, site_file
+from noctule_deploy.hosts import CADDYFILE, WEB, Program, certificate_folder, devices, programs, site_file
 
 _PACKAGES = {"gateway": "noctule_gateway", "mapper": "noctule_mapper", "viewer": "noctule_viewer"}
 _NEEDS = {
@@ -18,6 +18,8 @@ _NEEDS = {
     WEB: ("/usr/bin/caddy", "apt-get install caddy"),
 }
 _UDEV = "udevadm control --reload && udevadm trigger --subsystem-match=tty"
+# Debian's Caddy, which its package's updates start again, would hold the ports of a page.
+_PAGE = "systemctl mask --now caddy.service"
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def host_files(fleet: Fleet, host: str, certificates: Mapping[str, Path]) -> lis
     gateways = [each for each in fleet.gateway if each.host == host]
     return [
         *found,
-        HostFile(PurePosixPath("install.sh"), _install(host, own, found).encode()),
+        HostFile(PurePosixPath("install.sh"), _install(fleet, host, own, found).encode()),
         HostFile(PurePosixPath("compose.yaml"), compose(own, gateways).encode()),
     ]
 
@@ -55,8 +57,10 @@ def host_files(fleet: Fleet, host: str, certificates: Mapping[str, Path]) -> lis
 def _of_systemd(fleet: Fleet, own: list[Program]) -> Iterator[HostFile]:
     yield HostFile(PurePosixPath("etc/sysusers.d/noctule.conf"), units.users(own).encode())
     pages = {each.name: each.web.port for each in fleet.viewer if each.web}
+    serial = {each.name: devices(each) for each in fleet.gateway}
     for each in own:
-        text = units.unit(each, pages[each.name] if each.role == WEB else None)
+        web_port = pages[each.name] if each.role == WEB else None
+        text = units.unit(each, web_port, serial[each.name] if each.role == "gateway" else ())
         yield HostFile(PurePosixPath("etc/systemd/system") / each.service, text.encode())
 
 
@@ -82,17 +86,19 @@ def _of_bus(fleet: Fleet, own: list[Program], certificates: Mapping[str, Path]) 
                 yield HostFile(folder / file.name, file.read_bytes(), each.user)
 
 
-def _install(host: str, own: list[Program], found: list[HostFile]) -> str:
+def _install(fleet: Fleet, host: str, own: list[Program], found: list[HostFile]) -> str:
     needs = [_NEEDS[each.role] for each in own if each.role in _NEEDS]
     wheels = ["noctule", *dict.fromkeys(_PACKAGES[each.role] for each in own if each.role in _PACKAGES)]
     has_udev = any("udev" in each.path.parts for each in found)
     return Template(files("noctule_deploy").joinpath("templates", "install.sh").read_text()).substitute(
         host=host,
-        needs="\n".join(f'[ -n "$root" ] || [ -x {program} ] || fail "{what}"' for program, what in needs),
-        packages=" ".join(f'"$wheels"/{each}-*.whl' for each in wheels),
+        needs="\n".join(f'[ -n "$staged" ] || [ -x {program} ] || fail "{what}"' for program, what in needs),
+        packages=" ".join(wheels),
+        folder=PurePosixPath(fleet.folder).relative_to("/"),
         files="\n".join(f"put {each.path} {each.mode:o}" for each in found),
         services=" ".join(each.service for each in own),
         udev=_UDEV if has_udev else "",
+        page=_PAGE if any(each.role == WEB for each in own) else "",
     )
 
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from noctule import keys, tls
+from noctule import site as site_files
 from noctule_deploy.fleet import ROUTER, Fleet, Gateway, Mapper, Router, Viewer
 
 BIN = PurePosixPath("/opt/noctule/bin")
@@ -72,9 +73,20 @@ def site_file(gateway: Gateway) -> PurePosixPath:
     return SITES / f"{gateway.name}.toml"
 
 
+def devices(gateway: Gateway) -> list[str]:
+    """The devices of the gateway's host at which its units are, as its site file names them."""
+    units = site_files.load(Path(gateway.site_file)).units if gateway.site_file else ()
+    return [each.address for each in units if each.address.startswith("/dev/")]
+
+
 def sites_of(fleet: Fleet, watcher: Mapper | Viewer) -> list[str]:
     """The sites that a mapper or a viewer is for, by name."""
     return fleet.sites() if keys.ANY in watcher.sites else list(dict.fromkeys(watcher.sites))
+
+
+def shows(fleet: Fleet, viewer: Viewer, mapper: Mapper) -> bool:
+    """Whether those who watch the viewer may see all maps of the mapper."""
+    return set(sites_of(fleet, mapper)) <= set(sites_of(fleet, viewer))
 
 
 def _router(fleet: Fleet, router: Router) -> tuple[str, ...]:
@@ -89,7 +101,7 @@ def _gateway(fleet: Fleet, gateway: Gateway, subject: str) -> tuple[str, ...]:
 def _mapper(fleet: Fleet, mapper: Mapper) -> tuple[str, ...]:
     sites = sites_of(fleet, mapper)
     named = [word for site in sites for word in ("--site", site)]
-    relays = [each for each in fleet.viewer if each.host == mapper.host]
+    relays = [each for each in fleet.viewer if each.host == mapper.host and shows(fleet, each, mapper)]
     rerun = f"rerun+http://127.0.0.1:{relays[0].port}/proxy" if relays else "none"
     run = (str(BIN / "noctule-mapper"), "run" if len(sites) == 1 else "share", *named)
     subject = f"mapper.{mapper.name}"

@@ -25,7 +25,7 @@ _LINES: dict[str, tuple[str, ...]] = {
         *_NOTIFIES,
         *_NO_CAPABILITIES,
         *_NO_NEW_CODE,
-        # Serial adapters, which belong to the group dialout, and no other device.
+        # Serial adapters, which belong to the group dialout, the devices of the site file, and no others.
         "SupplementaryGroups=dialout",
         "DevicePolicy=closed",
         "DeviceAllow=char-ttyUSB rw",
@@ -57,14 +57,13 @@ _LINES: dict[str, tuple[str, ...]] = {
 }
 
 
-def unit(program: Program, web_port: int | None = None) -> str:
-    """The unit of a program; ``web_port`` is that of a page."""
+def unit(program: Program, web_port: int | None = None, devices: Iterable[str] = ()) -> str:
+    """The unit of a program; ``web_port`` is that of a page, ``devices`` are a gateway's."""
     lines = [*_LINES[program.role], *(_ports(web_port) if web_port else ())]
-    service = Template("\n".join(lines)).substitute(subject=program.own)
+    allowed = [f"DeviceAllow={_quoted(each)} rw" for each in devices]
+    service = "\n".join([Template("\n".join(lines)).substitute(subject=program.own), *allowed])
     return _template("program.service").substitute(
         title=f"{program.role} {program.name}",
-        # Debian's caddy would hold the ports of a page.
-        unit="Conflicts=caddy.service\n" if program.role == WEB else "",
         type="notify" if program.role in ("gateway", "mapper", "viewer", WEB) else "exec",
         command=" ".join(map(_quoted, program.command)),
         user=program.user,

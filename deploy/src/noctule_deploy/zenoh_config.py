@@ -5,7 +5,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from noctule import tls
-from noctule_deploy.fleet import ROUTER, Fleet, Router
+from noctule_deploy.fleet import ROUTER, Fleet, Router, bracketed
 from noctule_deploy.generations import Generations
 from noctule_deploy.roles import Rule, rules_of, rules_of_routers
 
@@ -29,7 +29,7 @@ def router(fleet: Fleet, own: Router, generations: dict[str, Generations], folde
     common["transport"]["unicast"] = {"max_sessions": _MAX_SESSIONS, "accept_pending": _ACCEPT_PENDING}
     return {
         "mode": "router",
-        "listen": {"endpoints": [f"tls/{_bracketed(own.listen)}:{own.port}"]},
+        "listen": {"endpoints": [f"tls/{bracketed(own.listen)}:{own.port}"]},
         "connect": _connect([endpoint(each) for each in above]),
         "access_control": access_control(fleet, generations),
     } | common
@@ -37,7 +37,7 @@ def router(fleet: Fleet, own: Router, generations: dict[str, Generations], folde
 
 def endpoint(router: Router) -> str:
     """Where others reach a router."""
-    return f"tls/{_bracketed(router.address)}:{router.port}"
+    return f"tls/{bracketed(router.address)}:{router.port}"
 
 
 def access_control(fleet: Fleet, generations: dict[str, Generations]) -> dict[str, Any]:
@@ -97,7 +97,3 @@ def _common(folder: PurePosixPath, link: dict[str, Any], listens: bool) -> dict[
 
 def _connect(endpoints: list[str]) -> dict[str, Any]:
     return {"endpoints": endpoints, **_FOR_EVER, "retry": _RETRY}
-
-
-def _bracketed(address: str) -> str:
-    return f"[{address}]" if ":" in address else address

@@ -3,64 +3,87 @@
 #   sh install.sh WHEELS      WHEELS is the folder that make wheels has filled
 # DESTDIR=FOLDER sh install.sh puts the files below FOLDER and does no more: for a look at them, or for a package.
 set -eu
+umask 022
 here=$$(cd "$$(dirname "$$0")" && pwd)
 root=$${DESTDIR:-}
+staged=$${DESTDIR:+yes}
 wheels=$${1:-$$here/wheels}
-venv=/opt/noctule
-changed=
+venv=$$root/opt/noctule
+python=/usr/bin/python3 # the system's own: the services can't see one in somebody's home
+# It is there from the first change until the services have started again, also when a run was cut off between the two.
+marker=$$root/var/lib/noctule/restart
+listed=
 
 fail() { echo "install.sh: $$1" >&2; exit 1; }
-put() { # FILE MODE: a file of this folder goes to its place, unless it is there already
-    cmp -s "$$here/$$1" "$$root/$$1" && return
-    install -D -m "$$2" "$$here/$$1" "$$root/$$1"
-    echo "$$root/$$1 has changed"
-    changed=yes
+changing() { # WHAT: said and noted before it changes
+    echo "$$1"
+    [ -z "$$staged" ] || return 0
+    mkdir -p "$${marker%/*}"
+    : >"$$marker"
 }
-only() { # FOLDER: nothing stays in it that this folder does not have
-    [ -d "$$root/$$1" ] || return 0
-    for file in $$(cd "$$root/" && find "$$1" -type f); do
-        [ ! -e "$$here/$$file" ] || continue
-        rm "$$root/$$file"
-        echo "$$root/$$file is of no more use: removed"
-        changed=yes
+put() { # FILE MODE: a file of this folder goes to its place, unless it is there already
+    listed="$$listed $$1"
+    cmp -s "$$here/$$1" "$$root/$$1" && return
+    changing "$$root/$$1 changes"
+    install -D -m "$$2" "$$here/$$1" "$$root/$$1"
+}
+only() { # FOLDER: in its folders ROLE.NAME nothing stays that was not put there; all else is somebody's own
+    for file in "$$root/$$1"/router.*/* "$$root/$$1"/gateway.*/* "$$root/$$1"/mapper.*/* "$$root/$$1"/viewer.*/*; do
+        [ -f "$$file" ] || continue
+        folder=$${file%/*}
+        case $${folder##*/} in *.*.*) continue ;; esac # ROLE.NAME.GENERATION was copied by hand
+        case " $$listed " in *" $${file#"$$root/"} "*) continue ;; esac
+        changing "$$file is of no more use and is removed"
+        rm "$$file"
+        rmdir "$$folder" 2>/dev/null || true
     done
-    find "$$root/$$1" -type d -empty -delete
 }
 
-[ -n "$$root" ] || [ "$$(id -u)" -eq 0 ] || fail "run it as root"
+[ -n "$$staged" ] || [ "$$(id -u)" -eq 0 ] || fail "run it as root"
 $needs
 
+one() { # FILE...: the wheels of one package
+    [ -e "$$1" ] || fail "$$1 is not there: make wheels in the project, copy dist here, name it"
+    [ $$# -eq 1 ] || fail "$$wheels has $$# versions of a package ($$*): remove the folder, and copy dist again"
+}
 packages() { # Files and not names, so that no package of these names comes from anywhere else.
-    set -- $packages
-    stamp=$$({ echo '$packages'; cat "$$wheels"/*.whl "$$wheels"/constraints.txt; } | sha256sum)
+    set --
+    for package in $packages; do
+        one "$$wheels/$$package"-*.whl
+        set -- "$$@" "$$wheels/$$package"-*.whl
+    done
+    version=$$("$$python" -V) || fail "apt-get install python3-venv"
+    stamp=$$({ echo "$$version $packages"; cat "$$@" "$$wheels/constraints.txt"; } | sha256sum)
     [ "$$stamp" != "$$(cat "$$venv/stamp" 2>/dev/null || true)" ] || return 0
-    # The system's own Python: the services can't see one in somebody's home.
-    [ -x "$$venv/bin/pip" ] || /usr/bin/python3 -m venv "$$venv" || fail "apt-get install python3-venv"
+    changing "$$venv changes"
+    if [ ! -x "$$venv/bin/pip" ] || [ "$$version" != "$$(cat "$$venv/version" 2>/dev/null || true)" ]; then
+        # Another Python does not see what was installed for the one before.
+        "$$python" -m venv --clear "$$venv" || fail "apt-get install python3-venv"
+        echo "$$version" >"$$venv/version"
+    fi
     "$$venv/bin/pip" install --quiet --disable-pip-version-check --constraint "$$wheels/constraints.txt" "$$@"
     "$$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$$@"
     echo "$$stamp" >"$$venv/stamp"
-    echo "$$venv has changed"
-    changed=yes
 }
 
-if [ -z "$$root" ]; then
-    ls "$$wheels"/noctule-*.whl >/dev/null 2>&1 || fail "$$wheels has no wheels: make wheels in the project, copy dist here, name it"
-    packages
-fi
-only etc/noctule/bus
+[ -n "$$staged" ] || packages
 $files
+only $folder
 
-[ -z "$$root" ] || exit 0
+[ -z "$$staged" ] || exit 0
 systemd-sysusers noctule.conf
 systemd-tmpfiles --create noctule.conf
-for unit in /etc/systemd/system/noctule-*.service; do
+for unit in "$$root"/etc/systemd/system/noctule-*.service; do
     case " $services " in *" $${unit##*/} "*) continue ;; esac
-    [ -e "$$unit" ] || continue
+    grep -qs '^# Made by noctule-deploy' "$$unit" || continue # somebody's own
     systemctl disable --now "$${unit##*/}" # it has left this host
+    case $${unit##*/} in noctule-web-*) systemctl unmask caddy.service ;; esac
     rm "$$unit"
 done
 systemctl daemon-reload
 $udev
+$page
 systemctl enable $services
-if [ -n "$$changed" ]; then systemctl restart $services; else systemctl start $services; fi
+if [ -e "$$marker" ]; then systemctl restart $services; else systemctl start $services; fi
+rm -f "$$marker"
 echo "$host is up: $services"
