@@ -17,6 +17,7 @@ from noctule.messages_pb2 import (
 )
 from noctule_viewer.board import documents, drawing, map_box
 from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
@@ -184,7 +185,38 @@ def test_the_picture_stands_still_while_the_map_fits_and_grows_with_it() -> None
     assert map_box.shown(None, [], first) == first
     wider = map_box.shown(contour(8.0), [], first)
     assert wider is not None
-    assert wider.right_m == pytest.approx(8.96)
+    assert wider == MapBox(-0.48, -0.48, 12.0, 3.48)  # half of eight metres beyond, where it has grown
+
+
+def test_a_survey_that_grows_step_by_step_stays_in_the_picture_with_few_layouts() -> None:
+    now_s = [0.0]
+    budget = LayoutBudget(lambda: now_s[0])
+    laid_out: MapBox | None = None
+    for decimetres in range(40, 1_000):  # from a room to a hall of 100 m, in less than three hours
+        now_s[0] += 10.0
+        wanted = map_box.shown(contour(decimetres / 10), [(2.0, 3.0)], laid_out)
+        if wanted != laid_out and budget.take(for_units=laid_out is None):
+            laid_out = wanted
+        assert laid_out is not None
+        assert laid_out.right_m >= decimetres / 10
+
+
+def test_neither_a_map_that_grows_nor_units_that_come_use_up_all_layouts() -> None:
+    for for_units in (False, True):
+        now_s = [0.0]
+        budget = LayoutBudget(lambda now_s=now_s: now_s[0])
+        taken = 0
+        for _ in range(100):
+            now_s[0] += 10.0
+            taken += budget.take(for_units)
+        assert taken == 9
+        assert budget.take(not for_units) is True
+        now_s[0] += 9.0
+        assert budget.take(not for_units) is False, "two layouts within ten seconds"
+        now_s[0] += 1.0
+        assert budget.take(not for_units) is True
+        now_s[0] += 6 * 3_600
+        assert budget.take(for_units) is True
 
 
 @pytest.mark.parametrize(
