@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from noctule import rerun_paths
 from noctule.messages_pb2 import (
     POSE_STATE_WRONG,
     Contour,
@@ -167,6 +168,30 @@ def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> No
     for map_view in maps:  # Rerun's y points down
         (bounds,) = map_view.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()
         assert (bounds["x_range"], bounds["y_range"]) == ([-1.0, 3.0], [-4.0, 2.0])
+
+
+def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -> None:
+    layout = Layout(tuple(f"u{number}" for number in range(1, 41)), None).blueprint()
+    _, tabs = views(layout.root_container)
+    names = [tab.name for tab in views(tabs)]
+    assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures"]
+    contents = views(views(tabs)[0])[0].contents
+    assert [f"- /{rerun_paths.unit_rays(unit)}" in contents for unit in ("u1", "u40")] == [True, True]
+
+
+def test_a_service_that_names_thousands_of_units_neither_fills_the_table_nor_hides_a_unit_that_is_served(
+    site: Site,
+) -> None:
+    site.unit("z1")
+    service = ServiceStatus(name="archive")
+    for number in range(4_000):
+        service.cursors.add(unit=f"a{number}")
+    site.state.note_service(service)
+    assert len(site.units()) == 300
+    assert site.units()[-1].unit == "z1"
+    table = documents.table(site.units(), BEGAN_S)
+    assert len(table.splitlines()) == 303
+    assert table.endswith("| | No more than 300 units are shown. | | |")
 
 
 def views(container: Any) -> list[Any]:

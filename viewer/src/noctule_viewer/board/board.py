@@ -11,7 +11,7 @@ import rerun as rr
 from noctule import rerun_paths
 from noctule_viewer.board import drawing, map_box
 from noctule_viewer.board.drawing import Entries
-from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout import MOST_TABS, Layout
 from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard, SiteState
@@ -36,7 +36,7 @@ class Board:
         self._layout: Layout | None = None
         self._budget = LayoutBudget()
         self._due_s: dict[str, float] = {}
-        self._on_sheets: dict[str, Health] = {}
+        self._sheets: dict[str, tuple[Health, float]] = {}  # by unit: the health on it, and when it is due again
         self._told = ""
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
@@ -83,15 +83,15 @@ class Board:
     def _draw(self, recording: rr.RecordingStream) -> None:
         heard = self._state.heard()
         units = self._health.of(heard)
+        with_tabs = units[:MOST_TABS]
         recording.set_time(rerun_paths.TIME, timestamp=heard.now_s)
         _log_entries(recording, drawing.draw_alarms(self._site, units, heard))
         self._at_most_every(_UNITS_EVERY_S, "units", lambda: _log_entries(recording, drawing.draw_units(units, heard)))
         self._at_most_every(
-            _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(units))
+            _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(with_tabs))
         )
-        for unit in units:
-            if self._is_news(unit):
-                _log_entries(recording, drawing.draw_sheet(unit, heard))
+        for unit in self._take_due_sheets(with_tabs):
+            _log_entries(recording, drawing.draw_sheet(unit, heard))
         self._lay_out(recording, units, heard)
 
     def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
@@ -105,12 +105,18 @@ class Board:
             if self._box is not None:
                 _log_entries(recording, drawing.draw_scale(self._box), static=True)
 
-    def _is_news(self, unit: UnitHealth) -> bool:
-        what = f"sheet {unit.unit}"
-        if self._on_sheets.get(unit.unit) is not unit.health:
-            self._on_sheets[unit.unit] = unit.health
-            self._due_s.pop(what, None)
-        return self._is_due(_SHEETS_EVERY_S, what)
+    def _take_due_sheets(self, units: list[UnitHealth]) -> list[UnitHealth]:
+        """Those whose sheet is due, or whose health is another. They are noted as drawn, and other units forgotten."""
+        now_s = monotonic()
+        known = {unit.unit: self._sheets.get(unit.unit) for unit in units}
+        due = [
+            unit
+            for unit in units
+            if (last := known[unit.unit]) is None or last[0] is not unit.health or now_s >= last[1]
+        ]
+        drawn = {unit.unit: (unit.health, now_s + _SHEETS_EVERY_S) for unit in due}
+        self._sheets = {name: last for name, last in known.items() if last is not None} | drawn
+        return due
 
     def _at_most_every(self, interval_s: float, what: str, draw: Callable[[], None]) -> None:
         if self._is_due(interval_s, what):
