@@ -110,6 +110,15 @@ def test_a_unit_whose_gateway_was_killed_is_away_though_its_last_status_was_good
     assert site.units()[0].words == "no gateway serves it"
 
 
+def test_a_unit_that_is_served_stays_so_however_many_others_are() -> None:
+    state = SiteState()
+    for number in range(1_100):
+        state.note_alive(f"u{number}", True)
+    state.note_alive("u7", True)  # as after an outage
+    assert "u7" in state.heard().alive
+    assert len(state.heard().alive) == 1_000
+
+
 def test_a_gateway_that_no_longer_serves_a_unit_does_not_make_it_ill(site: Site) -> None:
     site.state.note_unit(UnitStatus(unit="u1", gateway="old", state=UnitStatus.STATE_FAULT, detail="stuck"))
     site.passed_s = 60.0
