@@ -24,7 +24,7 @@ from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
 from noctule_mapper.readings.sweep import SweepReadings, from_message
-from noctule_mapper.rerun_view.log import RerunLog
+from noctule_mapper.rerun_view.no_log import NoLog
 
 PATIENCE_S = 120.0
 NEAR_M = 0.02  # a cylinder is where it was put: ten of a fit's errors in the paper's room
@@ -40,7 +40,7 @@ def made_worker(
     fit_turn: AbstractContextManager[None] | None = None,
 ) -> MapWorker:
     """A worker for the paper's room."""
-    told = troubles or Troubles(RerunLog(None, "paper-room").show_event)
+    told = troubles or Troubles(NoLog().show_event)
     return MapWorker(config or LiveConfig(), "paper-room", "mapper", next_version, show, set_aside, told, fit_turn)
 
 

@@ -19,6 +19,17 @@ finally:
     print("loaded:", *sorted({name.split(".")[0] for name in sys.modules}), file=sys.stderr)
 """
 
+_MAPPED = """
+import sys, threading
+from pathlib import Path
+from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.service import LiveSettings, run
+stop = threading.Event()
+stop.set()
+run(LiveSettings("attic", "mapper", Path(sys.argv[1]), [], None, LiveConfig()), stop)
+print("rerun" in sys.modules)
+"""
+
 
 def loaded_by(*arguments: object) -> set[str]:
     """The packages that ``noctule-mapper`` has loaded when it is done."""
@@ -41,3 +52,9 @@ def test_a_fit_loads_neither_compiler_nor_viewer_nor_bus(tmp_path: Path) -> None
     loaded = loaded_by("fit", source, "--contour", tmp_path / "contour.json")
     assert "numpy" in loaded
     assert loaded & {"numba", "llvmlite", "rerun", "matplotlib", "cv2", "zenoh"} == set()
+
+
+def test_a_mapper_that_nobody_watches_does_not_load_the_viewer(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", _MAPPED, tmp_path], check=True, capture_output=True, text=True)
+    assert done.stdout == "False\n"
+    assert (tmp_path / "attic.sqlite3").exists()

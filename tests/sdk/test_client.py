@@ -250,6 +250,16 @@ def test_service_statuses_come_with_their_cursors(client, far, collected):
     assert collected == [status]
 
 
+@pytest.mark.parametrize("claimed", [{"name": "mapper-1"}, {"name": "s1", "site": "hall"}])
+def test_a_service_that_says_it_is_another_is_refused(client, far, collected, claimed):
+    client.on_service_status(collected.add)
+    key = keys.service_status("room", "s1")
+    far.publish(key, ServiceStatus(role="mapper", **claimed), ServiceStatus(name="s1", site="room"))
+    collected.wait_for(lambda came: ServiceStatus(name="s1", site="room") in came)
+    assert [status.name for status in collected] == ["s1"]
+    assert client.counters()["refused"] == 1
+
+
 def test_a_log_is_asked_by_sequence_and_number(client, far, collected):
     key = keys.log("room", "u1")
 

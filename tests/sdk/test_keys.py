@@ -29,6 +29,13 @@ def test_a_commands_key_has_the_command_as_its_last_chunk(site, unit, command):
     assert keys.parse_unit(keys.rpc(site, unit, command)) == keys.UnitKey(site, unit, f"@rpc/{command}")
 
 
+@given(NAMES, NAMES)
+def test_the_key_of_a_services_status_names_its_site_and_service(site, service):
+    assert keys.parse_service_status(keys.service_status(site, service)) == (site, service)
+    with pytest.raises(KeyFormatError):
+        keys.parse_service_status(keys.offer(site, service))
+
+
 @given(st.text().filter(lambda text: not keys._NAME.fullmatch(text) and text != keys.ANY))
 def test_a_name_that_does_not_fit_a_chunk_is_refused_by_what_it_names(name):
     with pytest.raises(KeyFormatError, match=r"^site "):

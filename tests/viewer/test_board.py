@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from noctule import rerun_paths
 from noctule.messages_pb2 import (
     POSE_STATE_WRONG,
     Contour,
@@ -17,6 +18,7 @@ from noctule.messages_pb2 import (
 )
 from noctule_viewer.board import documents, drawing, map_box
 from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
@@ -108,6 +110,15 @@ def test_a_unit_whose_gateway_was_killed_is_away_though_its_last_status_was_good
     assert site.units()[0].words == "no gateway serves it"
 
 
+def test_a_unit_that_is_served_stays_so_however_many_others_are() -> None:
+    state = SiteState()
+    for number in range(1_100):
+        state.note_alive(f"u{number}", True)
+    state.note_alive("u7", True)  # as after an outage
+    assert "u7" in state.heard().alive
+    assert len(state.heard().alive) == 1_000
+
+
 def test_a_gateway_that_no_longer_serves_a_unit_does_not_make_it_ill(site: Site) -> None:
     site.state.note_unit(UnitStatus(unit="u1", gateway="old", state=UnitStatus.STATE_FAULT, detail="stuck"))
     site.passed_s = 60.0
@@ -168,6 +179,30 @@ def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> No
         assert (bounds["x_range"], bounds["y_range"]) == ([-1.0, 3.0], [-4.0, 2.0])
 
 
+def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -> None:
+    layout = Layout(tuple(f"u{number}" for number in range(1, 41)), None).blueprint()
+    _, tabs = views(layout.root_container)
+    names = [tab.name for tab in views(tabs)]
+    assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures"]
+    contents = views(views(tabs)[0])[0].contents
+    assert [f"- /{rerun_paths.unit_rays(unit)}" in contents for unit in ("u1", "u40")] == [True, True]
+
+
+def test_a_service_that_names_thousands_of_units_neither_fills_the_table_nor_hides_a_unit_that_is_served(
+    site: Site,
+) -> None:
+    site.unit("z1")
+    service = ServiceStatus(name="archive")
+    for number in range(4_000):
+        service.cursors.add(unit=f"a{number}")
+    site.state.note_service(service)
+    assert len(site.units()) == 300
+    assert site.units()[-1].unit == "z1"
+    table = documents.table(site.units(), BEGAN_S)
+    assert len(table.splitlines()) == 303
+    assert table.endswith("| | No more than 300 units are shown. | | |")
+
+
 def views(container: Any) -> list[Any]:
     return list(container.contents)
 
@@ -184,7 +219,38 @@ def test_the_picture_stands_still_while_the_map_fits_and_grows_with_it() -> None
     assert map_box.shown(None, [], first) == first
     wider = map_box.shown(contour(8.0), [], first)
     assert wider is not None
-    assert wider.right_m == pytest.approx(8.96)
+    assert wider == MapBox(-0.48, -0.48, 12.0, 3.48)  # half of eight metres beyond, where it has grown
+
+
+def test_a_survey_that_grows_step_by_step_stays_in_the_picture_with_few_layouts() -> None:
+    now_s = [0.0]
+    budget = LayoutBudget(lambda: now_s[0])
+    laid_out: MapBox | None = None
+    for decimetres in range(40, 1_000):  # from a room to a hall of 100 m, in less than three hours
+        now_s[0] += 10.0
+        wanted = map_box.shown(contour(decimetres / 10), [(2.0, 3.0)], laid_out)
+        if wanted != laid_out and budget.take(for_units=laid_out is None):
+            laid_out = wanted
+        assert laid_out is not None
+        assert laid_out.right_m >= decimetres / 10
+
+
+def test_neither_a_map_that_grows_nor_units_that_come_use_up_all_layouts() -> None:
+    for for_units in (False, True):
+        now_s = [0.0]
+        budget = LayoutBudget(lambda now_s=now_s: now_s[0])
+        taken = 0
+        for _ in range(100):
+            now_s[0] += 10.0
+            taken += budget.take(for_units)
+        assert taken == 9
+        assert budget.take(not for_units) is True
+        now_s[0] += 9.0
+        assert budget.take(not for_units) is False, "two layouts within ten seconds"
+        now_s[0] += 1.0
+        assert budget.take(not for_units) is True
+        now_s[0] += 6 * 3_600
+        assert budget.take(for_units) is True
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 from mapper.rerun_relay import relay as grpc_relay
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
-from system.processes import Programs, free_ports, listens, programs, wait_until
+from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
 from viewer.far_hosts import asked, refusing_proxy, traced
 from viewer.test_viewer import CYLINDER, log_room, middle_row, start_relay
 
@@ -95,7 +95,10 @@ def browser() -> Iterator[tuple[Browser, str, list[str]]]:
     """A browser, the proxy for its pages, and what was asked of the proxy. Its own requests go to another one."""
     with refusing_proxy() as (own, _), refusing_proxy() as (proxy, requests), sync_playwright() as playwright:
         flags = ["--no-sandbox", NO_AUTOFILL, *SOFTWARE_GL]
-        with playwright.chromium.launch(executable_path=CHROMIUM, args=flags, proxy={"server": own}) as made:
+        patience_ms = 1e3 * PATIENCE_S
+        with playwright.chromium.launch(
+            executable_path=CHROMIUM, args=flags, proxy={"server": own}, timeout=patience_ms
+        ) as made:
             yield made, proxy, requests
 
 
@@ -107,10 +110,11 @@ def test_the_page_shows_the_map_and_asks_for_no_host(
     log_room(relay)
     size, through = {"width": 640, "height": 400}, {"server": proxy, "bypass": "127.0.0.1"}
     page = chromium.new_context(viewport=size, proxy=through).new_page()  # pyright: ignore[reportArgumentType]
+    page.set_default_timeout(1e3 * PATIENCE_S)
     page.goto(f"{relay.page}&renderer=webgl")
 
     def shows_cylinder() -> bool:
-        picture = np.array(Image.open(io.BytesIO(page.screenshot(timeout=120_000))).convert("RGB"))
+        picture = np.array(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
         return middle_row(picture, CYLINDER) is not None
 
     wait_until(shows_cylinder, "the page does not show the map", every_s=1.0)

@@ -300,7 +300,9 @@ class Client:
         except BoundsError as error:
             raise BusError(f"{sample.key_expr}: {error}") from error
         if isinstance(message, Sweep | UnitStatus):
-            _check_identity(message, keys.parse_unit(str(sample.key_expr)))
+            _check_unit(message, keys.parse_unit(str(sample.key_expr)))
+        if isinstance(message, ServiceStatus):
+            _check_service(message, *keys.parse_service_status(str(sample.key_expr)))
         self._newer.note(message, payload)
         return message
 
@@ -353,10 +355,16 @@ class Client:
             raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
 
 
-def _check_identity(message: Sweep | UnitStatus, key: keys.UnitKey) -> None:
+def _check_unit(message: Sweep | UnitStatus, key: keys.UnitKey) -> None:
     if message.unit != key.unit or message.site not in ("", key.site):
         said = f"unit {message.unit!r} of site {message.site!r}"
         raise BusError(f"a {message.DESCRIPTOR.name} of {said} came on a key of unit {key.unit!r} of site {key.site!r}")
+
+
+def _check_service(message: ServiceStatus, site: str, service: str) -> None:
+    if message.name not in ("", service) or message.site not in ("", site):
+        said = f"{message.name!r} of site {message.site!r}"
+        raise BusError(f"a ServiceStatus of {said} came on the key of service {service!r} of site {site!r}")
 
 
 def _unit_of(sample: zenoh.Sample) -> str:

@@ -234,6 +234,14 @@ def parse_offer(key: str) -> tuple[str, str]:
     raise KeyFormatError(f"{key!r} is not an offer's key: it should read {ROOT}/SITE/service/MAPPER/@offer")
 
 
+def parse_service_status(key: str) -> tuple[str, str]:
+    """Site and service of the key of a service's status; raises KeyFormatError if it is not one."""
+    match key.split("/"):
+        case ["noctule", "@v1", site, "service", service, "status"]:
+            return name(site, "site"), name(service, "service name")
+    raise KeyFormatError(f"{key!r} is no service status's key: it should read {ROOT}/SITE/service/NAME/status")
+
+
 def parse_rpc(key: str) -> str:
     """The command of a key of one unit and one command; raises KeyFormatError for any other, wildcards too."""
     parsed = parse_unit(key)

@@ -45,7 +45,7 @@ def run(
         int, typer.Option(min=1, max=LAST_PORT, help="Port of the page for browsers.")
     ] = _DEFAULT.web_port,
     memory_limit: Annotated[
-        str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.5 times as much.")
+        str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.3 times as much.")
     ] = _DEFAULT.memory_limit,
     site: Annotated[
         str | None, typer.Option(help="Watch this site on the bus: alarms and a table of its units, beside the map.")

@@ -25,14 +25,14 @@ _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
 @contextmanager
 def serving(
-    address: tuple[str, int], source: tuple[str, int], relay: str, answers: Callable[[], bool]
+    address: tuple[str, int], source: tuple[str, int], relay: str, silent_s: Callable[[], float]
 ) -> Iterator[None]:
     """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``.
 
-    The page asks whether the relay ``answers``, and says so where it does not. Raises OSError if the address can't be
-    had.
+    The page asks for how long the relay has been silent, and says so: ``silent_s``, which is 0 while the relay answers.
+    Raises OSError if the address can't be had.
     """
-    with _Server(address, source, _policy(relay), answers) as server:
+    with _Server(address, source, _policy(relay), silent_s) as server:
         threading.Thread(target=server.serve_forever, name="page", daemon=True).start()
         try:
             yield
@@ -62,9 +62,9 @@ class _Server(ThreadingTCPServer):
     daemon_threads = True
 
     def __init__(
-        self, address: tuple[str, int], source: tuple[str, int], policy: str, answers: Callable[[], bool]
+        self, address: tuple[str, int], source: tuple[str, int], policy: str, silent_s: Callable[[], float]
     ) -> None:
-        self.source, self.policy, self.answers = source, policy, answers
+        self.source, self.policy, self.silent_s = source, policy, silent_s
         self.run = secrets.token_hex(8)  # of this program, by which a page knows that it was started again
         super().__init__(address, _Handler)
 
@@ -97,7 +97,7 @@ class _Handler(BaseHTTPRequestHandler):
                     copyfileobj(response, self.wfile)
 
     def _tell_alive(self, server: _Server) -> None:
-        content = json.dumps({"run": server.run, "answers": server.answers()}).encode()
+        content = json.dumps({"run": server.run, "silent_s": server.silent_s()}).encode()
         self.send_response(200)
         self.send_header("Content-Type", "application/json")
         self.send_header("Cache-Control", "no-store")

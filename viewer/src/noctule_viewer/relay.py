@@ -102,7 +102,7 @@ class Relay:
             self._send_layout()
             pulse, address = Pulse(self.bind, files_port), (self.bind, self.web_port)
             data = f"http://{self.bind}:{self.port}"
-            with page.serving(address, (self.bind, files_port), data, lambda: pulse.beats), serving():
+            with page.serving(address, (self.bind, files_port), data, lambda: pulse.silent_s), serving():
                 return self._look_after(relay, pulse, metrics_at, ending, show)
 
     def _look_after(

@@ -19,7 +19,7 @@
         return;
       }
       run = state.run;
-      if (state.answers) answered_ms = Date.now();
+      answered_ms = Date.now() - 1000 * state.silent_s;
     } catch {
       // No answer: the time since the last one says it all.
     }

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import zenoh
 
@@ -30,8 +31,11 @@ from noctule_mapper.live.store import Change, SweepStore
 from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
-from noctule_mapper.rerun_view.log import RerunLog
+from noctule_mapper.rerun_view.no_log import NoLog
 from noctule_mapper.window import Identity
+
+if TYPE_CHECKING:
+    from noctule_mapper.rerun_view.log import RerunLog
 
 _log = logging.getLogger(__name__)
 
@@ -71,7 +75,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.enter_context(FolderLock(settings.data, owner))
         store = SweepStore(settings.data / f"{settings.site}.sqlite3", settings.config.window)
         closing.callback(store.close)
-        log = RerunLog(settings.rerun_url, settings.site)
+        log = _shown_on(settings.rerun_url, settings.site)
         closing.callback(log.close)
         closing.enter_context(metrics_server.serving(settings.metrics_at, metrics.registry(shown.statuses)))
         session = join(settings, stop, manager)
@@ -91,6 +95,14 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
             manager.serving(mapper.summary, mapper.makes_progress)
 
 
+def _shown_on(url: str | None, site: str) -> "RerunLog | NoLog":
+    if not url:
+        return NoLog()
+    from noctule_mapper.rerun_view.log import RerunLog  # Rerun's SDK takes half a second of the processor to import
+
+    return RerunLog(url, site)
+
+
 class _Shown:
     """What a scrape shows: before the mapper is on the bus no more than its version."""
 
@@ -105,7 +117,7 @@ class _Shown:
 class LiveMapper:
     """One site's mapper between its store, the bus and the viewers."""
 
-    def __init__(self, settings: LiveSettings, store: SweepStore, log: RerunLog, client: Client) -> None:
+    def __init__(self, settings: LiveSettings, store: SweepStore, log: "RerunLog | NoLog", client: Client) -> None:
         self._settings, self._store, self._log, self._client = settings, store, log, client
         self._publisher = MapPublisher(client.session, settings.site, settings.service)
         self._schemas = bus.declare_schemas(client.session)

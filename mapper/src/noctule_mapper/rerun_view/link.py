@@ -7,7 +7,6 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from time import monotonic
-from typing import Protocol
 
 import rerun as rr
 
@@ -30,35 +29,6 @@ _ENTRY_OVERHEAD_BYTES = 2_000  # what the SDK adds to each entry, roughly
 
 class RelayAddressError(NoctuleError):
     """An address that is not one of a Rerun relay."""
-
-
-class Link(Protocol):
-    """Where drawings go: a RerunLink, or NoLink where nobody is to watch."""
-
-    def put(self, drawing: Drawing) -> None:
-        """Show ``drawing``, sooner or later."""
-        ...
-
-    def counters(self) -> dict[str, int]:
-        """What became of the drawings."""
-        ...
-
-    def close(self) -> None:
-        """Show no more."""
-        ...
-
-
-class NoLink:
-    """Shows nothing to nobody."""
-
-    def put(self, drawing: Drawing) -> None:
-        pass
-
-    def counters(self) -> dict[str, int]:
-        return {}
-
-    def close(self) -> None:
-        pass
 
 
 class RerunLink:

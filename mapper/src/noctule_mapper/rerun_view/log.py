@@ -14,7 +14,7 @@ from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
 from noctule_mapper.rerun_view import status as rerun_status
 from noctule_mapper.rerun_view.drawing import Drawing, Entries
-from noctule_mapper.rerun_view.link import Link, NoLink, RerunLink
+from noctule_mapper.rerun_view.link import RerunLink
 from noctule_mapper.rerun_view.sight import Sight, sight
 from noctule_mapper.rerun_view.thinning import Thinning
 
@@ -27,12 +27,9 @@ class RerunLog:
     The time of what was measured is the sweep's; the time of what the mapper says of itself and of units is the host's.
     """
 
-    def __init__(self, url: str | None, site: str, now: Callable[[], float] = monotonic) -> None:
-        """``site`` names the recording, so that a restarted mapper goes on with it; without ``url`` nothing is shown.
-
-        Raises RelayAddressError.
-        """
-        self._link: Link = RerunLink(url, site, rerun_map.draw_frame) if url else NoLink()
+    def __init__(self, url: str, site: str, now: Callable[[], float] = monotonic) -> None:
+        """``site`` names the recording, so that a restarted mapper goes on with it. Raises RelayAddressError."""
+        self._link = RerunLink(url, site, rerun_map.draw_frame)
         self._sequences: dict[str, int] = {}
         self._trails: dict[str, deque[tuple[float, float]]] = defaultdict(lambda: deque(maxlen=_TRAIL_POSES))
         self._here: dict[str, tuple[float, float]] = {}  # where each unit was drawn last
@@ -108,7 +105,7 @@ class RerunLog:
         """The mapper's own figures, in a line what its map holds and at what hour, and the grid where walls have moved;
         called each second.
         """
-        if isinstance(self._link, NoLink) or not self._thinning.is_due(rerun_paths.HEARTBEAT):
+        if not self._thinning.is_due(rerun_paths.HEARTBEAT):
             return
         here_and_now = datetime.now().strftime("%H:%M:%S")
         heading = f"### {status.site} — {summary} — {here_and_now}"

@@ -2,7 +2,6 @@
 
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable
 from time import monotonic
 from typing import Self
@@ -12,7 +11,8 @@ import rerun as rr
 from noctule import rerun_paths
 from noctule_viewer.board import drawing, map_box
 from noctule_viewer.board.drawing import Entries
-from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout import MOST_TABS, Layout
+from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard, SiteState
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
@@ -20,9 +20,6 @@ from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
 _ALARMS_EVERY_S = 1.0
 _UNITS_EVERY_S = 3.0
 _SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
-_LAYOUT_EVERY_S = 10.0
-# A relay forgets no layout, and one of twenty units takes a megabyte.
-_MOST_LAYOUTS, _MOST_LAYOUTS_IN_S = 12, 6 * 3_600.0
 _FLUSH_TIMEOUT_S = 5.0
 _END_WITHIN_S = 0.5
 
@@ -37,9 +34,9 @@ class Board:
         self._health = UnitsHealth()
         self._box: MapBox | None = None
         self._layout: Layout | None = None
-        self._laid_out_s: deque[float] = deque(maxlen=_MOST_LAYOUTS)
+        self._budget = LayoutBudget()
         self._due_s: dict[str, float] = {}
-        self._on_sheets: dict[str, Health] = {}
+        self._sheets: dict[str, tuple[Health, float]] = {}  # by unit: the health on it, and when it is due again
         self._told = ""
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
@@ -86,41 +83,40 @@ class Board:
     def _draw(self, recording: rr.RecordingStream) -> None:
         heard = self._state.heard()
         units = self._health.of(heard)
+        with_tabs = units[:MOST_TABS]
         recording.set_time(rerun_paths.TIME, timestamp=heard.now_s)
         _log_entries(recording, drawing.draw_alarms(self._site, units, heard))
         self._at_most_every(_UNITS_EVERY_S, "units", lambda: _log_entries(recording, drawing.draw_units(units, heard)))
         self._at_most_every(
-            _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(units))
+            _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(with_tabs))
         )
-        for unit in units:
-            if self._is_news(unit):
-                _log_entries(recording, drawing.draw_sheet(unit, heard))
+        for unit in self._take_due_sheets(with_tabs):
+            _log_entries(recording, drawing.draw_sheet(unit, heard))
         self._lay_out(recording, units, heard)
 
     def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
         self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
         wanted = Layout(tuple(unit.unit for unit in units), self._box)
-        if wanted != self._layout and self._may_lay_out():
+        if wanted == self._layout:
+            return
+        if self._budget.take(for_units=self._layout is None or wanted.units != self._layout.units):
             self._layout = wanted
             recording.send_blueprint(wanted.blueprint(), make_active=True, make_default=True)
             if self._box is not None:
                 _log_entries(recording, drawing.draw_scale(self._box), static=True)
 
-    def _is_news(self, unit: UnitHealth) -> bool:
-        what = f"sheet {unit.unit}"
-        if self._on_sheets.get(unit.unit) is not unit.health:
-            self._on_sheets[unit.unit] = unit.health
-            self._due_s.pop(what, None)
-        return self._is_due(_SHEETS_EVERY_S, what)
-
-    def _may_lay_out(self) -> bool:
+    def _take_due_sheets(self, units: list[UnitHealth]) -> list[UnitHealth]:
+        """Those whose sheet is due, or whose health is another. They are noted as drawn, and other units forgotten."""
         now_s = monotonic()
-        if len(self._laid_out_s) == _MOST_LAYOUTS and now_s - self._laid_out_s[0] < _MOST_LAYOUTS_IN_S:
-            return False
-        if not self._is_due(_LAYOUT_EVERY_S, "layout"):
-            return False
-        self._laid_out_s.append(now_s)
-        return True
+        known = {unit.unit: self._sheets.get(unit.unit) for unit in units}
+        due = [
+            unit
+            for unit in units
+            if (last := known[unit.unit]) is None or last[0] is not unit.health or now_s >= last[1]
+        ]
+        drawn = {unit.unit: (unit.health, now_s + _SHEETS_EVERY_S) for unit in due}
+        self._sheets = {name: last for name, last in known.items() if last is not None} | drawn
+        return due
 
     def _at_most_every(self, interval_s: float, what: str, draw: Callable[[], None]) -> None:
         if self._is_due(interval_s, what):

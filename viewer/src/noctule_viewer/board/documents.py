@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from noctule.messages_pb2 import Contour, ServiceStatus
 from noctule_viewer.board.site_state import Heard
-from noctule_viewer.board.unit_health import Health, UnitHealth
+from noctule_viewer.board.unit_health import MOST_UNITS, Health, UnitHealth
 from noctule_viewer.board.words import age, counted, duration, hour, listed
 
 _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
@@ -29,6 +29,8 @@ def table(units: Sequence[UnitHealth], now_s: float) -> str:
     for unit in sorted(units, key=lambda each: order.index(each.health)):
         health = unit.words if unit.health is Health.WELL else f"**{unit.health.value.upper()}** {unit.words}"
         lines.append(f"| {unit.unit} | {_cell(health)} | {_since(unit, now_s)} | {_swept(unit, now_s)} |")
+    if len(units) == MOST_UNITS:
+        lines.append(f"| | No more than {MOST_UNITS} units are shown. | | |")
     return "\n".join(lines)
 
 

@@ -8,6 +8,7 @@ from noctule import rerun_paths
 from noctule_viewer import blueprint
 from noctule_viewer.board.map_box import MapBox
 
+MOST_TABS = 30  # a layout takes about 50 kB of the relay for each
 _SHOW_RAYS_OF = 4  # units; the rays of more hide the map, and each unit's own tab shows them
 
 
@@ -21,7 +22,8 @@ class Layout:
     def blueprint(self) -> rrb.Blueprint:
         """The layout for Rerun."""
         alarms = rrb.TextDocumentView(origin=f"/{rerun_paths.ALARMS}", name="Alarms", titlebar=False)
-        tabs = rrb.Tabs(self._site(), *map(self._unit, self.units), _figures(), active_tab=0)
+        of_units = map(self._unit, self.units[:MOST_TABS])
+        tabs = rrb.Tabs(self._site(), *of_units, _figures(), active_tab=0)
         return blueprint.arranged(rrb.Vertical(alarms, tabs, row_shares=[1, 7]))
 
     def _site(self) -> rrb.Horizontal:

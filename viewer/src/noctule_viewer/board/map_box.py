@@ -10,6 +10,7 @@ Point = tuple[float, float]
 
 _MARGIN = 0.12  # of the larger side
 _LEAST_MARGIN_M = 0.4
+_GROWS_BY = 0.5  # of the larger side: a survey that grows a hundredfold needs a dozen boxes
 _SHRINKS_BELOW = 0.4  # of a side
 _MOST_LINES = 12
 
@@ -47,10 +48,21 @@ def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | No
         return before
     xs, ys = zip(*points_m, strict=True)
     tight = MapBox(min(xs), min(ys), max(xs), max(ys))
-    if before is not None and before.holds(tight) and tight.side_m >= _SHRINKS_BELOW * before.side_m:
-        return before
+    if before is not None and tight.side_m >= _SHRINKS_BELOW * before.side_m:
+        return before if before.holds(tight) else _grown(before, tight)
     margin_m = max(_LEAST_MARGIN_M, _MARGIN * tight.side_m)
     return MapBox(tight.left_m - margin_m, tight.bottom_m - margin_m, tight.right_m + margin_m, tight.top_m + margin_m)
+
+
+def _grown(before: MapBox, tight: MapBox) -> MapBox:
+    """``before``, moved out beyond ``tight`` on the sides where that lies outside."""
+    more_m = _GROWS_BY * tight.side_m
+    return MapBox(
+        before.left_m if before.left_m <= tight.left_m else tight.left_m - more_m,
+        before.bottom_m if before.bottom_m <= tight.bottom_m else tight.bottom_m - more_m,
+        before.right_m if before.right_m >= tight.right_m else tight.right_m + more_m,
+        before.top_m if before.top_m >= tight.top_m else tight.top_m + more_m,
+    )
 
 
 def line_spacing_m(box: MapBox) -> float:

@@ -26,10 +26,6 @@ class Heard:
     contour: Contour | None = None
     own_trouble: str = ""  # of the viewer's own way over the bus
 
-    def names(self) -> list[str]:
-        """All units that have been heard of."""
-        return list({*self.alive, *(unit for unit, _ in self.units), *self.swept_s})
-
 
 class SiteState:
     """For several threads. ``now`` counts seconds evenly, ``utc`` is the time of day in seconds."""
@@ -50,7 +46,10 @@ class SiteState:
     def note_alive(self, unit: str, alive: bool) -> None:
         """A gateway serves ``unit``, or none does."""
         with self._lock:
-            (self._alive.add if alive and len(self._alive) < _MOST_UNITS else self._alive.discard)(unit)
+            if not alive:
+                self._alive.discard(unit)
+            elif len(self._alive) < _MOST_UNITS:
+                self._alive.add(unit)
 
     def note_unit(self, status: UnitStatus) -> None:
         """A status of a unit."""

@@ -11,6 +11,7 @@ from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.words import duration
 
 SILENT_AFTER_S = 10.0  # statuses come each second
+MOST_UNITS = 300  # strangers may name more; a table of so many takes 6 kB/s of the relay's history
 _NEEDS_ATTENTION = (
     UnitStatus.STATE_UNSPECIFIED,
     UnitStatus.STATE_WAITING,
@@ -46,12 +47,17 @@ class UnitsHealth:
         self._since: dict[str, tuple[Health, float | None]] = {}
 
     def of(self, heard: Heard) -> list[UnitHealth]:
-        """Every unit in the order of names, u2 before u10; a unit that two gateways serve as the worse one has it."""
+        """Every unit in the order of names, u2 before u10; a unit that two gateways serve as the worse one has it.
+
+        Of more than MOST_UNITS those that a gateway serves come first.
+        """
         rows = unit_list.rows(heard.alive, _statuses(heard), heard.services.values(), None)
         by_unit: dict[str, list[UnitRow]] = {}
         for row in rows:
             by_unit.setdefault(row.unit, []).append(row)
-        return [self._of(unit, by_unit[unit], heard) for unit in by_unit]
+        kept = set(sorted(by_unit, key=lambda unit: unit not in heard.alive)[:MOST_UNITS])
+        self._since = {unit: since for unit, since in self._since.items() if unit in kept}
+        return [self._of(unit, by_unit[unit], heard) for unit in by_unit if unit in kept]
 
     def _of(self, unit: str, rows: Sequence[UnitRow], heard: Heard) -> UnitHealth:
         found = [(*_judged(row, heard), row) for row in rows]
