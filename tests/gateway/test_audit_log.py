@@ -13,12 +13,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import zenoh
+from gateway.serving import FIXED, SITE, running, site_file
 from hypothesis import given
 from hypothesis import strategies as st
 from system.processes import wait_until
 from typer.testing import CliRunner
 
 from noctule.caller import Who
+from noctule.client import Client
 from noctule.messages_pb2 import CommandReply, CommandRequest
 from noctule_gateway.audit import allowance, audit_file, audit_log, lines
 from noctule_gateway.audit.allowance import (
@@ -304,17 +307,37 @@ def test_a_copy_of_a_running_gateways_log_ends_with_a_whole_line(copy: Path, tmp
     assert (look(out).sound, look(out).cut, look(out).trouble) == (12, 0, "")
 
 
-def test_where_it_can_not_be_written_the_command_is_carried_out_and_the_status_says_what_to_do(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("keeping", "what"), [(COMMANDS, "commands"), (REFUSALS, "refusals")])
+def test_where_it_can_not_be_written_the_command_is_carried_out_and_the_status_says_what_to_do(
+    tmp_path: Path, keeping: Keeping, what: str
+) -> None:
     folder = tmp_path / "data"
-    log = AuditLog(folder, {})
+    log = AuditLog(folder, {}, keeping)
     with pytest.raises(AuditError, match="No such file or directory"):
         log.append({"event": "given"}).result(10)
-    assert log.detail.startswith("commands are not recorded (") and "make room there" in log.detail
+    assert log.detail.startswith(f"{what} are not recorded (") and "make room there" in log.detail
     assert log.lost == 1
     folder.mkdir()
     log.append({"event": "given"}).result(10)
     assert (log.detail, log.recorded) == ("", 2)
     log.close()
+
+
+def test_the_status_of_a_gateway_tells_troubles_of_both_logs(tmp_path: Path, router: zenoh.Session) -> None:
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))
+    data = tmp_path / "data"
+    with running(path, data, router) as gateway, Client(SITE, session=router) as client:
+        for name in ("audit-1.jsonl", "refused-1.jsonl"):
+            (data / name).symlink_to(name)  # "Too many levels of symbolic links"
+        client.command("u1", "stop", CommandRequest(request_id="r1"), 60)
+        assert "used for another command" in client.command("u1", "home", CommandRequest(request_id="r1"), 60).error
+
+        def told() -> str:
+            gateway.report()
+            return gateway.summary
+
+        wait_until(lambda: "; refusals are not recorded (" in told(), "the refusals' trouble was not told", 60)
+        assert "; commands are not recorded (" in told()
 
 
 def test_a_line_that_a_full_disk_has_cut_short_is_taken_back(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ class AuditLog:
             self._waiting.put_nowait(entry)
         except queue.Full:
             full = "too much waits to be written"
-            self._settle([entry], AuditError(full), f"commands are not recorded: {full}")
+            self._settle([entry], AuditError(full), f"{self._keeping.records} are not recorded: {full}")
 
     def _tell_sum(self, by_s: float) -> None:
         """Record how many lines were only counted, if that is due ``by_s``."""
@@ -125,7 +125,12 @@ class AuditLog:
         self._thread.join(within_s)
         self._closed.set()
         if self._thread.is_alive():
-            _log.warning("the disk of %s hangs: the last commands may not be in the audit log", self._folder)
+            _log.warning(
+                "the disk of %s hangs: the last %s may not be in the %s",
+                self._folder,
+                self._keeping.records,
+                self._keeping.name,
+            )
 
     def _run(self) -> None:
         ending = False
@@ -152,7 +157,8 @@ class AuditLog:
         except OSError as failed:
             self._leave_file()
             error = AuditError(f"{self._folder}: {failed.strerror or failed}")
-            trouble = f"commands are not recorded ({error}): make room there, and see that it can be written to"
+            advice = "make room there, and see that it can be written to"
+            trouble = f"{self._keeping.records} are not recorded ({error}): {advice}"
         self._settle(batch, error, trouble)
 
     def _put(self, batch: list[Facts]) -> None:
@@ -180,7 +186,9 @@ class AuditLog:
             path, stat = present.pop(0)
             if time.time() - stat.st_mtime < KEPT_AT_LEAST_S and filled <= _CEILING:
                 return
-            _log.warning("%s is deleted to make room: copy the folder in time to keep what was commanded", path)
+            _log.warning(
+                "%s is deleted to make room: copy the folder in time to keep all %s", path, self._keeping.records
+            )
             path.unlink()
             total -= stat.st_size
 
@@ -194,7 +202,7 @@ class AuditLog:
                 while self._waited_for and self._waited_for[0][0] <= now_s:
                     overdue.append(self._waited_for.popleft()[1])
             if any(not entry.recorded.done() for entry in overdue):
-                self._settle(overdue, AuditError(late), f"commands are recorded late, if at all: {late}")
+                self._settle(overdue, AuditError(late), f"{self._keeping.records} are recorded late, if at all: {late}")
 
     def _settle(self, entries: Sequence[_Entry], error: AuditError | None, trouble: str) -> None:
         """End what still waits of ``entries``: with ``trouble`` in one step, because two threads do this."""
