@@ -23,6 +23,7 @@ from typer.testing import CliRunner
 from noctule.caller import Who
 from noctule.client import Client
 from noctule.messages_pb2 import CommandReply, CommandRequest
+from noctule_gateway import service
 from noctule_gateway.audit import allowance, audit_file, audit_log, lines
 from noctule_gateway.audit.allowance import (
     CALLERS,
@@ -43,12 +44,17 @@ from noctule_gateway.errors import AuditError
 ANNA = Who("operator.anna.g1", signed=True)
 
 
+def close(log: AuditLog) -> None:
+    log.end()
+    log.close(time.monotonic() + 60)
+
+
 def record(folder: Path, count: int, keeping: Keeping = COMMANDS) -> AuditLog:
     """What one run of a gateway records."""
     log = AuditLog(folder, {"site": "house"}, keeping)
     for number in range(count):
         log.append({"event": "given", "command": "stop", "request_id": f"r{number}"}).result(10)
-    log.close()
+    close(log)
     return log
 
 
@@ -181,7 +187,7 @@ def test_a_flood_is_summed_up_and_washes_out_nothing_that_was_recorded_before(tm
     for number in range(refusals):
         now_s = number * KEPT_AT_LEAST_S / refusals
         log.append({"event": "refused", "unit": "u1", "command": "home", "who": f"session {number % 2}"})
-    log.close()
+    close(log)
     assert log.lost == 0
     assert sum(sizes(tmp_path, "refused")) <= keeping.max_bytes
     recorded = facts(tmp_path, "refused")
@@ -200,7 +206,7 @@ def test_a_command_that_is_only_counted_is_carried_out_all_the_same(tmp_path: Pa
     reply.set_result(CommandReply(done=True))
     given = RecordedCommands(lambda *_: reply, log, "u1").carry_out("stop", CommandRequest(request_id="r1"), ANNA)
     assert given.result(10).done
-    log.close()
+    close(log)
     assert facts(tmp_path)[1]["kinds"] == [
         {"event": "given", "unit": "u1", "command": "stop", "who": "operator.anna.g1", "count": 1},
     ]
@@ -231,7 +237,7 @@ class Flooded:
             self.give(command, who)
 
     def end(self) -> list[lines.Facts]:
-        self._log.close(60.0)
+        close(self._log)
         return facts(self._folder)
 
 
@@ -320,7 +326,7 @@ def test_where_it_can_not_be_written_the_command_is_carried_out_and_the_status_s
     folder.mkdir()
     log.append({"event": "given"}).result(10)
     assert (log.detail, log.recorded) == ("", 2)
-    log.close()
+    close(log)
 
 
 def test_the_status_of_a_gateway_tells_troubles_of_both_logs(tmp_path: Path, router: zenoh.Session) -> None:
@@ -353,15 +359,21 @@ def test_a_line_that_a_full_disk_has_cut_short_is_taken_back(tmp_path: Path) -> 
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert (tmp_path / lines.file_name(1)).stat().st_size == size
     log.append({"event": "given"}).result(10)
-    log.close()
+    close(log)
     assert (look(tmp_path).sound, look(tmp_path).cut, look(tmp_path).trouble) == (4, 0, "")
 
 
 @pytest.fixture
 def hanging(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
-    """A disk that answers once the event is set."""
-    answers = threading.Event()
-    monkeypatch.setattr(audit_file.os, "fsync", lambda _: answers.wait(30))
+    """A disk that answers, where the logs are concerned, once the event is set."""
+    answers, fsync = threading.Event(), os.fsync
+
+    def hang(file: int) -> None:
+        if Path(f"/proc/self/fd/{file}").readlink().suffix == ".jsonl":
+            answers.wait(30)
+        fsync(file)
+
+    monkeypatch.setattr(audit_file.os, "fsync", hang)
     monkeypatch.setattr(audit_log, "WAIT_S", 0.05)
     yield answers
     answers.set()
@@ -382,9 +394,23 @@ def test_a_disk_that_hangs_holds_a_command_up_for_a_moment_only(tmp_path: Path, 
     assert (begun, log.lost) == (["stop"], 1)
     assert log.detail.startswith("commands are recorded late, if at all: the disk of")
     hanging.set()
-    log.close()
+    close(log)
     assert log.detail == ""
     assert [each["event"] for each in facts(tmp_path)] == ["file begun", "given", "done"]  # late, but there
+
+
+def test_a_gateway_ends_in_time_though_the_disk_of_both_logs_hangs(
+    tmp_path: Path, router: zenoh.Session, hanging: threading.Event, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))
+    with running(path, tmp_path / "data", router) as gateway, Client(SITE, session=router) as client:
+        client.command("u1", "stop", CommandRequest(request_id="r1"), 60)
+        client.command("u1", "home", CommandRequest(request_id="r1"), 60)  # refused
+        monkeypatch.setattr(service, "_CLOSED_WITHIN_S", 0.1, raising=False)
+        begun_s = time.monotonic()
+        gateway.close()
+        assert time.monotonic() - begun_s < 4.0  # one after the other, each log took 2 s
+        assert not hanging.is_set()
 
 
 def test_a_command_is_recorded_before_it_is_begun_with_who_gave_it_and_then_with_its_outcome(tmp_path: Path) -> None:
@@ -403,7 +429,7 @@ def test_a_command_is_recorded_before_it_is_begun_with_who_gave_it_and_then_with
     reply.set_result(CommandReply(request_id="r1", error="the image was not taken: it is not signed"))
     assert not given.result(10).done
     commands.carry_out("status", CommandRequest(request_id="r2"), ANNA)  # changes nothing
-    log.close()
+    close(log)
     begun, record_, outcome = facts(tmp_path)
     assert known_when_begun[:2] == [begun, record_]
     assert begun["site"] == "house"
@@ -437,7 +463,7 @@ def test_what_a_client_has_made_up_begins_no_line_of_the_programs_log(
             "stop", CommandRequest(request_id="r\nERROR too"), forged
         )
         assert given.result(10).done
-    log.close()
+    close(log)
     assert not any(line.startswith("ERROR") for line in caplog.text.splitlines())
     assert (look(tmp_path).sound, look(tmp_path).trouble) == (3, "")
 

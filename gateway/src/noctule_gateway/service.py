@@ -38,6 +38,7 @@ from noctule_gateway.update.admission import Admission
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
+_CLOSED_WITHIN_S = 3.5  # lines and audit logs; with Zenoh's session the gateway ends within 5 s
 _EPOCH_FILE = "clock-epoch.json"
 _LISTED = 10  # units that a status names; a site may have hundreds
 
@@ -183,12 +184,14 @@ class Gateway:
             self._watch.close()
         for served in self._served:
             served.server.stop()
-        by_s = time.monotonic() + _LINES_WITHIN_S
+        begun_s = time.monotonic()
         for served in self._served:
-            served.close(by_s)
+            served.close(begun_s + _LINES_WITHIN_S)
         self._readers.close()
-        self._audit.close()
-        self._refused.close()
+        for log in (self._audit, self._refused):
+            log.end()
+        for log in (self._audit, self._refused):
+            log.close(begun_s + _CLOSED_WITHIN_S)
         self._outbox.close()
         self._folder.close()
 

@@ -117,12 +117,15 @@ class AuditLog:
         """What is wrong, for the operator; empty if nothing is."""
         return self._trouble
 
-    def close(self, within_s: float = WAIT_S) -> None:
-        """Write what waits, and end; a disk that hangs is left behind."""
+    def end(self) -> None:
+        """Write what waits, and no more. Never waits: close() does."""
         self._tell_sum(by_s=inf)
         with suppress(queue.Full):
             self._waiting.put_nowait(None)
-        self._thread.join(within_s)
+
+    def close(self, by_s: float) -> None:
+        """Wait for the end after end(), until ``by_s`` (monotonic); a disk that hangs then is left behind."""
+        self._thread.join(max(0.0, by_s - monotonic()))
         self._closed.set()
         if self._thread.is_alive():
             _log.warning(
