@@ -38,7 +38,7 @@ from noctule_gateway.update.admission import Admission
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
-_CLOSED_WITHIN_S = 3.5  # lines and audit logs; with Zenoh's session the gateway ends within 5 s
+_CLOSED_WITHIN_S = 3.5  # lines and logs; with Zenoh's session the gateway ends within 5 s
 _EPOCH_FILE = "clock-epoch.json"
 _LISTED = 10  # units that a status names; a site may have hundreds
 
@@ -71,10 +71,6 @@ class _Served:
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock)
         self.server = UnitServer(self.kept, self._publish, self._report, admission)
-
-    def close(self, by_s: float) -> None:
-        self.server.join(by_s)
-        self.log.close()
 
     def _publish(self, record: bytes) -> None:
         if self.on_bus is not None:
@@ -186,11 +182,11 @@ class Gateway:
             served.server.stop()
         begun_s = time.monotonic()
         for served in self._served:
-            served.close(begun_s + _LINES_WITHIN_S)
+            served.server.join(begun_s + _LINES_WITHIN_S)
         self._readers.close()
         for log in (self._audit, self._refused):
             log.end()
-        for log in (self._audit, self._refused):
+        for log in (*(served.log for served in self._served), self._audit, self._refused):
             log.close(begun_s + _CLOSED_WITHIN_S)
         self._outbox.close()
         self._folder.close()
