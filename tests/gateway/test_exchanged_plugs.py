@@ -119,26 +119,23 @@ def test_a_commit_that_takes_long_is_not_acknowledged_to_a_unit_of_protocol_2_th
 
 
 @pytest.mark.parametrize("protocols", [(3, 3), (2, 2), (3, 2), (2, 3)])
+@pytest.mark.parametrize("hand_s", [VOUCHES_FOR_S, 1.8])
 def test_an_order_that_is_pending_when_plugs_are_exchanged_reaches_no_other_unit(
-    protocols: tuple[int, int],
+    protocols: tuple[int, int], hand_s: float
 ) -> None:
     units = [ModelUnit(serial, protocol=protocol) for serial, protocol in zip((SERIAL, OTHER), protocols, strict=True)]
     rigs = [Rig(unit, serial=unit.serial) for unit in units]
     random = Random(1)
-    for hand_s in (VOUCHES_FOR_S, 1.8):
-        for rig in rigs:
-            rig.run(random.uniform(1.0, 2.0))
-        orders = [
-            (rig, rig.link.order(frames.SetWaypoint(0, serial)))
-            for rig, serial in zip(rigs, (SERIAL, OTHER), strict=True)
-            if rig.link.identified
-        ]
-        for rig in rigs:
-            rig.cut(hand_s)
-        rigs[0].unit, rigs[1].unit = rigs[1].unit, rigs[0].unit
-        for rig in rigs:
-            rig.run(4.0)  # ORDER_ATTEMPTS
-        assert all(rig.settled(ticket) for rig, ticket in orders)
+    for rig in rigs:
+        rig.run(random.uniform(1.0, 2.0))
+    orders = [(rig, rig.link.order(frames.SetWaypoint(0, rig.unit.serial))) for rig in rigs if rig.link.identified]
+    assert len(orders) == 2
+    for rig in rigs:
+        rig.cut(hand_s)
+    rigs[0].unit, rigs[1].unit = rigs[1].unit, rigs[0].unit
+    for rig in rigs:
+        rig.run(4.0)  # ORDER_ATTEMPTS
+    assert all(rig.settled(ticket) for rig, ticket in orders)
     for unit in units:
         assert {order for order in unit.carried_out if isinstance(order, frames.SetWaypoint)} <= {
             frames.SetWaypoint(0, unit.serial)

@@ -4,13 +4,21 @@ import threading
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
+import zenoh
+from gateway.serving import FIXED, SITE, running, site_file
 
+from noctule import keys
 from noctule_gateway.bus import log_readers
 from noctule_gateway.bus.log_readers import LogReaders
 
 PATIENCE_S = 120.0
+
+
+def no_one_is_late() -> None:
+    raise AssertionError
 
 
 @pytest.fixture
@@ -23,10 +31,10 @@ def readers() -> Iterator[LogReaders]:
 def test_a_frozen_client_with_many_queries_holds_up_no_other(readers: LogReaders) -> None:
     """A frozen reader held both log readers for 12 s."""
     thaw, answered = threading.Event(), threading.Event()
-    frozen = [readers.submit("frozen", lambda: thaw.wait(PATIENCE_S)) for _ in range(10)]
+    frozen = [readers.submit("frozen", lambda: thaw.wait(PATIENCE_S), no_one_is_late) for _ in range(10)]
     try:
         assert all(frozen)
-        assert readers.submit("healthy", answered.set)
+        assert readers.submit("healthy", answered.set, no_one_is_late)
         assert answered.wait(PATIENCE_S / 4)
         assert not thaw.is_set()
     finally:
@@ -40,14 +48,16 @@ def test_what_floods_is_cut_off_and_named_until_it_has_stopped(readers: LogReade
         begun.set()
         thaw.wait(PATIENCE_S)
 
-    assert readers.submit("flood", first)
+    assert readers.submit("flood", first, no_one_is_late)
     assert begun.wait(PATIENCE_S)
-    taken = [readers.submit("flood", lambda number=number: order.append(number)) for number in range(1000)]
+    taken = [
+        readers.submit("flood", lambda number=number: order.append(number), no_one_is_late) for number in range(1000)
+    ]
     assert taken == [True] * log_readers.MAX_WAITING + [False] * (1000 - log_readers.MAX_WAITING)
     assert readers.refused == 936
     assert readers.cut_off() == "queries refused, over 64 of one client wait: flood (936)"
     thaw.set()
-    while not readers.submit("flood", last.set):
+    while not readers.submit("flood", last.set, no_one_is_late):
         pass
     assert last.wait(PATIENCE_S)
     assert order == list(range(log_readers.MAX_WAITING))
@@ -62,29 +72,39 @@ def test_queries_that_their_client_has_given_up_are_not_answered_before_those_th
         begun.set()
         thaw.wait(PATIENCE_S)
 
-    assert readers.submit("reader", first)
+    assert readers.submit("reader", first, no_one_is_late)
     assert begun.wait(PATIENCE_S)
-    assert readers.submit("reader", lambda: answered.append("given up"))
+    assert readers.submit("reader", lambda: answered.append("given up"), lambda: answered.append("late"))
     clock[0] = log_readers.STALE_AFTER_S
-    assert readers.submit("reader", lambda: answered.append("awaited"))
-    assert readers.submit("reader", last.set)
+    assert readers.submit("reader", lambda: answered.append("awaited"), no_one_is_late)
+    assert readers.submit("reader", last.set, no_one_is_late)
     thaw.set()
     assert last.wait(PATIENCE_S)
-    assert answered == ["awaited"]
+    assert answered == ["late", "awaited"]
     readers.close()
+
+
+def test_a_client_that_still_waits_is_told_to_ask_again_and_not_left_without_a_reply(
+    tmp_path: Path, router: zenoh.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log_readers, "STALE_AFTER_S", 0.0)  # every query has waited too long
+    with running(site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED)), tmp_path / "data", router):
+        (reply,) = router.get(keys.log(SITE, "u1"), timeout=60.0)
+    assert reply.err is not None
+    assert "ask again" in reply.err.payload.to_string()
 
 
 def test_clients_without_number_are_refused(readers: LogReaders) -> None:
     thaw = threading.Event()
-    taken = [readers.submit(f"c{number}", lambda: thaw.wait(PATIENCE_S)) for number in range(1000)]
+    taken = [readers.submit(f"c{number}", lambda: thaw.wait(PATIENCE_S), no_one_is_late) for number in range(1000)]
     thaw.set()
     assert sum(taken) == log_readers.MAX_CLIENTS
 
 
 def test_an_answer_that_fails_does_not_end_its_clients_turn(readers: LogReaders) -> None:
     answered = threading.Event()
-    readers.submit("one", lambda: 1 // 0)
-    readers.submit("one", answered.set)
+    readers.submit("one", lambda: 1 // 0, no_one_is_late)
+    readers.submit("one", answered.set, no_one_is_late)
     assert answered.wait(PATIENCE_S)
 
 
@@ -104,7 +124,7 @@ def test_a_client_that_asks_for_much_at_once_leaves_the_gateway_time_for_others(
             done.set()
 
     for _ in range(asked):
-        assert readers.submit("flood", answer)
+        assert readers.submit("flood", answer, no_one_is_late)
     begin.set()
     assert done.wait(PATIENCE_S)
     rests_s = [following - ended for (_, ended), (following, _) in pairwise(spans_s)]

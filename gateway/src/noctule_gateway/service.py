@@ -38,6 +38,7 @@ from noctule_gateway.update.admission import Admission
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
+_CLOSED_WITHIN_S = 3.5  # lines and logs; with Zenoh's session the gateway ends within 5 s
 _EPOCH_FILE = "clock-epoch.json"
 _LISTED = 10  # units that a status names; a site may have hundreds
 
@@ -70,10 +71,6 @@ class _Served:
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
         self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock)
         self.server = UnitServer(self.kept, self._publish, self._report, admission)
-
-    def close(self, by_s: float) -> None:
-        self.server.join(by_s)
-        self.log.close()
 
     def _publish(self, record: bytes) -> None:
         if self.on_bus is not None:
@@ -183,12 +180,14 @@ class Gateway:
             self._watch.close()
         for served in self._served:
             served.server.stop()
-        by_s = time.monotonic() + _LINES_WITHIN_S
+        begun_s = time.monotonic()
         for served in self._served:
-            served.close(by_s)
+            served.server.join(begun_s + _LINES_WITHIN_S)
         self._readers.close()
-        self._audit.close()
-        self._refused.close()
+        for log in (self._audit, self._refused):
+            log.end()
+        for log in (*(served.log for served in self._served), self._audit, self._refused):
+            log.close(begun_s + _CLOSED_WITHIN_S)
         self._outbox.close()
         self._folder.close()
 
@@ -217,7 +216,8 @@ class Gateway:
                         _listed("being updated", updating),
                         _listed("served late", late),
                         self._callers.detail if self._callers else "",
-                        self._audit.detail or self._refused.detail,
+                        self._audit.detail,
+                        self._refused.detail,
                         self._clock_watch.detail,
                         self._synchronisation.detail if self._site.clock == "utc" else "",
                         self._readers.cut_off(),
@@ -234,9 +234,11 @@ class Gateway:
                 "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
                 "messages_newer": self._newer.count,
                 "audit_lines": self._audit.recorded,
-                "audit_lines_late_or_lost": self._audit.lost + self._refused.lost,
+                "audit_lines_late_or_lost": self._audit.lost,
                 "audit_lines_summed_up": self._audit.summed_up,
                 "refused_lines": self._refused.recorded,
+                "refused_lines_late_or_lost": self._refused.lost,
+                "refused_lines_summed_up": self._refused.summed_up,
                 "clock_sets": self._clock_watch.sets,
                 **self._synchronisation.counters,
             },

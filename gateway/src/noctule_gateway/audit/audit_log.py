@@ -3,7 +3,6 @@
 A second thread, which never touches the disk, ends the wait of commands for one that hangs.
 """
 
-import json
 import logging
 import queue
 import threading
@@ -12,12 +11,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from math import inf
 from pathlib import Path
 from time import monotonic
 
-from noctule_gateway.audit.allowance import COMMANDS, KEPT_AT_LEAST_S, SUM_UP_EVERY_S, Allowance, Keeping, Sum
+from noctule_gateway.audit.allowance import COMMANDS, KEPT_AT_LEAST_S, Allowance, Budget, Keeping
 from noctule_gateway.audit.audit_file import AuditFile, begin_file, last_line
 from noctule_gateway.audit.lines import Facts, files
 from noctule_gateway.errors import AuditError
@@ -28,17 +28,27 @@ WAIT_S = 2.0  # for a disk that hangs; after that commands are carried out all t
 _LOOK_EVERY_S = 0.2
 _MAX_WAITING = 10_000
 _MAX_AT_ONCE = 256
-_BESIDE_FACTS_BYTES = 80  # number and hash of a line
 _CEILING = 2  # times the limits; not even files younger than KEPT_AT_LEAST_S are kept beyond
 
 _log = logging.getLogger(__name__)
+
+Recorded = Future[Budget | None]
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A line on its way: what pays for it, and who waits for it."""
+
+    line: Facts
+    payer: Budget | None
+    recorded: Recorded = field(default_factory=Recorded)
 
 
 class AuditLog:
     """Records what is commanded, or refused, in ``folder``. All methods but close() may be called from any thread.
 
     ``recorded`` counts the lines since the log's birth, those of deleted files too; ``lost`` counts what could not be
-    written in this run, or not within WAIT_S; ``summed_up`` counts what came too fast to be written line by line.
+    written in this run, or not within WAIT_S.
     ``whose`` stands in the first line of each file. ``now_s`` is a clock that never goes back.
     """
 
@@ -51,80 +61,79 @@ class AuditLog:
     ) -> None:
         self._folder, self._whose = folder, whose
         self._keeping, self._now_s = keeping, now_s
-        self._allowance = Allowance(keeping, now_s())
-        self._sum: Sum | None = None
+        self._allowance = Allowance(keeping, now_s)
         self.recorded, self._hash = last_line(folder, keeping.family)
-        self.lost = self.summed_up = 0
+        self.lost = 0
         self._trouble = ""
         self._file: AuditFile | None = None
         self._lock = threading.Lock()
-        self._waited_for: deque[tuple[float, Future[None]]] = deque()
-        self._waiting: queue.Queue[tuple[Facts, Future[None]] | None] = queue.Queue(_MAX_WAITING)
+        self._waited_for: deque[tuple[float, _Entry]] = deque()
+        self._waiting: queue.Queue[_Entry | None] = queue.Queue(_MAX_WAITING)
         self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
         self._thread.start()
         self._closed = threading.Event()
         threading.Thread(target=self._lose_patience, name="audit patience", daemon=True).start()
 
-    def append(self, facts: Facts) -> "Future[None]":
+    def append(self, facts: Facts, payer: Budget | None = None) -> "Future[Budget | None]":
         """Record ``facts`` and the time. Never waits; the result comes when they are on the disk.
 
         It is an AuditError where they can't be, or where that takes longer than WAIT_S. What comes too fast is only
-        counted, and its result comes at once.
+        counted, and its result comes at once: None. Else the result is what pays for the line, the ``payer`` of the
+        line that tells the outcome.
         """
-        line = {"time": datetime.now(UTC).isoformat(timespec="milliseconds")} | facts
-        future: Future[None] = Future()
         with self._lock:
-            if not self._allowance.takes(_size(line), self._now_s()):
-                self._sum_up(facts)
-                future.set_result(None)
-                return future
-            self._waited_for.append((monotonic() + WAIT_S, future))
-        self._put_in_queue(line, future)
-        return future
+            entry = self._entry(facts, self._allowance.admit(facts, payer))
+            if entry.payer is None:
+                entry.recorded.set_result(None)
+                return entry.recorded
+            self._waited_for.append((monotonic() + WAIT_S, entry))
+        self._put_in_queue(entry)
+        return entry.recorded
 
-    def _put_in_queue(self, line: Facts, future: "Future[None]") -> None:
+    def _entry(self, facts: Facts, payer: Budget | None) -> _Entry:
+        return _Entry({"time": datetime.now(UTC).isoformat(timespec="milliseconds")} | facts, payer)
+
+    def _put_in_queue(self, entry: _Entry) -> None:
         try:
-            self._waiting.put_nowait((line, future))
+            self._waiting.put_nowait(entry)
         except queue.Full:
             full = "too much waits to be written"
-            self._settle([future], AuditError(full), f"commands are not recorded: {full}")
-
-    def _sum_up(self, facts: Facts) -> None:
-        if self._sum is None:
-            self._sum = Sum(self._now_s() + SUM_UP_EVERY_S)
-            _log.warning(
-                "%s-*.jsonl in %s: more comes than can be kept, and is only counted for %g min",
-                self._keeping.family,
-                self._folder,
-                SUM_UP_EVERY_S / 60,
-            )
-        self._sum.add(facts)
-        self.summed_up += 1
+            self._settle([entry], AuditError(full), f"{self._keeping.records} are not recorded: {full}")
 
     def _tell_sum(self, by_s: float) -> None:
-        """Record how many lines were not written one by one, if that is due ``by_s``."""
+        """Record how many lines were only counted, if that is due ``by_s``."""
         with self._lock:
-            if self._sum is None or self._sum.due_s > by_s:
-                return
-            line = {"time": datetime.now(UTC).isoformat(timespec="milliseconds")} | self._sum.facts()
-            self._allowance.charge(_size(line), self._now_s())
-            self._sum = None
-        self._put_in_queue(line, Future())
+            told = self._allowance.take_sum(by_s)
+        if told is not None:
+            self._put_in_queue(self._entry(told, None))
+
+    @property
+    def summed_up(self) -> int:
+        """How many lines came too fast to be written one by one."""
+        return self._allowance.counted
 
     @property
     def detail(self) -> str:
         """What is wrong, for the operator; empty if nothing is."""
         return self._trouble
 
-    def close(self, within_s: float = WAIT_S) -> None:
-        """Write what waits, and end; a disk that hangs is left behind."""
+    def end(self) -> None:
+        """Write what waits, and no more. Never waits: close() does."""
         self._tell_sum(by_s=inf)
         with suppress(queue.Full):
             self._waiting.put_nowait(None)
-        self._thread.join(within_s)
+
+    def close(self, by_s: float) -> None:
+        """Wait for the end after end(), until ``by_s`` (monotonic); a disk that hangs then is left behind."""
+        self._thread.join(max(0.0, by_s - monotonic()))
         self._closed.set()
         if self._thread.is_alive():
-            _log.warning("the disk of %s hangs: the last commands may not be in the audit log", self._folder)
+            _log.warning(
+                "the disk of %s hangs: the last %s may not be in the %s",
+                self._folder,
+                self._keeping.records,
+                self._keeping.name,
+            )
 
     def _run(self) -> None:
         ending = False
@@ -142,17 +151,18 @@ class AuditLog:
             self._file.close()
             self._file = None
 
-    def _write(self, batch: list[tuple[Facts, "Future[None]"]]) -> None:
+    def _write(self, batch: list[_Entry]) -> None:
         if not batch:
             return
         error, trouble = None, ""
         try:
-            self._put([facts for facts, _ in batch])
+            self._put([entry.line for entry in batch])
         except OSError as failed:
             self._leave_file()
             error = AuditError(f"{self._folder}: {failed.strerror or failed}")
-            trouble = f"commands are not recorded ({error}): make room there, and see that it can be written to"
-        self._settle([future for _, future in batch], error, trouble)
+            advice = "make room there, and see that it can be written to"
+            trouble = f"{self._keeping.records} are not recorded ({error}): {advice}"
+        self._settle(batch, error, trouble)
 
     def _put(self, batch: list[Facts]) -> None:
         if self._file is not None and (
@@ -179,7 +189,9 @@ class AuditLog:
             path, stat = present.pop(0)
             if time.time() - stat.st_mtime < KEPT_AT_LEAST_S and filled <= _CEILING:
                 return
-            _log.warning("%s is deleted to make room: copy the folder in time to keep what was commanded", path)
+            _log.warning(
+                "%s is deleted to make room: copy the folder in time to keep all %s", path, self._keeping.records
+            )
             path.unlink()
             total -= stat.st_size
 
@@ -192,29 +204,26 @@ class AuditLog:
                 overdue = []
                 while self._waited_for and self._waited_for[0][0] <= now_s:
                     overdue.append(self._waited_for.popleft()[1])
-            if any(not future.done() for future in overdue):
-                self._settle(overdue, AuditError(late), f"commands are recorded late, if at all: {late}")
+            if any(not entry.recorded.done() for entry in overdue):
+                self._settle(overdue, AuditError(late), f"{self._keeping.records} are recorded late, if at all: {late}")
 
-    def _settle(self, futures: Sequence["Future[None]"], error: AuditError | None, trouble: str) -> None:
-        """End what still waits of ``futures``: with ``trouble`` in one step, because two threads do this."""
+    def _settle(self, entries: Sequence[_Entry], error: AuditError | None, trouble: str) -> None:
+        """End what still waits of ``entries``: with ``trouble`` in one step, because two threads do this."""
         with self._lock:
-            waiting = [future for future in futures if not (future.running() or future.done())]
-            for future in waiting:
-                future.set_running_or_notify_cancel()  # it is this thread's now; callbacks are called without the lock
+            waiting = [entry for entry in entries if not (entry.recorded.running() or entry.recorded.done())]
+            for entry in waiting:
+                # It is this thread's now; callbacks are called without the lock
+                entry.recorded.set_running_or_notify_cancel()
             self.lost += len(waiting) if error else 0
             if waiting or not trouble:
                 self._tell(trouble)
-        for future in waiting:
+        for entry in waiting:
             if error is None:
-                future.set_result(None)
+                entry.recorded.set_result(entry.payer)
             else:
-                future.set_exception(error)
+                entry.recorded.set_exception(error)
 
     def _tell(self, trouble: str) -> None:
         if trouble and trouble != self._trouble:
             _log.error("%s", trouble)
         self._trouble = trouble
-
-
-def _size(line: Facts) -> int:
-    return len(json.dumps(line, separators=(",", ":"))) + _BESIDE_FACTS_BYTES

@@ -8,7 +8,7 @@ from noctule_gateway.audit.allowance import COMMANDS, REFUSALS
 from noctule_gateway.errors import AuditError
 
 _MOST_NAMED = 20  # damaged places
-_NAMES = {COMMANDS.family: "audit log", REFUSALS.family: "log of refusals"}
+_NAMES = {keeping.family: keeping.name for keeping in (COMMANDS, REFUSALS)}
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,25 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from time import monotonic
 
 MAX_CLIENTS = 64  # that wait for answers at once
 MAX_WAITING = 64  # queries of one client
 CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
 REST = 4.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
-STALE_AFTER_S = 5.0  # a query that has waited so long is let go: its client has given up and asks again
+STALE_AFTER_S = 5.0  # a query that has waited so long is not answered: most clients have given up and ask again
 THREADS = 8
 LONGEST_NAME = 64
 
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Query:
+    since_s: float
+    answer: Callable[[], object]
+    say_late: Callable[[], object]
 
 
 class LogReaders:
@@ -29,22 +37,26 @@ class LogReaders:
         self.refused = 0
         self._now = now
         self._lock = threading.Lock()
-        # Of each client that is being answered, and since when
-        self._waiting: dict[str, deque[tuple[float, Callable[[], object]]]] = {}
+        # Of each client that is being answered
+        self._waiting: dict[str, deque[_Query]] = {}
         self._cut_off: dict[str, int] = {}  # the client's refused queries, as long as it has others waiting
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
-    def submit(self, client: str, answer: Callable[[], object]) -> bool:
-        """Have ``answer`` called soon; False where it is refused. From any thread, never waiting."""
-        client = client[:LONGEST_NAME]
+    def submit(self, client: str, answer: Callable[[], object], say_late: Callable[[], object]) -> bool:
+        """Have ``answer`` called soon; False where it is refused. From any thread, never waiting.
+
+        ``say_late`` is called instead after STALE_AFTER_S: a client that still waits must not think that nobody is
+        there.
+        """
+        client, query = client[:LONGEST_NAME], _Query(self._now(), answer, say_late)
         with self._lock:
             waiting = self._waiting.get(client)
             if waiting is not None and len(waiting) < MAX_WAITING:
-                waiting.append((self._now(), answer))
+                waiting.append(query)
                 return True
             if waiting is None and len(self._waiting) < MAX_CLIENTS:
-                self._waiting[client] = deque([(self._now(), answer)])
+                self._waiting[client] = deque([query])
                 self._threads.submit(self._answer_next, client)
                 return True
             self.refused += 1
@@ -69,11 +81,13 @@ class LogReaders:
 
     def _answer_next(self, client: str) -> None:
         with self._lock:
-            since_s, answer = self._waiting[client].popleft()
+            query = self._waiting[client].popleft()
         begun_s = self._now()
         try:
-            if begun_s - since_s < STALE_AFTER_S:
-                answer()
+            if begun_s - query.since_s < STALE_AFTER_S:
+                query.answer()
+            else:
+                query.say_late()
         except Exception:
             _log.exception("a query of client %s was not answered", client)
         with self._lock:

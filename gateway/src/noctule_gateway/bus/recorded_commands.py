@@ -9,7 +9,7 @@ from google.protobuf.json_format import MessageToDict
 
 from noctule.caller import Who
 from noctule.messages_pb2 import CommandReply, CommandRequest
-from noctule_gateway.audit.audit_log import AuditLog
+from noctule_gateway.audit.audit_log import AuditLog, Recorded
 from noctule_gateway.audit.lines import Facts
 
 Server = Callable[[str, CommandRequest], "Future[CommandReply]"]
@@ -22,7 +22,8 @@ _log = logging.getLogger(__name__)
 class RecordedCommands:
     """Hands commands to ``server``, the unit's, once they are in the audit log; what only asks is not recorded.
 
-    A command does not fail because it can't be recorded: a stop matters more. Then the program's log has it.
+    A command does not fail because it can't be recorded: a stop matters more. Then the program's log has it. Where too
+    many come, a command is only counted, and its outcome is not recorded either.
     """
 
     def __init__(self, server: Server, audit: AuditLog, unit: str) -> None:
@@ -37,12 +38,16 @@ class RecordedCommands:
         reply: Future[CommandReply] = Future()
         command = {"unit": self._unit, "command": name, "request_id": request.request_id}
 
-        def begin(_recorded: "Future[None]") -> None:
-            self._server(name, request).add_done_callback(end)
+        def begin(recorded: Recorded) -> None:
+            self._server(name, request).add_done_callback(lambda done: end(recorded, done))
 
-        def end(done: "Future[CommandReply]") -> None:
+        def end(recorded: Recorded, done: "Future[CommandReply]") -> None:
             result = done.result()
-            self._audit.append({"event": "done" if result.done else "failed"} | command | _outcome(result))
+            late = recorded.exception() is not None  # on a disk that hangs; it may be written yet
+            payer = None if late else recorded.result()
+            if late or payer is not None:
+                outcome = {"event": "done" if result.done else "failed"} | command | _outcome(result)
+                self._audit.append(outcome, payer)
             reply.set_result(result)
 
         given = {"event": "given", "who": who.name, "signed": who.signed} | command | _arguments(request)

@@ -15,7 +15,7 @@ from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Refused, Server
-from noctule_gateway.bus.log_readers import LONGEST_NAME, LogReaders
+from noctule_gateway.bus.log_readers import LONGEST_NAME, STALE_AFTER_S, LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.sweep_log import SweepLog
@@ -28,6 +28,7 @@ MAX_RECORDS = 500
 MAX_REPLY_BYTES = 2**20
 MAX_GAPS = 1000
 _LONGEST_REASON = 1000
+_TOO_LATE = f"the query waited longer than {STALE_AFTER_S:g} s in the gateway: ask again, one query at a time"
 
 
 class UnitOnBus:
@@ -95,7 +96,7 @@ class UnitOnBus:
 
     def _on_log_query(self, query: zenoh.Query) -> None:
         name = query.attachment.to_bytes()[:LONGEST_NAME].decode(errors="replace") if query.attachment else ""
-        if not self._readers.submit(name, lambda: self._answer_from_log(query)):
+        if not self._readers.submit(name, lambda: self._answer_from_log(query), lambda: _refuse(query, _TOO_LATE)):
             query.drop()  # an error reply might wait, on Zenoh's own thread
 
     def _answer_from_log(self, query: zenoh.Query) -> None:

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import TIMEOUT_MAX
 
 from noctule import elapsed
 from noctule.elapsed import Instant
@@ -96,14 +97,12 @@ class SweepLog:
         with self._reader, self._reporting_damage():
             return self._reading_file().last_of_boot(boot)
 
-    def close(self) -> None:
-        """Commit what waits and close the file."""
+    def close(self, by_s: float = TIMEOUT_MAX) -> None:
+        """Commit what waits and close the file, until ``by_s`` (monotonic): a disk that hangs then is left behind."""
         self._waiting.put(None)
-        self._thread.join()
-        self._stop_reading()
-        if self._writing is not None:
-            self._writing.close()
-            self._writing = None
+        self._thread.join(min(max(0.0, by_s - time.monotonic()), TIMEOUT_MAX))
+        if self._thread.is_alive():
+            _log.warning("%s: the disk hangs: units send again what is not committed", self._path)
 
     def _reading_file(self) -> LogReader:
         if self._reading is None:
@@ -129,6 +128,10 @@ class SweepLog:
             result = self._commit([arrival for arrival, _ in appends], *found[:1])
             for index, (_, done) in enumerate(appends):
                 done(result if isinstance(result, LogError) else result[index])
+        self._stop_reading()
+        if self._writing is not None:
+            self._writing.close()
+            self._writing = None
 
     def _gather(self) -> list[_Item]:
         """All that waits; nothing after a quiet while, so that age removes records from a quiet log too."""
