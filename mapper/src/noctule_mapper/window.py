@@ -134,11 +134,15 @@ class SweepWindow:
 
     def too_many(self) -> list[Identity]:
         """Take out what is too many."""
-        if self._held is None:
-            (self._held,) = self._database.execute("SELECT count(*) FROM sweep").fetchone()
-        if self._held <= self._window.max_sweeps:  # the statement would go over the whole window to find that out
+        if self._count() <= self._window.max_sweeps:  # the statement would go over the whole window to find that out
             return []
         return self._taken_out(_TOO_MANY, {"max_sweeps": self._window.max_sweeps})
+
+    def _count(self) -> int:
+        if self._held is None:
+            (count,) = self._database.execute("SELECT count(*) FROM sweep").fetchone()
+            self._held = int(count)
+        return self._held
 
     def _taken_out(self, statement: str, values: dict[str, Any]) -> list[Identity]:
         taken = self._database.execute(statement, values).fetchall()
