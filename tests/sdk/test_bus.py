@@ -1,5 +1,6 @@
 """Sessions, states and schemas on a real router."""
 
+import contextlib
 import socket
 import threading
 import traceback
@@ -10,6 +11,7 @@ import zenoh
 from google.protobuf import message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
+from sdk.conftest import Router
 
 from noctule import bus, bus_config, keys
 from noctule.errors import BusConfigError, BusError
@@ -191,3 +193,22 @@ def test_many_states_under_one_expression_take_no_thread_each_and_those_beyond_t
     assert asked("400_0") == [400]
     assert states.refused == 199
     states.close()
+
+
+def test_a_session_is_closed_though_another_thread_is_in_a_call_on_it(router: Router) -> None:
+    session = bus.open_session([router.endpoint])
+    ended = threading.Event()
+
+    def ask() -> None:
+        with contextlib.suppress(zenoh.ZError):
+            while not ended.is_set():
+                session.liveliness().get("noctule/**", timeout=0.1)
+
+    asking = [threading.Thread(target=ask) for _ in range(4)]
+    for each in asking:
+        each.start()
+    threading.Timer(0.5, ended.set).start()
+    bus.close(session)
+    for each in asking:
+        each.join()
+    assert session.is_closed()

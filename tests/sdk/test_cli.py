@@ -298,7 +298,8 @@ def test_record_goes_on_where_the_file_ends(site, noctule, tmp_path, name):
         while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < lines):
             time.sleep(0.02)  # a file tells nobody that it has grown
         process.send_signal(signal.SIGINT)
-        assert finish(process)[0] == 0
+        code, _, err = finish(process)
+        assert code == 0, err
         site.run(sweeps(2), None)
     assert [sweep.log_sequence for sweep in survey.read(out)] == [1, 2, 3, 4, 5]
 

@@ -1,7 +1,8 @@
 """The bus as Noctule uses it: sessions, states that a late joiner can ask for, and the messages' schemas."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -17,6 +18,7 @@ from noctule.errors import BusError
 __all__ = ["CONFIG_VARIABLE", "DEFAULT_ROUTER"]
 
 _ATTEMPT_EVERY_S = 1.0
+_CLOSED_WITHIN_S, _CLOSE_EVERY_S = 2.0, 0.01
 
 _log = logging.getLogger(__name__)
 
@@ -47,6 +49,31 @@ def open_session(
     if bus_config.is_router(config):
         return _open_router(config, identity)
     return _open_client(config, identity, patience_s, while_waiting)
+
+
+def close(session: zenoh.Session) -> None:
+    """Close a session. Zenoh refuses to while another thread is in a call on it, which this waits for.
+
+    Raises RuntimeError: such a call has not come to its end.
+    """
+    until_s = monotonic() + _CLOSED_WITHIN_S
+    while True:
+        try:
+            session.close()
+            return
+        except RuntimeError:  # Already borrowed
+            if monotonic() > until_s:
+                raise
+            sleep(_CLOSE_EVERY_S)
+
+
+@contextmanager
+def closing(session: zenoh.Session) -> Iterator[zenoh.Session]:
+    """The session, which is closed at the end, as close() does."""
+    try:
+        yield session
+    finally:
+        close(session)
 
 
 def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.Session:

@@ -65,8 +65,8 @@ class Presence:
     def _run(self) -> None:
         try:
             with (
-                bus.open_session(
-                    self._connect, tls_folder=self._tls_folder, while_waiting=self._end_where_closed
+                bus.closing(
+                    bus.open_session(self._connect, tls_folder=self._tls_folder, while_waiting=self._end_where_closed)
                 ) as session,
                 Client(self._site, session=session) as client,
             ):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import zenoh
 
+from noctule import awake
 from noctule.campaign.campaign import Candidate
 from noctule.client import Client
 from noctule.errors import BusError, NoctuleError, NotServedError
@@ -86,7 +87,7 @@ class UnitUpdates:
                 target=lambda unit=unit: done.put(self._update_one(unit, update)), name=f"update {unit}", daemon=True
             ).start()
         for _ in units:
-            yield done.get()
+            yield awake.get(done)
 
     def _update_one(self, unit: str, update: Update) -> Done:
         try:

@@ -1,5 +1,6 @@
 """How the commands join a site."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,12 +44,33 @@ def nothing_found(client: Client, tls_folder: Path | None) -> str:
 
 
 @contextmanager
-def joined(
-    site: str, connect: list[str], tls_folder: Path | None, patience_s: float | None = SHORT_PATIENCE_S
-) -> Iterator[Client]:
-    """A client of ``site``; None waits for a router for ever. Raises BusError."""
+def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[Client]:
+    """A client of ``site``. Raises BusError."""
     with (
-        bus.open_session(connect, patience_s=patience_s, tls_folder=tls_folder) as session,
+        bus.closing(bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls_folder)) as session,
         Client(site, session=session, tls_folder=tls_folder) as client,
     ):
         yield client
+
+
+@contextmanager
+def joined_until(
+    over: threading.Event, site: str, connect: list[str], tls_folder: Path | None
+) -> Iterator[Client | None]:
+    """A client of ``site``, however long its router is waited for; None where it is ``over`` before that."""
+    try:
+        session = bus.open_session(connect, tls_folder=tls_folder, while_waiting=lambda: _end_if(over))
+    except _OverError:
+        yield None
+        return
+    with bus.closing(session), Client(site, session=session, tls_folder=tls_folder) as client:
+        yield client
+
+
+class _OverError(Exception):
+    """It was over before a router answered."""
+
+
+def _end_if(over: threading.Event) -> None:
+    if over.is_set():
+        raise _OverError

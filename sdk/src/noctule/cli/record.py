@@ -1,13 +1,13 @@
 """The command that writes a site's sweeps to a file, all of them."""
 
-import threading
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined
+from noctule import awake
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined_until
 from noctule.log_follower import LogFollower
 from noctule.read_watch import ReadWatch
 from noctule.recording import JOURNAL_SUFFIX, Recording
@@ -34,13 +34,16 @@ def record(
 ) -> None:
     """Record every sweep of a site until Ctrl-C, through outages, from where the file ends."""
     with (
+        awake.told_to_end() as over,
         closing(Recording(out, site)) as recording,
-        suppress(KeyboardInterrupt),  # the way to end it
-        joined(site, connect, tls, patience_s=None) as client,
-        closing(ReadWatch(client, connect, tls)) as watch,
-        LogFollower(client, recording.append, recording.cursors),
+        joined_until(over, site, connect, tls) as client,
     ):
-        watch.begin()
-        threading.Event().wait()
+        if client is not None:
+            with (
+                closing(ReadWatch(client, connect, tls)) as watch,
+                LogFollower(client, recording.append, recording.cursors),
+            ):
+                watch.begin()
+                awake.wait(over)
     held = ", ".join(f"{unit} to {cursor.log_sequence}" for unit, cursor in sorted(recording.cursors.items()))
     typer.echo(f"{out} holds {held or 'no sweeps yet'}", err=True)

@@ -5,7 +5,6 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from datetime import UTC, datetime
 from json import dumps
 from pathlib import Path
@@ -17,8 +16,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from noctule import keys, poses, survey, unit_list
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, nothing_found
+from noctule import awake, keys, poses, survey, unit_list
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, joined_until, nothing_found
 from noctule.cli.replies import state
 from noctule.errors import BusError
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
@@ -65,22 +64,25 @@ def watch(
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {key, message, value}.")] = False,
 ) -> None:
     """Show sweeps, statuses and contours as they come, until Ctrl-C or until nobody reads them."""
-    over = threading.Event()
+    nobody_reads = threading.Event()
+    with awake.told_to_end() as over, joined_until(over, site, connect, tls) as client:
+        if client is None:
+            return
 
-    def show(key: str, message: Message) -> None:
-        try:
-            (_show_json if json else _show_line)(key, message)
-        except BrokenPipeError:
-            over.set()
+        def show(key: str, message: Message) -> None:
+            try:
+                (_show_json if json else _show_line)(key, message)
+            except BrokenPipeError:
+                nobody_reads.set()
+                over.set()
 
-    with suppress(KeyboardInterrupt), joined(site, connect, tls, patience_s=None) as client:
         if not client.units():
             typer.echo(f"nobody serves a unit of site {site!r} yet.{nothing_found(client, tls)}", err=True)
         client.on_sweep(lambda sweep: show(keys.sweep(site, sweep.unit), sweep))
         client.on_unit_status(lambda status: show(keys.unit_status(site, status.unit), status))
         client.on_contour(lambda contour: show(keys.contour(site), contour))
-        over.wait()
-    if over.is_set():
+        awake.wait(over)
+    if nobody_reads.is_set():
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python complains of the pipe as it ends
 
 
