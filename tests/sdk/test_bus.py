@@ -196,19 +196,19 @@ def test_many_states_under_one_expression_take_no_thread_each_and_those_beyond_t
 
 
 def test_a_session_is_closed_though_another_thread_is_in_a_call_on_it(router: Router) -> None:
-    session = bus.open_session([router.endpoint])
-    ended = threading.Event()
+    session, ended = bus.open_session([router.endpoint]), threading.Event()
 
-    def ask() -> None:
-        with contextlib.suppress(zenoh.ZError):
+    def put() -> None:
+        with contextlib.suppress(zenoh.ZError):  # it was closed
             while not ended.is_set():
-                session.liveliness().get("noctule/**", timeout=0.1)
+                session.put("noctule/x", b"x")
 
-    asking = [threading.Thread(target=ask) for _ in range(4)]
-    for each in asking:
-        each.start()
-    threading.Timer(0.5, ended.set).start()
-    bus.close(session)
-    for each in asking:
+    putting = [threading.Thread(target=put) for _ in range(4)]
+    with bus.closing(session):
+        for each in putting:
+            each.start()
+        ended.wait(0.1)
+    ended.set()
+    for each in putting:
         each.join()
     assert session.is_closed()

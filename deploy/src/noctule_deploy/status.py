@@ -61,7 +61,7 @@ def listen(fleet: Fleet, tls_folder: Path) -> Heard:
     with ThreadPoolExecutor() as pool:  # at once: what hangs lets each question run out of time
         answers = list(pool.map(partial(_answers, tls_folder), map(zenoh_config.endpoint, fleet.router)))
         routers = frozenset(each.name for each, answer in zip(fleet.router, answers, strict=True) if answer)
-        with bus.open_session(patience_s=_PATIENCE_S, tls_folder=tls_folder) as session:
+        with bus.closing(bus.open_session(patience_s=_PATIENCE_S, tls_folder=tls_folder)) as session:
 
             def of_site(site: str) -> list[ServiceStatus]:
                 with Client(site, session=session, tls_folder=tls_folder) as client:
@@ -116,7 +116,7 @@ def rows(fleet: Fleet, heard: Heard, expiries: Mapping[str, datetime], now: date
 
 def _answers(tls_folder: Path, endpoint: str) -> bool:
     try:
-        with bus.open_session([endpoint], patience_s=_PATIENCE_S, tls_folder=tls_folder):
+        with bus.closing(bus.open_session([endpoint], patience_s=_PATIENCE_S, tls_folder=tls_folder)):
             return True
     except BusError:
         return False

@@ -256,4 +256,4 @@ def _serve(site_file: Path, data: Path, name: str, retention: Retention, access:
         manager.stopping()
         gateway.close()
         if session is not None:
-            bus.close(session)
+            session.close()

@@ -35,4 +35,4 @@ def serve(listen: Sequence[str], connect: Sequence[str], tls_folder: Path | None
     finally:
         ending.begin()
         manager.stopping()
-        bus.close(session)
+        session.close()

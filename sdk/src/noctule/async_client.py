@@ -217,7 +217,7 @@ class AsyncClient:
         if self._client is not None:
             self._client.close()
         if self._session is not None:
-            bus.close(self._session)
+            self._session.close()
 
     def _close_what_came_too_late(self, opened: "Future[Client]") -> None:
         if opened.cancelled() or opened.exception() is not None:

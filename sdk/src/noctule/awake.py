@@ -1,7 +1,7 @@
 """How a command ends by Ctrl-C: between what it does, never in the midst of it.
 
-A KeyboardInterrupt in the midst of a declaration leaves Zenoh's objects borrowed, and a session that can't be closed.
-And a signal that comes just before the main thread falls asleep only ends its sleep if it wakes by itself, for Python
+A KeyboardInterrupt in the midst of a declaration leaves it half done, and threads on a session that is closed. And a
+signal that comes just before the main thread falls asleep only ends its sleep if it wakes by itself, for Python
 looks for signals then: so nothing that a person may interrupt sleeps for long.
 """
 

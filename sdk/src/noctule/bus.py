@@ -18,7 +18,6 @@ from noctule.errors import BusError
 __all__ = ["CONFIG_VARIABLE", "DEFAULT_ROUTER"]
 
 _ATTEMPT_EVERY_S = 1.0
-_CLOSED_WITHIN_S, _CLOSE_EVERY_S = 2.0, 0.01
 
 _log = logging.getLogger(__name__)
 
@@ -51,29 +50,13 @@ def open_session(
     return _open_client(config, identity, patience_s, while_waiting)
 
 
-def close(session: zenoh.Session) -> None:
-    """Close a session. Zenoh refuses to while another thread is in a call on it, which this waits for.
-
-    Raises RuntimeError: such a call has not come to its end.
-    """
-    until_s = monotonic() + _CLOSED_WITHIN_S
-    while True:
-        try:
-            session.close()
-            return
-        except RuntimeError:  # Already borrowed
-            if monotonic() > until_s:
-                raise
-            sleep(_CLOSE_EVERY_S)
-
-
 @contextmanager
 def closing(session: zenoh.Session) -> Iterator[zenoh.Session]:
-    """The session, which is closed at the end, as close() does."""
+    """The session, closed at the end. Zenoh's own ``with session`` fails while another thread is in a call on it."""
     try:
         yield session
     finally:
-        close(session)
+        session.close()
 
 
 def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.Session:

@@ -91,7 +91,7 @@ class Client:
         self._pose_publishers.clear()
         self._delivery.close()
         if self._owns_session:
-            bus.close(self.session)
+            self.session.close()
 
     def counters(self) -> dict[str, int]:
         """How many messages were ``delivered``, ``refused``, ``dropped`` (callbacks were slow) or ``failed`` in one.

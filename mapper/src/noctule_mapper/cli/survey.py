@@ -66,7 +66,7 @@ def _running(name: str, connect: list[str] | None, tls: Path | None) -> "Contour
     from noctule_mapper.calibration.unit_survey import UnitSurveyError
 
     with (
-        bus.open_session(connect or [], patience_s=2.0, tls_folder=tls) as session,
+        bus.closing(bus.open_session(connect or [], patience_s=2.0, tls_folder=tls)) as session,
         Client(name, session=session) as client,
     ):
         contour = client.contour()

@@ -81,7 +81,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         session = join(settings, stop, manager)
         if session is None:
             return
-        closing.callback(bus.close, session)
+        closing.callback(session.close)
         client = closing.enter_context(Client(settings.site, session=session))
         mapper = LiveMapper(settings, store, log, client)
         mapper.start()

@@ -48,7 +48,7 @@ def schema(
     tls: Tls = None,
 ) -> None:
     """Print the schemas that the bus gives out: the messages' names, or one message's fields."""
-    with bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls) as session:
+    with bus.closing(bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls)) as session:
         replies = [reply.ok for reply in session.get(keys.schema(message or keys.ANY)) if reply.ok is not None]
         if not replies:
             raise BusError(_no_schema(session, message))

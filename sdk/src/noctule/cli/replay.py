@@ -43,7 +43,7 @@ def replay(
     """Put a survey on the bus as if its units were sweeping now; stays until Ctrl-C."""
     with (
         suppress(KeyboardInterrupt),  # the way to end it
-        bus.open_session([] if listen else connect, listen or [], tls_folder=tls) as session,
+        bus.closing(bus.open_session([] if listen else connect, listen or [], tls_folder=tls)) as session,
         Client(site, session=session) as client,
     ):
         readers = replaying.Readers(client)
