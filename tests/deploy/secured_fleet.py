@@ -108,7 +108,7 @@ def running_routers(secured: SecuredFleet) -> Iterator[None]:
             started = closing.enter_context(programs(secured.file.parent))
             for number, name in enumerate(("one", "two")):
                 started.start(f"zenohd-{name}", zenohd, "-c", str(_with_files_here(secured, name)))
-                wait_until(lambda number=number: listens(secured.ports[number]), "zenohd does not listen", 20)
+                wait_until(lambda number=number: listens(secured.ports[number]), "zenohd does not listen")
                 started.check()
         else:
             for name in ("one", "two"):

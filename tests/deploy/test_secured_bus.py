@@ -51,7 +51,7 @@ def joined(secured: SecuredFleet) -> Iterator[dict[str, zenoh.Session]]:
         for name in ANSWERING:
             sessions[name].declare_queryable(FENCE, lambda query, name=name: query.reply(FENCE, name))
         for session in sessions.values():
-            wait_until(lambda session=session: answering(session) == ANSWERING, "the routers were not linked", 10.0)
+            wait_until(lambda session=session: answering(session) == ANSWERING, "the routers were not linked")
         yield sessions
 
 

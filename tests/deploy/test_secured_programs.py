@@ -158,7 +158,7 @@ def test_a_gateway_of_another_site_says_within_ten_seconds_that_nobody_reads_it(
     secured: SecuredFleet, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with gateway(tmp_path, secured.folder("gateway.barn.g1"), u1=NOBODY):
-        wait_until(lambda: "nobody reads" in caplog.text, "the gateway did not see it", 10)
+        wait_until(lambda: "nobody reads" in caplog.text, "the gateway did not see it")
         keys_told = "noctule/@v1/house/service/barn/status, noctule/@v1/house/unit/u1/status: the rules of the router"
         assert keys_told in caplog.text and "don't allow it to gateway.barn.g1" in caplog.text
         with secured.join("operator.anna.g1") as session, Client("house", session=session) as client:

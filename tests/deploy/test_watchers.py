@@ -46,7 +46,7 @@ def test_a_viewer_of_another_site_says_within_ten_seconds_that_nobody_reads_it(
             presence.put(ServiceStatus(role="viewer", counters={"put": time.monotonic_ns()}))
             return "nobody reads what is published on noctule/@v1/farm/service/screen/status" in caplog.text
 
-        wait_until(told, "the viewer did not see it", 10)
+        wait_until(told, "the viewer did not see it")
         assert "don't allow it to viewer.screen.g1. Either this certificate was revoked" in caplog.text
 
 
@@ -76,7 +76,7 @@ def reading(secured: SecuredFleet, name: str) -> Iterator[ReadWatch]:
 
 def test_a_reader_that_may_read_nothing_says_so_within_ten_seconds(secured: SecuredFleet) -> None:
     with unit_at(secured), reading(secured, "service.alarm.g1") as revoked:
-        wait_until(lambda: revoked.trouble, "the reader did not see it", 10)
+        wait_until(lambda: revoked.trouble, "the reader did not see it")
         assert revoked.trouble.startswith(
             "no unit of site 'house' is seen: either no gateway of it is up, or the rules"
         )

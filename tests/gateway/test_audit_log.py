@@ -342,7 +342,7 @@ def test_the_status_of_a_gateway_tells_troubles_of_both_logs(tmp_path: Path, rou
             gateway.report()
             return gateway.summary
 
-        wait_until(lambda: "; refusals are not recorded (" in told(), "the refusals' trouble was not told", 60)
+        wait_until(lambda: "; refusals are not recorded (" in told(), "the refusals' trouble was not told")
         assert "; commands are not recorded (" in told()
 
 
@@ -433,7 +433,7 @@ def test_a_command_is_recorded_before_it_is_begun_with_who_gave_it_and_then_with
     commands = RecordedCommands(unit, log, "u1")
     request = CommandRequest(request_id="r1", image=b":00000001FF\n", force=True)
     given = commands.carry_out("update", request, ANNA)
-    wait_until(lambda: known_when_begun, "the command was not begun", 10)
+    wait_until(lambda: known_when_begun, "the command was not begun")
     reply.set_result(CommandReply(request_id="r1", error="the image was not taken: it is not signed"))
     assert not given.result(10).done
     commands.carry_out("status", CommandRequest(request_id="r2"), ANNA)  # changes nothing

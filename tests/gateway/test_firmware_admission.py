@@ -80,7 +80,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Bench]:
         gateway.join(session)
         try:
             with Client("bench", session=session) as client:
-                wait_until(lambda: line.unit.carried_out, "the unit was not connected", 20)
+                wait_until(lambda: line.unit.carried_out, "the unit was not connected")
                 yield Bench(line, client)
         finally:
             gateway.close()
@@ -121,7 +121,7 @@ def test_every_image_that_the_rules_do_not_allow_is_refused_and_the_signed_one_i
             payload=CommandRequest(request_id="signed", image=SIGNED).SerializeToString(),
         )
         began = f"u1: its firmware is being updated to 0.9.0; signed by release ({KEY.id})"
-        wait_until(lambda: began in caplog.text, "the signed image was not sent", 10)
+        wait_until(lambda: began in caplog.text, "the signed image was not sent")
 
 
 @pytest.mark.parametrize("bench", [Admission()], indirect=True)
@@ -142,7 +142,7 @@ def test_without_keys_on_a_bus_of_this_host_alone_an_image_is_taken_and_the_log_
             payload=CommandRequest(request_id="unsigned", image=image(0, 9, 0)).SerializeToString(),
         )
         began = "u1: its firmware is being updated to 0.9.0; signatures are not checked, because there are no firmware"
-        wait_until(lambda: began in caplog.text, "the image was not sent", 10)
+        wait_until(lambda: began in caplog.text, "the image was not sent")
 
 
 @pytest.mark.parametrize(

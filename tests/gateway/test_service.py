@@ -43,7 +43,7 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
         got: list[Sweep] = []
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             client.on_sweep(got.append)
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             assert client.units() == {"u1"}
             assert unit_status(client, "u1").gateway_version == version("noctule-gateway")
             with line.lock:
@@ -73,8 +73,8 @@ def test_a_fixed_unit_is_given_the_fine_plan_and_a_tracked_one_keeps_its_own(
     with tcp_unit(ModelUnit(7, born_s=born_s)) as fixed, tcp_unit(ModelUnit(8, born_s=born_s)) as tracked:
         path = site_file(tmp_path, ("u1", 7, fixed.address, FIXED), ("u2", 8, tracked.address, 'pose = "key"'))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: connected(client, "u1") and connected(client, "u2"), "not all are connected", 20)
-            wait_until(lambda: fixed.unit.plan.count == 61, "the fixed unit has no fine plan", 20)
+            wait_until(lambda: connected(client, "u1") and connected(client, "u2"), "not all are connected")
+            wait_until(lambda: fixed.unit.plan.count == 61, "the fixed unit has no fine plan")
 
             def settings(unit: str) -> SweepPlan:
                 return client.command(unit, "settings", CommandRequest(request_id=unit), timeout_s=10).settings.plan
@@ -87,7 +87,7 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
     with tcp_unit(unit) as line:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
 
             def command(name: str, request: CommandRequest) -> CommandReply:
                 return client.command("u1", name, request, timeout_s=10)
@@ -149,7 +149,7 @@ def test_a_command_with_a_wildcard_is_refused_and_no_unit_obeys(
     with tcp_unit(unit) as line:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             request = CommandRequest(request_id="several").SerializeToString()
             (refusal,) = router.get(several, payload=request)
             assert refusal.err is not None and b"can't be part of a key" in refusal.err.payload.to_bytes()
@@ -170,14 +170,14 @@ def test_a_unit_in_its_loader_is_shown_and_served_again_when_its_firmware_runs(
     with tcp_unit(unit) as line:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: unit_status(client).state == UnitStatus.STATE_LOADER, "the loader was not shown", 20)
+            wait_until(lambda: unit_status(client).state == UnitStatus.STATE_LOADER, "the loader was not shown")
             assert "no sound firmware" in unit_status(client).detail
             refused = client.command("u1", "settings", CommandRequest(request_id="a"), timeout_s=10)
             assert "not connected" in refused.error
             with line.lock:
                 unit.in_loader = None
                 unit.reset(time.monotonic(), cause=0x08)  # WDTRSF: datasheet C8051F34x, chapter 11
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             assert "watchdog" in unit_status(client).reset_cause
     assert "u1 has started anew: its watchdog has bitten" in caplog.text
 
@@ -189,7 +189,7 @@ def test_the_log_answers_from_and_max_and_says_what_it_can_not_read(tmp_path: Pa
     with tcp_unit(unit) as line:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: unit_status(client).log_head == 10, "the sweeps were not logged", 20)
+            wait_until(lambda: unit_status(client).log_head == 10, "the sweeps were not logged")
             records = client.log("u1", 4, max=3)
             assert isinstance(records, LogRecords)
             assert [sweep.sequence for sweep in records.sweeps] == [4, 5, 6]
@@ -209,10 +209,10 @@ def test_a_moving_unit_takes_its_pose_from_the_key_and_says_when_there_is_none(
         got: list[Sweep] = []
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             client.on_sweep(got.append)
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             with line.lock:
                 unit.make_sweep(time.monotonic())
-            wait_until(lambda: "no pose" in unit_status(client).detail, "the missing pose was not shown", 20)
+            wait_until(lambda: "no pose" in unit_status(client).detail, "the missing pose was not shown")
             client.publish_pose("u1", Pose(x_m=4.0))
 
             def placed() -> bool:
@@ -220,8 +220,8 @@ def test_a_moving_unit_takes_its_pose_from_the_key_and_says_when_there_is_none(
                     unit.make_sweep(time.monotonic())
                 return any(sweep.HasField("pose") for sweep in got)
 
-            wait_until(placed, "no sweep got the pose", 20)
-            wait_until(lambda: not unit_status(client).detail, "the trouble was not taken back", 20)
+            wait_until(placed, "no sweep got the pose")
+            wait_until(lambda: not unit_status(client).detail, "the trouble was not taken back")
         assert not got[0].HasField("pose")
         assert got[-1].pose.x_m == 4.0
 
@@ -244,7 +244,7 @@ def test_a_command_and_a_pose_with_fields_of_a_newer_version_are_taken_without_t
                 status.counters["messages_newer"] for status in gateway.statuses() if isinstance(status, ServiceStatus)
             )
 
-        wait_until(lambda: counted() == 2, "they are not counted", 20)
+        wait_until(lambda: counted() == 2, "they are not counted")
 
 
 def test_a_stopped_gateway_leaves_its_units_as_disconnected(tmp_path: Path, router: zenoh.Session) -> None:
@@ -256,8 +256,8 @@ def test_a_stopped_gateway_leaves_its_units_as_disconnected(tmp_path: Path, rout
             client.on_service_status(services.append)
             client.on_unit_status(statuses.append)
             with running(path, tmp_path, router):
-                wait_until(lambda: connected(client), "the unit was not connected", 20)
-            wait_until(lambda: statuses and "stopped" in statuses[-1].detail, "the last status did not come", 20)
+                wait_until(lambda: connected(client), "the unit was not connected")
+            wait_until(lambda: statuses and "stopped" in statuses[-1].detail, "the last status did not come")
         assert statuses[-1].state == UnitStatus.STATE_DISCONNECTED
         assert services[0].role == "gateway"
 
@@ -278,10 +278,10 @@ def test_killed_and_started_again_it_loses_no_sweep_and_doubles_none(tmp_path: P
             started.kill("gateway")
         started.start("gateway", *command, *listen)
         with Client(SITE, connect=[f"tcp/127.0.0.1:{port}"]) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 30)
+            wait_until(lambda: connected(client), "the unit was not connected")
             client.command("u1", "stop", CommandRequest(request_id="last"), timeout_s=10)
-            wait_until(lambda: not unit.ring, "the ring was not emptied", 30)
-            wait_until(lambda: unit_status(client).log_head >= len(unit.made), "the log is short", 10)
+            wait_until(lambda: not unit.ring, "the ring was not emptied")
+            wait_until(lambda: unit_status(client).log_head >= len(unit.made), "the log is short")
             held = held_sweeps(client)
         assert started.end("gateway") == 0
     assert [sweep.log_sequence for sweep in held] == list(range(1, len(held) + 1))
@@ -303,9 +303,9 @@ def test_units_are_served_before_any_router_answers(tmp_path: Path) -> None:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         endpoint = f"tcp/127.0.0.1:{port}"
         started.start("gateway", "noctule-gateway", "run", str(path), "--data", str(tmp_path), "--connect", endpoint)
-        wait_until(lambda: not unit.ring, "the sweep was not acknowledged", 30)
+        wait_until(lambda: not unit.ring, "the sweep was not acknowledged")
         with bus.open_session(listen=[endpoint]) as router, Client(SITE, session=router) as client:
-            wait_until(lambda: unit_status(client).log_head == 1, "the unit did not come to the bus", 30)
+            wait_until(lambda: unit_status(client).log_head == 1, "the unit did not come to the bus")
             assert started.end("gateway") == 0
 
 
@@ -325,7 +325,7 @@ def test_a_gateway_says_as_long_as_no_router_has_answered(tmp_path: Path, router
 def test_a_gateway_that_can_not_begin_says_why_and_ends(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("gateway", "noctule-gateway", "run", str(tmp_path / "none.toml"), "--data", str(tmp_path))
-        wait_until(lambda: "none.toml can't be read" in started.log("gateway"), "no reason was given", 30)
+        wait_until(lambda: "none.toml can't be read" in started.log("gateway"), "no reason was given")
 
 
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGSTOP])
@@ -345,7 +345,7 @@ def test_the_ghosts_of_a_gateway_that_is_killed_or_hangs_are_gone_within_the_lea
     ):
         command = ("noctule-gateway", "run", str(path), "--data", str(tmp_path / "data"), "--connect", endpoint)
         started.start("gateway", *command, env={bus.CONFIG_VARIABLE: str(config)})
-        wait_until(lambda: client.units() and client.unit_statuses(), "the unit did not come", 30)
+        wait_until(lambda: client.units() and client.unit_statuses(), "the unit did not come")
         os.kill(started.pid("gateway"), stop)
         wait_until(lambda: not client.units(), "the unit is still shown", lease_s + 1.0)
         assert client.unit_statuses() == []
@@ -360,19 +360,19 @@ def test_sweeps_of_a_unit_whose_log_was_deleted_wait_in_it_until_they_are_in_a_n
         endpoint = f"tcp/127.0.0.1:{port}"
         started.start("gateway", "noctule-gateway", "run", str(path), "--data", str(data), "--listen", endpoint)
         with Client(SITE, connect=[endpoint]) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 30)
+            wait_until(lambda: connected(client), "the unit was not connected")
             with line.lock:
                 unit.make_sweep(time.monotonic())
-            wait_until(lambda: not unit.ring, "the sweep was not acknowledged", 20)
+            wait_until(lambda: not unit.ring, "the sweep was not acknowledged")
             shutil.rmtree(data)
             with line.lock:
                 lost = unit.make_sweep(time.monotonic())
-            wait_until(lambda: "see that the folder is there" in unit_status(client).detail, "it is not told", 20)
+            wait_until(lambda: "see that the folder is there" in unit_status(client).detail, "it is not told")
             assert unit.ring
             data.mkdir()
-            wait_until(lambda: not unit.ring, "the sweep was not logged in the end", 20)
+            wait_until(lambda: not unit.ring, "the sweep was not logged in the end")
             (held,) = held_sweeps(client)
             assert held.sequence == lost.sequence
-            wait_until(lambda: (data / FILE_NAME).exists(), "the new folder is not held", 20)
+            wait_until(lambda: (data / FILE_NAME).exists(), "the new folder is not held")
         assert "was moved, deleted or replaced" in started.log("gateway")
         assert started.end("gateway") == 0

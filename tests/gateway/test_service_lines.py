@@ -28,7 +28,7 @@ def test_a_wrong_unit_is_shown_and_nothing_of_it_is_taken(tmp_path: Path, router
     with tcp_unit(unit) as line:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: "unit 8 answers" in unit_status(client).detail, "the wrong unit was not shown", 20)
+            wait_until(lambda: "unit 8 answers" in unit_status(client).detail, "the wrong unit was not shown")
             status = unit_status(client)
         assert status.state == UnitStatus.STATE_DISCONNECTED
         assert status.log_head == 0
@@ -89,10 +89,10 @@ def test_a_connection_that_has_gone_mute_is_opened_again_though_it_was_never_clo
     with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             line.mute()
-            wait_until(lambda: not connected(client), "its silence was not seen", 20)
-            wait_until(lambda: connected(client), "the mute connection was kept", 30)
+            wait_until(lambda: not connected(client), "its silence was not seen")
+            wait_until(lambda: connected(client), "the mute connection was kept")
             assert line.connections == 2
 
 
@@ -105,10 +105,10 @@ def test_a_unit_that_is_not_there_is_shown_and_served_as_soon_as_it_is(tmp_path:
             ("u2", 8, f"socket://127.0.0.1:{closed_port}", FIXED),
         )
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             line.cut()
-            wait_until(lambda: line.connections == 2, "the line was not opened again", 20)
-            wait_until(lambda: connected(client), "the unit was not connected again", 20)
+            wait_until(lambda: line.connections == 2, "the line was not opened again")
+            wait_until(lambda: connected(client), "the unit was not connected again")
             assert unit_status(client, "u2").state == UnitStatus.STATE_DISCONNECTED
             assert "can't open" in unit_status(client, "u2").detail
 
@@ -120,16 +120,16 @@ def test_a_status_says_since_when_a_unit_has_answered_and_since_when_it_has_not(
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         begun_s = time.time()
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
-            wait_until(lambda: connected(client), "the unit was not connected", 20)
+            wait_until(lambda: connected(client), "the unit was not connected")
             connected_s = time.time()
             up_s = unit_status(client).since.ToMilliseconds() / 1000
             assert begun_s - 0.001 <= up_s <= connected_s
             line.close()
-            wait_until(lambda: not connected(client), "the unit is still shown", 20)
+            wait_until(lambda: not connected(client), "the unit is still shown")
             down_s = unit_status(client).since.ToMilliseconds() / 1000
             assert connected_s - 0.001 <= down_s <= time.time()
             reported = unit_status(client).time
-            wait_until(lambda: unit_status(client).time != reported, "no further status", 20)
+            wait_until(lambda: unit_status(client).time != reported, "no further status")
             assert unit_status(client).since.ToMilliseconds() / 1000 == pytest.approx(down_s, abs=0.1)
 
 
@@ -146,11 +146,11 @@ def test_a_server_that_sends_no_rfc2217_is_its_units_trouble_and_the_other_units
         endpoint = f"tcp/127.0.0.1:{port}"
         started.start("gateway", "noctule-gateway", "run", str(path), "--data", str(tmp_path), "--listen", endpoint)
         with Client(SITE, connect=[endpoint]) as client:
-            wait_until(lambda: connected(client), "the sound unit was not connected", 30)
-            wait_until(lambda: "not RFC 2217" in unit_status(client, "u2").detail, "the trouble is not told", 30)
+            wait_until(lambda: connected(client), "the sound unit was not connected")
+            wait_until(lambda: "not RFC 2217" in unit_status(client, "u2").detail, "the trouble is not told")
             with line.lock:
                 unit.make_sweep(time.monotonic())
-            wait_until(lambda: not unit.ring, "the sound unit is not served", 20)
+            wait_until(lambda: not unit.ring, "the sound unit is not served")
         assert started.end("gateway") == 0
 
 
@@ -170,4 +170,4 @@ def test_two_gateways_on_one_unit_both_say_so_until_one_is_gone(tmp_path: Path) 
         with running(path, tmp_path / "second", joined) as second:
             for gateway in (first, second):
                 wait_until(lambda: details(gateway).startswith(told), "no alarm", 20)  # noqa: B023
-        wait_until(lambda: told not in details(first), "the alarm stays", 20)
+        wait_until(lambda: told not in details(first), "the alarm stays")

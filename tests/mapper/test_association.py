@@ -44,7 +44,7 @@ def test_the_farther_of_two_makers_leaves_the_nearer_its_echo() -> None:
 
 
 def test_an_echo_that_is_seldom_of_nothing_is_worth_more_to_its_maker() -> None:
-    # One of twenty such echoes is of nothing that is known: whoever explains it gains log(20) nats more.
+    # One of twenty such echoes is of nothing that is known: an object that explains it gains log(20) nats more.
     data = evidence_of([(0.0, 0.0, 0.0, 1.0)])
     agreed = replace(data, lone_nats=np.log([0.05]))
     assert data.gain(np.zeros(1)) == pytest.approx([MOST_GAIN_NATS])

@@ -170,10 +170,10 @@ def test_mapping_goes_on_when_the_relay_dies_and_ends_without_waiting_for_it(sit
         site.start_mapper(rerun=far_end.url)
         site.play(survey[:6])
         site.contour_of(6)
-        wait_until(lambda: "drawing on the Rerun relay" in site.running.log("mapper"), "no relay is drawn on", 20)
+        wait_until(lambda: "drawing on the Rerun relay" in site.running.log("mapper"), "no relay is drawn on")
     site.play(survey[6:])
     site.contour_of(12)
-    wait_until(lambda: "went away" in site.running.log("mapper"), "the relay is not missed", 20)
+    wait_until(lambda: "went away" in site.running.log("mapper"), "the relay is not missed")
     assert site.running.end("mapper") == 0
 
 
@@ -184,7 +184,7 @@ def test_a_mapper_ends_though_its_relay_does_not_take_what_it_draws(site: LiveSi
         site.start_mapper(rerun=far_end.url)
         site.play(survey[:6])
         site.contour_of(6)
-        wait_until(lambda: "drawing on the Rerun relay" in site.running.log("mapper"), "no relay is drawn on", 20)
+        wait_until(lambda: "drawing on the Rerun relay" in site.running.log("mapper"), "no relay is drawn on")
         far_end.freeze()
         for first in range(6, 44, 4):
             site.play(survey[first : first + 4])
@@ -203,7 +203,7 @@ def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSi
 def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: LiveSite, tmp_path: Path) -> None:
     (tmp_path / f"{SITE}.sqlite3").mkdir()
     site.start_mapper()
-    wait_until(lambda: "can't be used as the mapper's store" in site.running.log("mapper"), "nothing is said", 20)
+    wait_until(lambda: "can't be used as the mapper's store" in site.running.log("mapper"), "nothing is said")
     assert "Traceback" not in site.running.log("mapper")
     assert site.running.end("mapper") == 1
 

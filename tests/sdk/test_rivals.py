@@ -33,7 +33,7 @@ class Service:
 @pytest.mark.parametrize("name", ["m1", "m2"])
 def test_two_mappers_see_each_other_whatever_their_names_are_until_one_is_silent(sessions, name) -> None:
     first, second = Service(sessions[0], "m1"), Service(sessions[1], name)
-    wait_until(lambda: (second.rivals(), first.rivals()) == (["m1"], [name]), "they don't see each other", 10)
+    wait_until(lambda: (second.rivals(), first.rivals()) == (["m1"], [name]), "they don't see each other")
     first.now_s += GONE_AFTER_S
     assert first.rivals() == [name]
 
@@ -41,10 +41,10 @@ def test_two_mappers_see_each_other_whatever_their_names_are_until_one_is_silent
         first.now_s += GONE_AFTER_S + 0.1  # what was on its way counted as heard at the last look
         return first.rivals() == []
 
-    wait_until(is_gone, "the one that is silent still counts", 10)
+    wait_until(is_gone, "the one that is silent still counts")
 
 
 def test_neither_its_own_state_nor_that_of_another_kind_of_service_is_a_rivals(sessions) -> None:
     first, second = Service(sessions[0], "m1"), Service(sessions[1], "g1", role="gateway")
-    wait_until(lambda: (first.rivals(), second.rivals()) == ([], ["m1"]), "the mapper is not seen", 10)
+    wait_until(lambda: (first.rivals(), second.rivals()) == ([], ["m1"]), "the mapper is not seen")
     assert first.rivals() == []

@@ -1,6 +1,6 @@
-"""How a command ends by Ctrl-C: between what it does, never in the midst of it.
+"""How a command ends by Ctrl-C: between two things that it does, never within one.
 
-A KeyboardInterrupt in the midst of a declaration leaves it half done, and threads on a session that is closed. And a
+A KeyboardInterrupt within a declaration leaves it half done, and threads on a session that is closed. And a
 signal that comes just before the main thread falls asleep only ends its sleep if it wakes by itself, for Python
 looks for signals then: so nothing that a person may interrupt sleeps for long.
 """

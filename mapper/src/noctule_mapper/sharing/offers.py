@@ -15,7 +15,7 @@ from noctule.errors import KeyFormatError
 from noctule_mapper.sharing.errors import SharingError
 
 SETTLED_AFTER_S = 1.0  # since one came: others may come with it, and each takes sites
-# Since one went. All its tokens go in one moment, and whoever goes next takes no site from those that stay.
+# Since one went. All its tokens go in one moment, and a mapper that goes next takes no site from those that stay.
 GONE_AFTER_S = 0.2
 GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off; of an earlier version, with Zenoh's lease of 10 s, too
 _ASK_AGAIN_S = 0.5

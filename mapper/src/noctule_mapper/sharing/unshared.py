@@ -9,7 +9,7 @@ _log = logging.getLogger(__name__)
 
 
 class UnsharedSites:
-    """What the operator is told of them, for the status; the log says it once a change. For one thread."""
+    """What the status says of them; the log says it once a change. For one thread."""
 
     def __init__(self) -> None:
         self.detail = ""  # empty while every mapper shares every site

@@ -10,7 +10,7 @@ from noctule.messages_pb2 import Calibration, CommandReply, UnitSettings, UnitSt
 DONE = {
     "stop": "told to stop",
     "single": "makes one sweep",
-    "start": "sweeps until it is told to stop",
+    "start": "sweeps until stopped",
     "home": "looks for home",
     "go_to": "turns",
     "set_waypoint": "knows its waypoint",
