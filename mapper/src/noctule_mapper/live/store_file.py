@@ -140,7 +140,8 @@ def _version(database: sqlite3.Connection, path: Path) -> int:
     made = _version_of_tables(database, tables)
     if version == made:
         return version
-    if made:
+    later = version > VERSION and not tables <= set(_TABLES)  # and not a flipped bit in the number
+    if made and not later:
         raise sqlite3.DatabaseError(f"its format is {version}, and its tables are those of {made}")
     raise StoreError(
         f"{path} has format {version}, this mapper reads {VERSION}: stop the mapper, move the whole folder "
