@@ -14,6 +14,7 @@ from noctule.messages_pb2 import Contour
 pytestmark = pytest.mark.skipif(bool(namespaces.why_not()), reason=namespaces.why_not())
 
 GATEWAY, MAPPER, FAR_ROUTER = "noctule-gateway-attic", "noctule-mapper-cartographer", "noctule-router-one"
+LACK = "no router answers"
 PROGRAMS = ("router.one", "router.two", "gateway.attic", "mapper.cartographer")
 PAPER_CORNER_ERROR_M = 0.0325  # Liu et al. 2019, Table II
 
@@ -34,6 +35,8 @@ def test_hosts_that_start_before_their_network_and_lose_it_again_lose_no_sweep_a
         all_is_stored(hosts)
         well = dict.fromkeys(PROGRAMS, "well")
         hosts.wait_until(lambda: hosts.states() == well, "not all are well", every_s=1.0)
+        for router in (ADDRESSES["hub-1"], f"hub-2.{DOMAIN}"):
+            hosts.wait_until(lambda router=router: sees_the_unit(hosts, router), f"{router} does not know the unit")
         contour = hosts.wait_until(lambda: of_all_sweeps(hosts), "no map rests on all sweeps", every_s=1.0)
         assert set(hosts.shut_down().values()) == {0}
 
@@ -56,7 +59,7 @@ def start_without_network(hosts: SeveralHosts) -> None:
         if host != DESK:
             hosts.boot(host)
     for service in (GATEWAY, MAPPER, FAR_ROUTER):
-        word = "does not have the address" if service == FAR_ROUTER else "no router answers"
+        word = "does not have the address" if service == FAR_ROUTER else LACK
         hosts.wait_until(lambda service=service, word=word: word in hosts.log(service), f"{service} notes no lack")
     for host in ADDRESSES:
         hosts.network.plug(host)
@@ -103,8 +106,10 @@ def lose_packets(hosts: SeveralHosts) -> None:
 
 def cut_the_power_of_the_gateway(hosts: SeveralHosts) -> None:
     """The serial line's other end and the routers still hold the connections of before."""
+    noted = hosts.log(GATEWAY).count(LACK)
     hosts.cut_power("attic-pi")
     hosts.boot("attic-pi")
+    hosts.wait_until(lambda: hosts.log(GATEWAY).count(LACK) > noted, "the gateway notes no lack of a network")
     hosts.network.plug("attic-pi")
     another_sweep(hosts)
     all_is_stored(hosts)
@@ -133,6 +138,12 @@ def all_is_stored(hosts: SeveralHosts) -> None:
     """Wait until the mapper has all that the gateway has logged by now."""
     logged = set(hosts.logged())
     hosts.wait_until(lambda: logged <= set(hosts.stored()), "the mapper does not get what is logged")
+
+
+def sees_the_unit(hosts: SeveralHosts, router: str) -> bool:
+    """Whether the operator sees the unit through this router; the gateway is joined to one of the two."""
+    seen = hosts.typed("noctule", "units", SITE, "--connect", f"tls/{router}:7447")
+    return seen.returncode == 0 and "u1" in seen.stdout and "not served" not in seen.stdout
 
 
 def of_all_sweeps(hosts: SeveralHosts) -> Contour | None:
