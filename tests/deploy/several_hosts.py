@@ -98,24 +98,14 @@ class SeveralHosts:
     def boot(self, host: str) -> None:
         """Start the services of a host, or the simulated unit, which listens as a serial server does."""
         if host == UNITS:
-            unit = [
-                "--firmware",
-                "firmware/build/noctule.ihx",
-                "--room",
-                "paper",
-                "--speed",
-                "6",
-                "--seed",
-                "7",
-                "--tcp",
-            ]
-            self._start(host, "unit", ["noctule-sim", *unit, f"0.0.0.0:{UNIT_PORT}"], {})
+            unit = ("noctule-sim", "--firmware", "firmware/build/noctule.ihx", "--room", "paper", "--seed", "7")
+            self._start(host, "unit", [*unit, "--speed", "6", "--tcp", f"0.0.0.0:{UNIT_PORT}"], {})
             return
         for service in self._hosts[host].services():
             self._start_service(host, service)
 
     def cut_power(self, host: str) -> None:
-        """A host is off, its cable still in: nobody is told that its connections have ended."""
+        """A host is off at once: nobody is told that its connections have ended."""
         self.network.pull(host)
         for service in self._hosts[host].services():
             if self._running.runs(service):
