@@ -34,26 +34,30 @@ class RenderedHost:
 
     def start(self, running: Programs, service: str) -> None:
         """Start a unit's command under the system call filter of the unit: what it does not allow fails with EPERM."""
-        text = (self.root / f"etc/systemd/system/{service}.service").read_text()
-        denied = ",".join(f"?{call}" for call in sorted(_denied(text)))
+        denied = ",".join(f"?{call}" for call in sorted(_denied(self._unit(service))))
         traced = ("--seccomp-bpf", "--output", str(self.calls(service)), f"--trace={denied}")
         filtered = ("strace", "--follow-forks", "--quiet=all", *traced, f"--inject={denied}:error=EPERM")
         # As a detached tracer, strace leaves the program to be the process that is started and ended.
-        running.start(service, *filtered, "--daemonize", "--", *self._command(text), env=self._environment(text))
+        running.start(service, *filtered, "--daemonize", "--", *self.command(service), env=self.environment(service))
 
     def calls(self, service: str) -> Path:
         """What the filter of a unit has refused."""
         return self.root / f"{service}.refused"
 
-    def _command(self, unit: str) -> list[str]:
-        (line,) = re.findall(r"^ExecStart=(.*)$", unit, re.MULTILINE)
+    def command(self, service: str) -> list[str]:
+        """The command line of a unit, with the project's programs and the paths below the root."""
+        (line,) = re.findall(r"^ExecStart=(.*)$", self._unit(service), re.MULTILINE)
         line = line.replace("/opt/noctule/bin/", f"{ROOT / '.venv/bin'}/").replace("%%", "%").replace("$$", "$")
         return shlex.split(self._moved(line))
 
-    def _environment(self, unit: str) -> dict[str, str]:
+    def environment(self, service: str) -> dict[str, str]:
+        """What a unit adds to the environment of its command."""
         # Not the folder where Numba keeps what it has compiled: it is filled here already, elsewhere.
-        lines = re.findall(r"^Environment=(?!NUMBA)(\w+)=(.*)$", unit, re.MULTILINE)
+        lines = re.findall(r"^Environment=(?!NUMBA)(\w+)=(.*)$", self._unit(service), re.MULTILINE)
         return {name: self._moved(value) for name, value in lines}
+
+    def _unit(self, service: str) -> str:
+        return (self.root / f"etc/systemd/system/{service}.service").read_text()
 
     def _moved(self, text: str) -> str:
         for path in _MOVED:

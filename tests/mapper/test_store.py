@@ -392,6 +392,21 @@ def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_
         shutil.rmtree(folder)
 
 
+@pytest.mark.parametrize("change", ["CREATE TABLE later (a)", "ALTER TABLE sweep ADD COLUMN later"])
+def test_a_store_of_a_later_version_is_refused_and_left_as_it_is(path: Path, change: str) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1)], [])
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(change)
+        database.execute("PRAGMA user_version = 5")
+    before = path.read_bytes()
+    with pytest.raises(StoreError, match="has format 5, this mapper reads 4"):
+        SweepStore(path, Window())
+    assert path.read_bytes() == before
+    assert not (path.parent / "set-aside").exists()
+
+
 def test_a_store_of_another_format_is_refused(path: Path) -> None:
     with sqlite3.connect(path) as database:
         database.execute("PRAGMA user_version = 9")

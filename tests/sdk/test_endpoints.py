@@ -2,6 +2,7 @@
 
 import logging
 import re
+import socket
 import subprocess
 import sys
 import time
@@ -85,6 +86,31 @@ def test_a_dead_router_is_named_in_status_and_log_until_it_answers(
         other = Router(dead)
         wait_for("")
         other.stop()
+
+
+@contextmanager
+def silent(port: int) -> Iterator[None]:
+    """On the port a connection neither comes about nor is refused: the queue of those that wait is full."""
+    with socket.socket() as listening, socket.socket() as waiting:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(("127.0.0.1", port))
+        listening.listen(0)
+        waiting.connect(("127.0.0.1", port))
+        yield
+
+
+def test_a_dead_router_with_two_faults_in_turn_is_logged_once_with_each(
+    router: Router, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As a host that is off: now there is no answer, now no route to it."""
+    (port,) = free_ports(1)
+    told = f"router tcp/127.0.0.1:{port}: "
+    with caplog.at_level(logging.INFO), watched([f"tcp/127.0.0.1:{port}", router.endpoint], []) as wait_for:
+        for _ in range(2):
+            wait_for(f"{told}nothing listens there; start it, or name another")
+            with silent(port):
+                wait_for(f"{told}can't be reached (no answer); start it, or name another")
+    assert caplog.text.count(told) == 2
 
 
 @pytest.mark.parametrize(

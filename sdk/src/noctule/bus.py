@@ -11,7 +11,7 @@ import zenoh
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
-from noctule import bus_config, endpoints, keys, messages_pb2, own_addresses, reachability, tls
+from noctule import bus_config, endpoints, keys, messages_pb2, own_addresses, reachability, silent_ends, tls
 from noctule.bus_config import CONFIG_VARIABLE, DEFAULT_ROUTER
 from noctule.errors import BusError
 
@@ -46,8 +46,13 @@ def open_session(
     identity = tls.chosen(tls_folder)
     config = bus_config.config(connect, listen, identity, lease_s)
     if bus_config.is_router(config):
-        return _open_router(config, identity)
-    return _open_client(config, identity, patience_s, while_waiting)
+        session = _open_router(config, identity)
+    else:
+        session = _open_client(config, identity, patience_s, while_waiting)
+    silent_ends.bound(
+        session, (each for side in ("connect", "listen") for each in bus_config.endpoints_of(config, side))
+    )
+    return session
 
 
 @contextmanager

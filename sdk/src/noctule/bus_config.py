@@ -14,6 +14,8 @@ from noctule.errors import BusConfigError
 DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 CONFIG_VARIABLE = "ZENOH_CONFIG"
 
+SIDES = ("connect", "listen")
+
 _ATTEMPT_MS = 1000
 _ENDPOINT_MS = 2000  # for an endpoint that takes the connection and says nothing
 _SETTINGS = {
@@ -95,13 +97,13 @@ def _files(identity: tls.Identity, config: zenoh.Config) -> dict[str, Path]:
     """The folder's files where its configuration names some: that has the paths of the host that it was made for."""
     folder, named = identity.folder, json.loads(config.get_json("transport/link/tls"))
     files = {"root_ca_certificate": folder / tls.AUTHORITY}
-    for side in ("connect", "listen"):
+    for side in SIDES:
         files |= {f"{side}_certificate": folder / tls.CERTIFICATE, f"{side}_private_key": folder / tls.PRIVATE_KEY}
     return {key: path for key, path in files.items() if named[key]}
 
 
 def _check_secured(config: zenoh.Config, identity: tls.Identity) -> None:
-    for side in ("connect", "listen"):
+    for side in SIDES:
         for endpoint in endpoints_of(config, side):
             if not _is_secured(config, endpoint):
                 shown = endpoints.shown([endpoint])
@@ -130,7 +132,7 @@ def is_local(connect: Sequence[str], listen: Sequence[str], tls_folder: Path | N
     """
     identity = tls.chosen(tls_folder)
     made = config(connect, listen, identity)
-    places = [each for side in ("connect", "listen") for each in endpoints_of(made, side)]
+    places = [each for side in SIDES for each in endpoints_of(made, side)]
     return identity is None and is_router(made) and all(map(endpoints.is_loopback, places))
 
 

@@ -54,6 +54,7 @@ class BusWatch:
         self._endpoints = EndpointWatch(self._routers, listen_on, self._is_router)
         self._publishers: Callable[[], Sequence[StatePublisher]] = tuple
         self._trouble = self._expiry = ""
+        self._said: set[str] = set()  # all that it was since all was well
         self.looked = threading.Event()  # set once the way was looked at
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="bus watch", daemon=True)
@@ -152,8 +153,9 @@ class BusWatch:
         )
 
     def _tell(self, trouble: str) -> None:
-        if trouble and trouble != self._trouble:
+        if trouble and trouble not in self._said:
             _log.warning("%s", trouble)
         elif self._trouble and not trouble:
             _log.info("what is published is read again")
+        self._said = self._said | {trouble} if trouble else set()
         self._trouble = trouble

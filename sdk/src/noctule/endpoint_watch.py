@@ -20,6 +20,7 @@ class EndpointWatch:
     def __init__(self, connect: Sequence[str], listen: Sequence[str], is_router: bool) -> None:
         self._connect, self._listen, self._is_router = connect, listen, is_router
         self._faults: dict[str, str] = {}  # by endpoint, as shown
+        self._said: dict[str, set[str]] = {}  # of those: all that it was in this outage
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="endpoint watch", daemon=True)
 
@@ -54,8 +55,11 @@ class EndpointWatch:
 
     def _tell(self, faults: dict[str, str]) -> None:
         for shown, fault in faults.items():
-            if self._faults.get(shown) != fault:
+            said = self._said.setdefault(shown, set())
+            if fault not in said:  # a host that is off has two faults in turn: no answer, and no route
                 _log.warning("%s", fault)
+            said.add(fault)
         for shown in self._faults.keys() - faults.keys():
             _log.info("%s: all is well", shown)
+            del self._said[shown]
         self._faults = faults

@@ -10,6 +10,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import astuple
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -140,12 +141,29 @@ def _version(database: sqlite3.Connection, path: Path) -> int:
     made = _version_of_tables(database, tables)
     if version == made:
         return version
-    if made:
+    later = version > VERSION and _columns(database) != _own_columns()  # else a bit has flipped in the number
+    if made and not later:
         raise sqlite3.DatabaseError(f"its format is {version}, and its tables are those of {made}")
     raise StoreError(
         f"{path} has format {version}, this mapper reads {VERSION}: stop the mapper, move the whole folder "
         f"{path.parent} away and start the mapper again; it reads what the gateways' logs still hold"
     )
+
+
+def _columns(database: sqlite3.Connection) -> set[tuple[str, str]]:
+    """The columns of all tables, each with its table."""
+    return set(
+        database.execute(
+            "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c WHERE m.type = 'table'"
+        )
+    )
+
+
+@cache
+def _own_columns() -> set[tuple[str, str]]:
+    with closing(sqlite3.connect(":memory:")) as database:
+        _create(database)
+        return _columns(database)
 
 
 def _version_of_tables(database: sqlite3.Connection, tables: set[str]) -> int | None:
