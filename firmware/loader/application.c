@@ -3,7 +3,7 @@
 
 #include "../hal/flash.h"
 #include "../hal/reset.h"
-#include "../src/protocol.h"
+#include "../src/core/protocol.h"
 #include "image.h"
 
 #define ATTEMPTS (APPLICATION + DESCRIPTION_ATTEMPTS)

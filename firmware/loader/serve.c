@@ -3,8 +3,8 @@
 
 #include "../hal/reset.h"
 #include "../hal/watchdog.h"
-#include "../src/little_endian.h"
-#include "../src/protocol.h"
+#include "../src/core/little_endian.h"
+#include "../src/core/protocol.h"
 #include "application.h"
 #include "checksum.h"
 #include "chip.h"

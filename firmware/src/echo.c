@@ -4,9 +4,9 @@
 
 #include "../hal/pins.h"
 #include "../hal/timebase.h"
+#include "core/memory.h"
+#include "core/protocol.h"
 #include "counters.h"
-#include "memory.h"
-#include "protocol.h"
 
 #define WORTH_WAITING_TICKS (250 * TICKS_PER_US) // a round sooner than expected; else the next one would ping, 2 ms late
 #define TRIGGER_TICKS (12 * TICKS_PER_US)

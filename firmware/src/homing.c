@@ -7,9 +7,9 @@
 
 #include "../hal/pins.h"
 #include "../hal/stepper.h"
-#include "bearing.h"
+#include "core/bearing.h"
+#include "core/ramp.h"
 #include "motor.h"
-#include "ramp.h"
 
 #define CLEAR_HALF_STEPS 32 // past the opening switch's bounce
 

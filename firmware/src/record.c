@@ -2,11 +2,11 @@
 #include "record.h"
 
 #include "../hal/timebase.h"
+#include "core/memory.h"
+#include "core/protocol.h"
+#include "core/ring.h"
 #include "counters.h"
 #include "life.h"
-#include "memory.h"
-#include "protocol.h"
-#include "ring.h"
 #include "settings.h"
 #include "thermometer.h"
 

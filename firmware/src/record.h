@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "memory.h"
+#include "core/memory.h"
 
 // What names a sweep, boot, sequence, serial number and life: the first bytes after the type, of SWEEP as of ACK.
 #define RECORD_NAME_BYTES 14

@@ -2,11 +2,11 @@
 #include "sweep.h"
 
 #include "../hal/timebase.h"
-#include "bearing.h"
+#include "core/bearing.h"
+#include "core/median.h"
+#include "core/ramp.h"
 #include "echo.h"
-#include "median.h"
 #include "motor.h"
-#include "ramp.h"
 #include "record.h"
 
 static enum { TURNING, SETTLING, PINGING } phase;

@@ -10,13 +10,13 @@
 #include "crc.h"
 #include "gesture.h"
 #include "incoming.h"
-#include "layout.h"
 #include "median.h"
 #include "plan.h"
 #include "protocol.h"
 #include "ramp.h"
 #include "request.h"
 #include "ring.h"
+#include "wire_layout.h"
 
 #define MOST_BYTES 4096
 

@@ -79,7 +79,7 @@ def test_intervals_are_those_of_constant_acceleration(pure_modules, top_speed, r
         # v^2 = 2 a n with a = top speed / ramp time
         speed = math.sqrt(2 * top_speed / (ramp_ms / 1000) * level) if ramp_ms else math.inf
         expected = min(max(1e6 / speed, cruise), 20_000)
-        # firmware/src/ramp.c: within 0.8 % past level 128; truncations make up to 5 us everywhere
+        # firmware/src/core/ramp.c: within 0.8 % past level 128; truncations make up to 5 us everywhere
         tolerance_us = 5 + (0.008 * expected if level > 128 else 0)
         assert interval_us == pytest.approx(expected, abs=tolerance_us)
 

@@ -9,9 +9,9 @@ use crate::chip::flash::{FLASH_SIZE, Flash};
 use crate::chip::interrupts::vector;
 use crate::chip::memory::XRAM_SIZE;
 use crate::chip::reset::Cause;
+use crate::chip::violation::{Breach, Violation};
 use crate::cpu::{Cpu, IRAM_SIZE};
-use crate::fault::{Fault, Violation};
-use crate::mishap::Mishap;
+use crate::faults::Fault;
 use crate::random::{Part, stream};
 use crate::time::Tick;
 use crate::world::{self, ECHO, World};
@@ -104,8 +104,8 @@ impl Unit {
     }
 
     /// Something happens to a part of the unit, until then if it lasts.
-    pub fn befall(&mut self, mishap: &Mishap, until: Tick) {
-        self.world.apply(mishap, until, self.chip.now);
+    pub fn inject(&mut self, fault: &Fault, until: Tick) {
+        self.world.apply(fault, until, self.chip.now);
         self.next_event = self.next_event.min(self.chip.now);
     }
 
@@ -147,12 +147,12 @@ impl Unit {
     /// Runs until the simulated time `end`, or an instruction past it.
     ///
     /// # Errors
-    /// A [`Fault`] if the firmware does what the chip forbids or what is not modelled.
-    pub fn run_until(&mut self, end: Tick) -> Result<(), Fault> {
+    /// A [`Breach`] if the firmware does what the chip forbids or what is not modelled.
+    pub fn run_until(&mut self, end: Tick) -> Result<(), Breach> {
         // Other units may have sent sound on its way here since.
         self.next_event = self.next_event.min(self.world.next_event());
         while self.chip.now < end {
-            self.advance(end).map_err(|violation| self.fault(violation))?;
+            self.advance(end).map_err(|violation| self.breach(violation))?;
         }
         Ok(())
     }
@@ -161,10 +161,10 @@ impl Unit {
     ///
     /// # Errors
     /// As `run_until`.
-    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), Fault> {
+    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), Breach> {
         let before = self.chip.uart.outgoing.len();
         while self.chip.now < end {
-            self.advance(end).map_err(|violation| self.fault(violation))?;
+            self.advance(end).map_err(|violation| self.breach(violation))?;
             let sent = &self.chip.uart.outgoing;
             if sent.len() > before && sent.last() == Some(&0) {
                 break;
@@ -173,9 +173,9 @@ impl Unit {
         Ok(())
     }
 
-    fn fault(&self, violation: Violation) -> Fault {
+    fn breach(&self, violation: Violation) -> Breach {
         let flash_outrun = self.chip.flash.is_outrun();
-        Fault { violation, pc: self.accessed_at, tick: self.chip.now, flash_outrun }
+        Breach { violation, pc: self.accessed_at, tick: self.chip.now, flash_outrun }
     }
 
     /// Simulated time since power-up.

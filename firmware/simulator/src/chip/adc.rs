@@ -6,7 +6,7 @@
 
 use super::analog::Analog;
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::{TICKS_PER_MS, TICKS_PER_SECOND, TICKS_PER_US, Tick};
 
 const AD0EN: u8 = 0x80;

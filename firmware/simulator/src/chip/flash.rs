@@ -1,7 +1,7 @@
 //! Flash memory and how it is written (datasheet chapter "Flash Memory"): keys, lock, supply monitor, stall.
 
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::random::{Part, stream};
 use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
 use rand::{Rng, RngExt};

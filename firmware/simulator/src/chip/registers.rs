@@ -2,7 +2,7 @@
 
 use super::Chip;
 use super::sfr::{self, Owner};
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 
 const PCON_IDLE: u8 = 0x01;
 const CKCON_EXTERNAL_CLOCK: u8 = 0x03;

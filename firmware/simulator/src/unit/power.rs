@@ -3,8 +3,8 @@
 use super::{Unit, noise};
 use crate::chip::memory::XRAM_SIZE;
 use crate::chip::reset::Cause;
+use crate::chip::violation::Violation;
 use crate::cpu::{Cpu, IRAM_SIZE};
-use crate::fault::Violation;
 use crate::time::{TICKS_PER_MS, Tick};
 use rand::{Rng, RngExt};
 

@@ -10,11 +10,11 @@ mod switches;
 mod tests;
 
 use crate::chip::ports::{Ports, Pulls};
-use crate::echo::{Look, Scene};
-use crate::fault::Violation;
-use crate::mishap::Mishap;
+use crate::chip::violation::Violation;
+use crate::faults::Fault;
 use crate::random::{Part, stream};
 use crate::room::Pose;
+use crate::room::acoustics::{Look, Scene};
 use crate::time::{NEVER, Tick, from_seconds, to_seconds};
 use air::{Air, Arrival};
 use carrier::Carrier;
@@ -117,29 +117,29 @@ impl World {
     }
 
     /// Something happens to a part of the unit, until then if it lasts; what befalls cable or supply is not of this world.
-    pub fn apply(&mut self, mishap: &Mishap, until: Tick, now: Tick) {
-        match *mishap {
-            Mishap::SensorStuckHigh {} => self.sonar.fall_ill(Ailment::StuckHigh, until, now),
-            Mishap::SensorMissing {} => self.sonar.fall_ill(Ailment::Missing, until, now),
-            Mishap::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
-            Mishap::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
-            Mishap::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
-            Mishap::MotorStuck {} => self.motor.stick(until),
-            Mishap::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
-            Mishap::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
-            Mishap::HomeStuckOpen {} => self.switches.stick_home(false, until),
-            Mishap::HomeStuckClosed {} => self.switches.stick_home(true, until),
-            Mishap::ButtonHeld {} => self.switches.hold_button(until),
-            Mishap::Mended {} => {
+    pub fn apply(&mut self, fault: &Fault, until: Tick, now: Tick) {
+        match *fault {
+            Fault::SensorStuckHigh {} => self.sonar.fall_ill(Ailment::StuckHigh, until, now),
+            Fault::SensorMissing {} => self.sonar.fall_ill(Ailment::Missing, until, now),
+            Fault::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
+            Fault::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
+            Fault::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
+            Fault::MotorStuck {} => self.motor.stick(until),
+            Fault::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
+            Fault::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
+            Fault::HomeStuckOpen {} => self.switches.stick_home(false, until),
+            Fault::HomeStuckClosed {} => self.switches.stick_home(true, until),
+            Fault::ButtonHeld {} => self.switches.hold_button(until),
+            Fault::Mended {} => {
                 self.sonar.mend(now);
                 self.motor.mend();
                 self.switches = Switches::default();
             }
-            Mishap::CablePulled {}
-            | Mishap::CableCorrupts { .. }
-            | Mishap::PowerCut {}
-            | Mishap::BrownOut {}
-            | Mishap::PowerCutAtFlashOperation { .. } => {}
+            Fault::CablePulled {}
+            | Fault::CableCorrupts { .. }
+            | Fault::PowerCut {}
+            | Fault::BrownOut {}
+            | Fault::PowerCutAtFlashOperation { .. } => {}
         }
     }
 

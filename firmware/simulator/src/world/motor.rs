@@ -5,7 +5,7 @@
 //! move sooner than it can. A half step that is lost is a slip: the rotor falls back into step a whole period behind.
 //! The sensor stays where it is until the rotor has taken up the gear's slack.
 
-use crate::gear::{Gear, Home};
+use crate::room::gear::{Gear, Home};
 use crate::time::{TICKS_PER_SECOND, Tick};
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;

@@ -1,6 +1,6 @@
 //! The sensor of a room's units: its noise, its faults, its lobe.
 
-use crate::interpolation::{between, bracket, rises};
+use crate::room::interpolation::{between, bracket, rises};
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Deserialize)]

@@ -1,6 +1,6 @@
 //! Plane geometry: points, and what lies between them. Metres and radians.
 
-use crate::interpolation::between;
+use crate::room::interpolation::between;
 use serde::Deserialize;
 
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]

@@ -1,8 +1,8 @@
 //! Tests of the echoes against what is known of the HC-SR04 and of mirrors.
 
-use crate::echo::{Echo, Look, Scene};
-use crate::geometry::Point;
 use crate::room::Room;
+use crate::room::acoustics::{Echo, Look, Scene};
+use crate::room::geometry::Point;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;

@@ -1,8 +1,8 @@
 //! What the operator is told: what runs, how it gets on, what has become of it.
 
 use crate::fleet::Fleet;
+use crate::fleet::member::{Member, Peer};
 use crate::image::{self, Record};
-use crate::member::{Member, Peer};
 use crate::room::Room;
 use crate::time::to_seconds;
 use std::io::{self, IsTerminal, Write};
@@ -42,7 +42,7 @@ pub fn beginning(fleet: &Fleet, room: &Room, firmware: &str, records: &[Record],
         counted(room.cylinders.len(), "cylinder"),
         room.air_temperature_c(0.0)
     ));
-    lines.push(format!("{run}, {}", counted(fleet.mishaps_to_come(), "fault")));
+    lines.push(format!("{run}, {}", counted(fleet.faults_to_come(), "fault")));
     lines
 }
 

@@ -1,11 +1,11 @@
 //! A unit of a fleet with all that is its own: its cable, what that ends in, the file that keeps its flash.
 
 use crate::cable::Cable;
-use crate::fault::Fault;
-use crate::flash_store::FlashStore;
-use crate::host::Host;
-use crate::line::Line;
-use crate::mishap::{Blow, Mishap};
+use crate::chip::violation::Breach;
+use crate::faults::{Fault, Injection};
+use crate::fleet::flash_store::FlashStore;
+use crate::fleet::host::Host;
+use crate::fleet::line::Line;
 use crate::time::Tick;
 use crate::unit::Unit;
 use std::io;
@@ -16,8 +16,8 @@ const WIRE: usize = 512;
 
 #[derive(Debug, Error)]
 pub enum MemberError {
-    #[error("unit {serial}: {fault}")]
-    Fault { serial: u32, fault: Fault },
+    #[error("unit {serial}: {breach}")]
+    Breach { serial: u32, breach: Breach },
     #[error("unit {serial}: its flash can't be kept in --state: {source}")]
     Store { serial: u32, source: io::Error },
 }
@@ -68,25 +68,25 @@ impl Member {
     }
 
     /// Something goes wrong with this unit, from now on.
-    pub fn befall(&mut self, blow: &Blow, now: Tick) {
-        let until = blow.until(now);
-        match blow.mishap {
-            Mishap::CablePulled {} => self.cable.pull(until),
-            Mishap::CableCorrupts { to_unit, to_host } => self.cable.garble(to_unit, to_host, until),
-            Mishap::PowerCut {} => self.unit.power_cut(until - now),
-            Mishap::BrownOut {} => self.unit.brown_out(),
-            Mishap::PowerCutAtFlashOperation { number } => {
+    pub fn inject(&mut self, injection: &Injection, now: Tick) {
+        let until = injection.until(now);
+        match injection.fault {
+            Fault::CablePulled {} => self.cable.pull(until),
+            Fault::CableCorrupts { to_unit, to_host } => self.cable.garble(to_unit, to_host, until),
+            Fault::PowerCut {} => self.unit.power_cut(until - now),
+            Fault::BrownOut {} => self.unit.brown_out(),
+            Fault::PowerCutAtFlashOperation { number } => {
                 self.unit.cut_power_at_flash_operation(number.into());
             }
-            Mishap::Mended {} => self.cable.mend(),
+            Fault::Mended {} => self.cable.mend(),
             _ => {}
         }
-        self.unit.befall(&blow.mishap, until);
+        self.unit.inject(&injection.fault, until);
     }
 
-    fn settle(&mut self, outcome: Result<(), Fault>, since: Tick) -> Result<(), MemberError> {
+    fn settle(&mut self, outcome: Result<(), Breach>, since: Tick) -> Result<(), MemberError> {
         let serial = self.serial;
-        outcome.map_err(|fault| MemberError::Fault { serial, fault })?;
+        outcome.map_err(|breach| MemberError::Breach { serial, breach })?;
         if let (Some(store), Some(flash)) = (&self.store, self.unit.changed_flash()) {
             store.save(flash).map_err(|source| MemberError::Store { serial, source })?;
         }

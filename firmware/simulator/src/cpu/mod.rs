@@ -4,10 +4,13 @@
 //! the core's five; the parity flag, which the core lets go stale; OV and AC of ADD, ADDC, SUBB and DA; the page of
 //! AJMP and ACALL at the end of a 2 KB page; reads of port latches by read-modify-write instructions.
 
+mod cycles;
+mod opcode;
+
+use crate::chip::violation::Violation;
 use crate::chip::{Chip, sfr};
-use crate::cycles::INTERRUPT_ENTRY;
-use crate::fault::Violation;
-use crate::opcode::{Kind, TRAITS, USES, subtracts, takes_carry};
+use crate::cpu::cycles::INTERRUPT_ENTRY;
+use crate::cpu::opcode::{Kind, TRAITS, USES, subtracts, takes_carry};
 use i8051::{Cpu as Core, Flag, Interrupt};
 
 pub const IRAM_SIZE: usize = 256;

@@ -1,9 +1,17 @@
-//! A fleet of units on one thread: slices of simulated time in turn, mishaps in between, paced by a clock.
+//! A fleet of units on one thread: slices of simulated time in turn, faults in between, paced by a clock.
+
+pub mod control;
+pub mod flash_store;
+mod frame;
+pub mod host;
+pub mod line;
+pub mod member;
+mod readiness;
+pub mod report;
 
 use crate::cli::Speed;
-use crate::member::{Member, MemberError};
-use crate::mishap::{Blow, Mishaps};
-use crate::readiness;
+use crate::faults::{FaultSchedule, Injection};
+use crate::fleet::member::{Member, MemberError};
 use crate::time::{TICKS_PER_MS, Tick, from_seconds, to_seconds};
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,7 +36,7 @@ pub enum FleetError {
 pub struct Fleet {
     pub members: Vec<Member>,
     pub now: Tick,
-    mishaps: Mishaps,
+    faults: FaultSchedule,
     /// How far one unit may be run ahead of the others.
     slice: Tick,
 }
@@ -56,9 +64,9 @@ impl Schedule {
 
 impl Fleet {
     /// Units at power-up; `lookahead` is how far one may be run ahead of the others if they share a room.
-    pub fn new(members: Vec<Member>, mishaps: Mishaps, lookahead: Option<Tick>) -> Self {
+    pub fn new(members: Vec<Member>, faults: FaultSchedule, lookahead: Option<Tick>) -> Self {
         let slice = lookahead.map_or(LONGEST_SLICE, |lookahead| lookahead.min(LONGEST_SLICE));
-        Self { members, now: 0, mishaps, slice }
+        Self { members, now: 0, faults, slice }
     }
 
     /// Frames that the units have ended so far.
@@ -66,9 +74,9 @@ impl Fleet {
         self.members.iter().map(|member| member.frames).sum()
     }
 
-    /// Mishaps that are yet to come.
-    pub fn mishaps_to_come(&self) -> usize {
-        self.mishaps.len()
+    /// FaultSchedule that are yet to come.
+    pub fn faults_to_come(&self) -> usize {
+        self.faults.len()
     }
 
     /// Runs the fleet until the schedule's end or until `stop`, and tells `watch` how it gets on.
@@ -138,18 +146,18 @@ impl Fleet {
     }
 
     /// Something goes wrong, now.
-    pub fn befall(&mut self, blow: &Blow) {
-        for member in self.members.iter_mut().filter(|member| blow.strikes(member.serial)) {
-            member.befall(blow, self.now);
+    pub fn inject(&mut self, injection: &Injection) {
+        for member in self.members.iter_mut().filter(|member| injection.strikes(member.serial)) {
+            member.inject(injection, self.now);
         }
     }
 
     /// Lets what is due go wrong; gives the end of a slice that nothing interrupts, and in which no cable mends.
     fn begin_slice(&mut self, end: Tick) -> Tick {
-        while let Some(blow) = self.mishaps.take(self.now) {
-            self.befall(&blow);
+        while let Some(injection) = self.faults.take(self.now) {
+            self.inject(&injection);
         }
         let cables = self.members.iter().map(|member| member.cable.mends_at(self.now));
-        cables.fold(end.min(self.now + self.slice).min(self.mishaps.next_at()), Tick::min)
+        cables.fold(end.min(self.now + self.slice).min(self.faults.next_at()), Tick::min)
     }
 }

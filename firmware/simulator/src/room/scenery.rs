@@ -1,7 +1,7 @@
 //! What stands in a room, and where it stands at a given time: walls, cylinders, and the ends where walls meet.
 
-use crate::geometry::{Point, Segment};
-use crate::interpolation::{bracket, rises};
+use crate::room::geometry::{Point, Segment};
+use crate::room::interpolation::{bracket, rises};
 use serde::Deserialize;
 
 /// Walls whose ends are nearer than that meet in a corner.

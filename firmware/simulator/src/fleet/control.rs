@@ -4,9 +4,9 @@
 //! wrong, and says until when to run; the answer has what the units have sent meanwhile and how things truly are.
 //! Nothing depends on real time.
 
+use crate::faults::Injection;
 use crate::fleet::Fleet;
-use crate::member::MemberError;
-use crate::mishap::Blow;
+use crate::fleet::member::MemberError;
 use crate::time::{from_seconds, to_seconds};
 use crate::unit::Truth;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub enum ControlError {
     #[error("request {line} of --control feeds {given} units where there are {units}")]
     NoSuchUnit { line: usize, given: usize, units: usize },
     #[error("request {line} of --control: fault: {field} {problem}")]
-    Blow { line: usize, field: &'static str, problem: &'static str },
+    Injection { line: usize, field: &'static str, problem: &'static str },
     #[error(transparent)]
     Member(#[from] MemberError),
     #[error("--control: {0}")]
@@ -39,7 +39,7 @@ struct Request {
     #[serde(default)]
     feed: Vec<Bytes>,
     /// What goes wrong, now.
-    fault: Option<Blow>,
+    fault: Option<Injection>,
     /// Run until this simulated time; without it, no time passes.
     until_s: Option<f64>,
     /// Stop as soon as a unit has ended a frame. With several units that is seen by the slice.
@@ -66,8 +66,8 @@ pub fn run(fleet: &mut Fleet, requests: impl BufRead, mut answers: impl Write) -
         let request: Request =
             serde_json::from_str(&text?).map_err(|source| ControlError::Request { line, source })?;
         check(&request, fleet, line)?;
-        if let Some(blow) = &request.fault {
-            fleet.befall(blow);
+        if let Some(injection) = &request.fault {
+            fleet.inject(injection);
         }
         let now = fleet.now;
         for (member, Bytes(bytes)) in fleet.members.iter_mut().zip(request.feed) {
@@ -90,8 +90,8 @@ fn check(request: &Request, fleet: &Fleet, line: usize) -> Result<(), ControlErr
     if request.feed.len() > units {
         return Err(ControlError::NoSuchUnit { line, given: request.feed.len(), units });
     }
-    match request.fault.and_then(|blow| blow.problem(units)) {
-        Some((field, problem)) => Err(ControlError::Blow { line, field, problem }),
+    match request.fault.and_then(|injection| injection.problem(units)) {
+        Some((field, problem)) => Err(ControlError::Injection { line, field, problem }),
         None => Ok(()),
     }
 }

@@ -1,5 +1,5 @@
 // Plan and calibration as bytes, field by field in the order of their frames.
-#include "layout.h"
+#include "wire_layout.h"
 
 #include "little_endian.h"
 

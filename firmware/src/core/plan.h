@@ -20,7 +20,7 @@ struct plan {
 
 extern const __code struct plan plan_default;
 
-// Whether a unit can do it (the limits of CONFIGURE in ../README.md).
+// Whether a unit can do it (the limits of CONFIGURE in ../../README.md).
 bool plan_is_possible(const __xdata struct plan *plan);
 
 // Whether the sensor may look there: short of its home, and as far on the other side.

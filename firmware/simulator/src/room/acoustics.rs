@@ -5,9 +5,9 @@
 //! share of the energy is heard less far, by the square root of what is left (the amplitude of a mirror's echo falls
 //! with the range), and less often, by what is left (assumed).
 
-use crate::geometry::{Point, wrap_rad};
 use crate::room::Room;
-use crate::scenery::{Cylinder, End, Pillar, Scenery, Surface};
+use crate::room::geometry::{Point, wrap_rad};
+use crate::room::scenery::{Cylinder, End, Pillar, Scenery, Surface};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use std::borrow::Cow;

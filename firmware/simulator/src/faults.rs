@@ -6,10 +6,10 @@ use std::collections::VecDeque;
 use std::path::Path;
 use thiserror::Error;
 
-/// A mishap, told apart by its `kind` in TOML and JSON.
+/// A fault, told apart by its `kind` in TOML and JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Mishap {
+pub enum Fault {
     /// ECHO goes high and stays so.
     SensorStuckHigh {},
     /// ECHO never rises.
@@ -53,7 +53,7 @@ pub enum Mishap {
     Mended {},
 }
 
-impl Mishap {
+impl Fault {
     /// It is over as soon as it has happened.
     fn is_momentary(&self) -> bool {
         matches!(
@@ -66,18 +66,18 @@ impl Mishap {
     }
 }
 
-/// A mishap with whom it befalls and for how long.
+/// A fault, the unit that it happens to, and how long it lasts.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-pub struct Blow {
+pub struct Injection {
     /// The unit's serial number; all units without it.
     pub unit: Option<u32>,
     /// Until the end without it.
     pub for_s: Option<f64>,
     #[serde(flatten)]
-    pub mishap: Mishap,
+    pub fault: Fault,
 }
 
-impl Blow {
+impl Injection {
     /// When it is over, if it begins now.
     pub fn until(&self, now: Tick) -> Tick {
         self.for_s.map_or(NEVER, |seconds| now.saturating_add(from_seconds(seconds)))
@@ -97,17 +97,15 @@ impl Blow {
         if self.unit.is_some_and(|unit| !(1..=units).contains(&(unit as usize))) {
             return Some(("unit", "is none of the units"));
         }
-        match self.mishap {
-            Mishap::MotorLosesSteps { probability } => chance("probability", probability),
-            Mishap::CableCorrupts { to_unit, to_host } => {
+        match self.fault {
+            Fault::MotorLosesSteps { probability } => chance("probability", probability),
+            Fault::CableCorrupts { to_unit, to_host } => {
                 chance("to_unit", to_unit).or(chance("to_host", to_host))
             }
-            Mishap::PowerCut {} if self.for_s.is_none() => {
-                Some(("for_s", "is missing: how long is the cut?"))
-            }
-            Mishap::PowerCutAtFlashOperation { number: 0 } => Some(("number", "counts from 1")),
-            Mishap::SensorTurned { by_deg } if !by_deg.is_finite() => Some(("by_deg", "is no angle")),
-            _ if self.for_s.is_some() && self.mishap.is_momentary() => {
+            Fault::PowerCut {} if self.for_s.is_none() => Some(("for_s", "is missing: how long is the cut?")),
+            Fault::PowerCutAtFlashOperation { number: 0 } => Some(("number", "counts from 1")),
+            Fault::SensorTurned { by_deg } if !by_deg.is_finite() => Some(("by_deg", "is no angle")),
+            _ if self.for_s.is_some() && self.fault.is_momentary() => {
                 Some(("for_s", "means nothing here: it happens at once"))
             }
             _ => None,
@@ -116,7 +114,7 @@ impl Blow {
 }
 
 #[derive(Debug, Error)]
-pub enum MishapError {
+pub enum FaultError {
     #[error("faults {file}: {source}")]
     Unreadable { file: String, source: std::io::Error },
     #[error("faults {file}: {source}")]
@@ -136,36 +134,36 @@ struct Schedule {
 struct Scheduled {
     at_s: f64,
     #[serde(flatten)]
-    blow: Blow,
+    injection: Injection,
 }
 
-/// Mishaps to come, soonest first.
+/// Faults to come, soonest first.
 #[derive(Debug, Default)]
-pub struct Mishaps(VecDeque<Scheduled>);
+pub struct FaultSchedule(VecDeque<Scheduled>);
 
-impl Mishaps {
+impl FaultSchedule {
     /// The schedule in a file, for a fleet of so many units.
     ///
     /// # Errors
-    /// A [`MishapError`] naming the file, and the fault and its field if they are not as they should be.
-    pub fn load(path: &Path, units: usize) -> Result<Self, MishapError> {
+    /// A [`FaultError`] naming the file, and the fault and its field if they are not as they should be.
+    pub fn load(path: &Path, units: usize) -> Result<Self, FaultError> {
         let file = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => Self::parse(&file, &text, units),
-            Err(source) => Err(MishapError::Unreadable { file, source }),
+            Err(source) => Err(FaultError::Unreadable { file, source }),
         }
     }
 
-    fn parse(file: &str, text: &str, units: usize) -> Result<Self, MishapError> {
+    fn parse(file: &str, text: &str, units: usize) -> Result<Self, FaultError> {
         let file = file.to_owned();
         let mut faults = match toml::from_str::<Schedule>(text) {
             Ok(schedule) => schedule.faults,
-            Err(source) => return Err(MishapError::Malformed { file, source: Box::new(source) }),
+            Err(source) => return Err(FaultError::Malformed { file, source: Box::new(source) }),
         };
         for (index, fault) in faults.iter().enumerate() {
             let early = (fault.at_s.is_nan() || fault.at_s < 0.0).then_some(("at_s", "is negative"));
-            if let Some((field, problem)) = early.or_else(|| fault.blow.problem(units)) {
-                return Err(MishapError::Wrong { file, number: index + 1, field, problem });
+            if let Some((field, problem)) = early.or_else(|| fault.injection.problem(units)) {
+                return Err(FaultError::Wrong { file, number: index + 1, field, problem });
             }
         }
         faults.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
@@ -181,8 +179,8 @@ impl Mishaps {
     }
 
     /// What is due by `now`, one at a time.
-    pub fn take(&mut self, now: Tick) -> Option<Blow> {
-        if self.next_at() > now { None } else { self.0.pop_front().map(|fault| fault.blow) }
+    pub fn take(&mut self, now: Tick) -> Option<Injection> {
+        if self.next_at() > now { None } else { self.0.pop_front().map(|fault| fault.injection) }
     }
 }
 
@@ -191,22 +189,22 @@ mod tests {
     use super::*;
 
     fn error(text: &str) -> String {
-        Mishaps::parse("faults.toml", text, 2).unwrap_err().to_string()
+        FaultSchedule::parse("faults.toml", text, 2).unwrap_err().to_string()
     }
 
     #[test]
     fn mishaps_come_in_the_order_of_their_times() {
         let text = "[[fault]]\nat_s = 3.5\nunit = 2\nkind = 'cable_pulled'\nfor_s = 10\n\
                     [[fault]]\nat_s = 1\nkind = 'motor_loses_steps'\nprobability = 0.1\n";
-        let mut mishaps = Mishaps::parse("faults.toml", text, 2).unwrap();
-        assert_eq!(mishaps.len(), 2);
-        assert_eq!(mishaps.next_at(), from_seconds(1.0));
-        assert_eq!(mishaps.take(from_seconds(0.9)), None);
-        let first = mishaps.take(from_seconds(9.0)).unwrap();
-        assert_eq!(first.mishap, Mishap::MotorLosesSteps { probability: 0.1 });
+        let mut faults = FaultSchedule::parse("faults.toml", text, 2).unwrap();
+        assert_eq!(faults.len(), 2);
+        assert_eq!(faults.next_at(), from_seconds(1.0));
+        assert_eq!(faults.take(from_seconds(0.9)), None);
+        let first = faults.take(from_seconds(9.0)).unwrap();
+        assert_eq!(first.fault, Fault::MotorLosesSteps { probability: 0.1 });
         assert!(first.strikes(1) && first.until(7) == NEVER);
-        let second = mishaps.take(from_seconds(9.0)).unwrap();
-        assert_eq!(second.mishap, Mishap::CablePulled {});
+        let second = faults.take(from_seconds(9.0)).unwrap();
+        assert_eq!(second.fault, Fault::CablePulled {});
         assert!(second.strikes(2) && !second.strikes(1));
         assert_eq!(second.until(0), from_seconds(10.0));
     }
@@ -214,8 +212,8 @@ mod tests {
     #[test]
     fn what_lasts_longer_than_time_can_be_told_lasts_for_good() {
         let text = "[[fault]]\nat_s = 1.0\nkind = 'button_held'\nfor_s = 1e15\n";
-        let mut mishaps = Mishaps::parse("faults.toml", text, 1).unwrap();
-        assert_eq!(mishaps.take(from_seconds(2.0)).unwrap().until(7), NEVER);
+        let mut faults = FaultSchedule::parse("faults.toml", text, 1).unwrap();
+        assert_eq!(faults.take(from_seconds(2.0)).unwrap().until(7), NEVER);
     }
 
     #[test]
@@ -230,7 +228,7 @@ mod tests {
                 "{unknown_field}"
             );
         }
-        assert!(error("[[mishap]]\nat_s = 1.0\nkind = 'cable_pulled'\n").contains("mishap"));
+        assert!(error("[[gremlin]]\nat_s = 1.0\nkind = 'cable_pulled'\n").contains("gremlin"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-// The length of each request, by the table in ../README.md.
+// The length of each request, by the table in ../../README.md.
 #include "request.h"
 
 #include "protocol.h"

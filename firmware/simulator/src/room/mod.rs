@@ -1,20 +1,32 @@
 //! Rooms: the TOML format, its checks, and the rooms that come with the simulator.
 
-use crate::gear::Gear;
-use crate::geometry::Point;
-use crate::interpolation::{between, bracket, rises};
-use crate::path::{Path, waypoints};
-use crate::person::Person;
-use crate::places::{Place, one_or_several};
-use crate::scenery::{Cylinder, Scenery, Wall};
-use crate::sensor::Sensor;
+pub mod acoustics;
+#[cfg(test)]
+mod acoustics_tests;
+pub mod gear;
+pub mod geometry;
+pub mod interpolation;
+pub mod path;
+pub mod person;
+pub mod places;
+pub mod scenery;
+pub mod sensor;
+
+use crate::room::gear::Gear;
+use crate::room::geometry::Point;
+use crate::room::interpolation::{between, bracket, rises};
+use crate::room::path::{Path, waypoints};
+use crate::room::person::Person;
+use crate::room::places::{Place, one_or_several};
+use crate::room::scenery::{Cylinder, Scenery, Wall};
+use crate::room::sensor::Sensor;
 use serde::Deserialize;
 use thiserror::Error;
 
 const BUILT_IN: [(&str, &str); 3] = [
-    ("paper", include_str!("../rooms/paper.toml")),
-    ("l-shaped", include_str!("../rooms/l-shaped.toml")),
-    ("lounge", include_str!("../rooms/lounge.toml")),
+    ("paper", include_str!("../../rooms/paper.toml")),
+    ("l-shaped", include_str!("../../rooms/l-shaped.toml")),
+    ("lounge", include_str!("../../rooms/lounge.toml")),
 ];
 /// A unit nearer than that to anything does not stand in the room.
 const CLEARANCE_M: f64 = 0.02;

@@ -1,6 +1,6 @@
 //! Which serial lines have something to read, asked of the operating system once for all of them.
 
-use crate::line::Line;
+use crate::fleet::line::Line;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::io;
 

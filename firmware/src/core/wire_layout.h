@@ -1,6 +1,6 @@
-// Plan and calibration as they lie in frames and in flash (CONFIGURE and CALIBRATE in ../README.md).
-#ifndef LAYOUT_H
-#define LAYOUT_H
+// Plan and calibration as they lie in frames and in flash (CONFIGURE and CALIBRATE in ../../README.md).
+#ifndef WIRE_LAYOUT_H
+#define WIRE_LAYOUT_H
 
 #include <stdint.h>
 

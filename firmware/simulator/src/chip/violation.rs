@@ -24,7 +24,7 @@ impl Violation {
 /// A violation with where and when it happened.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{violation} (PC 0x{pc:04X}, tick {tick} of 48 MHz, {:.6} s){}", to_seconds(*tick), cause(*flash_outrun))]
-pub struct Fault {
+pub struct Breach {
     pub violation: Violation,
     pub pc: u16,
     pub tick: Tick,

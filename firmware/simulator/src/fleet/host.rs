@@ -1,6 +1,6 @@
 //! A host inside the simulator, for measuring: it starts continuous sweeps and acknowledges each.
 
-use crate::frame::{decode, encode};
+use crate::fleet::frame::{decode, encode};
 
 const ASK_STATUS: u8 = 0x02;
 const START: u8 = 0x05;

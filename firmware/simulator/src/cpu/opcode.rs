@@ -1,7 +1,7 @@
 //! What the simulator must know of each opcode besides what the core does with it.
 
 use crate::chip::sfr;
-use crate::cycles::{CLOCKS, TAKEN_BRANCH};
+use crate::cpu::cycles::{CLOCKS, TAKEN_BRANCH};
 
 /// What an instruction needs besides what the core does with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-// The numbers of the serial protocol; ../README.md has the table of frames and is the last word.
+// The numbers of the serial protocol; ../../README.md has the table of frames and is the last word.
 #ifndef PROTOCOL_H
 #define PROTOCOL_H
 

@@ -1,10 +1,10 @@
 //! People who walk through a room now and then: in by a door, from place to place, out by a door, all drawn from the seed.
 
-use crate::geometry::{Point, Segment};
-use crate::interpolation::between;
 use crate::random::{Part, stream};
 use crate::room::Room;
-use crate::scenery::{Cylinder, Scenery};
+use crate::room::geometry::{Point, Segment};
+use crate::room::interpolation::between;
+use crate::room::scenery::{Cylinder, Scenery};
 use rand::{Rng, RngExt};
 use serde::Deserialize;
 
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn who_finds_no_way_in_is_refused_with_room_and_person() {
-        let lounge = include_str!("../rooms/lounge.toml");
+        let lounge = include_str!("../../rooms/lounge.toml");
         let inside = lounge.replace("[[-0.6, 2.6], [5.6, 1.6]]", "[[2.0, 1.0]]");
         let error = Room::parse("x", &inside).unwrap().walks(1).unwrap_err().to_string();
         assert!(
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn what_can_not_be_a_person_is_refused() {
-        let lounge = include_str!("../rooms/lounge.toml");
+        let lounge = include_str!("../../rooms/lounge.toml");
         for (sound, wrong, field) in [
             ("[[-0.6, 2.6], [5.6, 1.6]]", "[]", "doors_m"),
             ("[40.0, 100.0]", "[100.0, 40.0]", "away_s"),

@@ -1,7 +1,7 @@
 //! The places of a room's units in its TOML file: `[unit]` is one, `[[unit]]` any number.
 
-use crate::gear::Gear;
-use crate::geometry::Point;
+use crate::room::gear::Gear;
+use crate::room::geometry::Point;
 use serde::Deserialize;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};

@@ -18,7 +18,7 @@ struct calibration {
 
 extern const __code struct calibration calibration_default;
 
-// Whether a unit can be like that (the limits of CALIBRATE in ../README.md).
+// Whether a unit can be like that (the limits of CALIBRATE in ../../README.md).
 bool calibration_is_possible(const __xdata struct calibration *calibration);
 
 #endif

@@ -1,7 +1,7 @@
 //! Paths: from the corners of a path to the waypoints that the unit is set down at.
 
-use crate::geometry::Point;
 use crate::room::Pose;
+use crate::room::geometry::Point;
 use serde::Deserialize;
 
 /// A side's end that rounding puts this much before a step is not a step of its own.
