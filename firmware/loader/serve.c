@@ -14,7 +14,7 @@
 #include "page.h"
 #include "serial.h"
 
-#define LOADER_VERSION 1
+#define LOADER_VERSION 2 // 2: guards the supply first of all
 #define ANNOUNCE_AFTER CHIP_COUNTS_PER_S
 #define LEAVE_AFTER (60 * CHIP_COUNTS_PER_S)
 #define PUT_HEADER_BYTES 4 // type, request, offset

@@ -41,11 +41,11 @@ static void start(void)
 {
     stack_start();
     pins_start();
-    clock_start();
     reset_start();
 
-    uint16_t boot = boot_number_count();
+    uint16_t boot = boot_number_count(); // flash is written before the clock is fast, which draws more of a new supply
     life_start();
+    clock_start();
     answer_start(boot);
     record_start(boot);
 

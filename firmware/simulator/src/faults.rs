@@ -29,6 +29,10 @@ pub enum Fault {
     SensorTurned {
         by_deg: f64,
     },
+    /// The home switch's line is wrong that often at each look.
+    HomeNoisy {
+        probability: f64,
+    },
     HomeStuckOpen {},
     HomeStuckClosed {},
     ButtonHeld {},
@@ -45,6 +49,14 @@ pub enum Fault {
     PowerCut {},
     /// The supply dips below what the chip runs at.
     BrownOut {},
+    /// The supply goes and comes back, rising from nothing in that time, with so many dips of any depth.
+    PowerRamp {
+        rise_ms: f64,
+        #[serde(default)]
+        dips: u32,
+    },
+    /// /RST is pulled low for a moment.
+    ResetPin {},
     /// The supply fails at the n-th flash operation from now, counted from 1.
     PowerCutAtFlashOperation {
         number: u32,
@@ -60,6 +72,8 @@ impl Fault {
             self,
             Self::SensorTurned { .. }
                 | Self::BrownOut {}
+                | Self::PowerRamp { .. }
+                | Self::ResetPin {}
                 | Self::PowerCutAtFlashOperation { .. }
                 | Self::Mended {}
         )
@@ -98,11 +112,17 @@ impl Injection {
             return Some(("unit", "is none of the units"));
         }
         match self.fault {
-            Fault::MotorLosesSteps { probability } => chance("probability", probability),
+            Fault::MotorLosesSteps { probability } | Fault::HomeNoisy { probability } => {
+                chance("probability", probability)
+            }
             Fault::CableCorrupts { to_unit, to_host } => {
                 chance("to_unit", to_unit).or(chance("to_host", to_host))
             }
             Fault::PowerCut {} if self.for_s.is_none() => Some(("for_s", "is missing: how long is the cut?")),
+            Fault::PowerRamp { rise_ms, .. } if !(0.001..=10_000.0).contains(&rise_ms) => {
+                Some(("rise_ms", "is outside 0.001 to 10000"))
+            }
+            Fault::PowerRamp { dips: 1001.., .. } => Some(("dips", "is more than 1000")),
             Fault::PowerCutAtFlashOperation { number: 0 } => Some(("number", "counts from 1")),
             Fault::SensorTurned { by_deg } if !by_deg.is_finite() => Some(("by_deg", "is no angle")),
             _ if self.for_s.is_some() && self.fault.is_momentary() => {
@@ -238,6 +258,7 @@ mod tests {
             ("kind = 'cable_corrupts'\nto_host = -0.1", "to_host"),
             ("kind = 'power_cut'", "for_s"),
             ("kind = 'power_cut_at_flash_operation'\nnumber = 0", "number"),
+            ("kind = 'power_ramp'\nrise_ms = 0.0", "rise_ms"),
             ("kind = 'button_held'\nfor_s = 0.0", "for_s"),
             ("kind = 'button_held'\nunit = 3", "unit"),
             ("kind = 'sensor_turned'\nby_deg = nan", "by_deg"),

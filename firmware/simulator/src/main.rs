@@ -164,7 +164,7 @@ fn member(
     let seed = seed(arguments, index);
     let mut unit = Unit::power_up(flash, world, seed, &mut *noise_of_xram(arguments, seed));
     if arguments.measure {
-        unit.measure();
+        unit.measure(&arguments.routine);
     }
     Ok(Member {
         serial,

@@ -6,7 +6,7 @@ use crate::faults::{Fault, Injection};
 use crate::fleet::flash_store::FlashStore;
 use crate::fleet::host::Host;
 use crate::fleet::line::Line;
-use crate::time::Tick;
+use crate::time::{Tick, from_seconds};
 use crate::unit::Unit;
 use std::io;
 use thiserror::Error;
@@ -75,6 +75,8 @@ impl Member {
             Fault::CableCorrupts { to_unit, to_host } => self.cable.garble(to_unit, to_host, until),
             Fault::PowerCut {} => self.unit.power_cut(until - now),
             Fault::BrownOut {} => self.unit.brown_out(),
+            Fault::PowerRamp { rise_ms, dips } => self.unit.ramp_power(from_seconds(rise_ms / 1e3), dips),
+            Fault::ResetPin {} => self.unit.pull_reset_pin(),
             Fault::PowerCutAtFlashOperation { number } => {
                 self.unit.cut_power_at_flash_operation(number.into());
             }

@@ -18,7 +18,22 @@ pub struct Sensor {
     pub false_echo_probability: f64,
     /// How long the room keeps a ping's sound: a ping that follows sooner may hear it.
     pub reverberation_ms: f64,
+    /// From the end of the trigger to ECHO high. The kinds that people buy: 0.45 to 2.3, 12.3 and 42 ms.
+    pub echo_lag_ms: f64,
+    /// TRIG must be high for so long: 10 us (HC-SR04), 20 and more (JSN-SR04T).
+    pub shortest_trigger_us: f64,
+    /// How long ECHO is high when nothing is heard: 38 ms; kinds without a time-out, and those that latch, never come down.
+    pub no_echo_ms: f64,
+    /// A transistor in the sensor's supply, at P1.6: low cuts it.
+    pub power_switch: bool,
+    /// How far the sensor's face stands off the motor's axis, towards where it looks.
+    pub face_offset_m: f64,
 }
+
+/// The shortest lag of ECHO: the burst and some more. Measured by a prototype.
+pub const ECHO_LAG_MS: f64 = 0.45;
+/// Longer than any run.
+const FOR_EVER_MS: f64 = 1e9;
 
 /// The rule of thumb for pings of an HC-SR04: not less than 29 ms apart.
 const REVERBERATION_MS: f64 = 29.0;
@@ -42,6 +57,11 @@ impl Default for Sensor {
             lost_echo_probability: 0.0,
             false_echo_probability: 0.0,
             reverberation_ms: REVERBERATION_MS,
+            echo_lag_ms: ECHO_LAG_MS,
+            shortest_trigger_us: 10.0,
+            no_echo_ms: 38.0,
+            power_switch: false,
+            face_offset_m: 0.0,
         }
     }
 }
@@ -68,6 +88,18 @@ impl Sensor {
         }
         if !(0.0..=1000.0).contains(&self.reverberation_ms) {
             return Some(("sensor.reverberation_ms", "is outside 0 to 1000"));
+        }
+        if !(ECHO_LAG_MS..=100.0).contains(&self.echo_lag_ms) {
+            return Some(("sensor.echo_lag_ms", "is outside 0.45 to 100"));
+        }
+        if !(1.0..=1000.0).contains(&self.shortest_trigger_us) {
+            return Some(("sensor.shortest_trigger_us", "is outside 1 to 1000"));
+        }
+        if !(1.0..=FOR_EVER_MS).contains(&self.no_echo_ms) {
+            return Some(("sensor.no_echo_ms", "is outside 1 to 1e9"));
+        }
+        if !(0.0..=0.2).contains(&self.face_offset_m) {
+            return Some(("sensor.face_offset_m", "is outside 0 to 0.2"));
         }
         if !(-1.0..=1.0).contains(&self.range_bias_m) {
             return Some(("sensor.range_bias_m", "is outside -1 to 1"));
@@ -98,6 +130,10 @@ mod tests {
             (Sensor { lobe: wide, ..sound() }, "sensor.lobe"),
             (Sensor { reverberation_ms: f64::INFINITY, ..sound() }, "sensor.reverberation_ms"),
             (Sensor { range_bias_m: f64::NAN, ..sound() }, "sensor.range_bias_m"),
+            (Sensor { echo_lag_ms: 0.1, ..sound() }, "sensor.echo_lag_ms"),
+            (Sensor { shortest_trigger_us: 0.0, ..sound() }, "sensor.shortest_trigger_us"),
+            (Sensor { no_echo_ms: f64::INFINITY, ..sound() }, "sensor.no_echo_ms"),
+            (Sensor { face_offset_m: -0.1, ..sound() }, "sensor.face_offset_m"),
             (Sensor { range_sigma_m: -0.1, ..sound() }, "sensor.range_sigma_m"),
         ] {
             assert_eq!(sensor.problem().map(|problem| problem.0), Some(field));
