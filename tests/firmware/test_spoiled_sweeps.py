@@ -28,8 +28,8 @@ from noctule_gateway.wire.frames import (
 
 # The watchdog allows 65,280 ticks of 0.25 us (firmware/hal/watchdog.c).
 LONGEST_ROUND_US = 16_320 / 3
-# firmware/src/core/ring.c: control.oldest, and the memory, where the first slot begins. A slot begins with its mark and the
-# length of its frame, and fills blocks of 12 bytes.
+# firmware/src/core/ring.c: control.oldest, and the memory, where the first slot begins. A slot begins with its mark
+# and the length of its frame, and fills blocks of 12 bytes.
 RING_OLDEST = 0x0404
 RING = 0x040C
 SLOT_OF_13 = 144  # bytes: 3 + 27 + 13 * 8 + 4, rounded up
