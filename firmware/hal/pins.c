@@ -30,6 +30,11 @@ void pins_set_led(bool lit)
     PIN_LED = lit;
 }
 
+void pins_power_sensor(bool on)
+{
+    PIN_SENSOR_POWER = on;
+}
+
 bool pins_echo_is_high(void)
 {
     return PIN_ECHO;

@@ -79,11 +79,13 @@ void record_reading(int16_t bearing, uint32_t triggered, uint32_t echo)
     readings++;
 }
 
-void record_finish(void)
+bool record_finish(void)
 {
     ring_amend(OFFSET_COUNT, readings);
-    ring_commit();
+    if (!ring_commit())
+        return false;
     counters.sweeps_made++;
+    return true;
 }
 
 bool record_is_own(void)

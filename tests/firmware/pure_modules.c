@@ -247,7 +247,8 @@ static void ring_add(const char *hex)
     ring_begin();
     for (size_t i = 0; i < length; i++)
         ring_put(bytes[i]);
-    ring_commit();
+    while (!ring_commit())
+        ;
     puts("added");
 }
 

@@ -7,7 +7,7 @@
 
 #include "memory.h"
 
-enum home { HOME_SWITCH, HOME_STOP };
+enum home { HOME_SWITCH, HOME_STOP, HOME_OPENING_SWITCH };
 
 struct calibration {
     uint32_t half_steps_per_turn; // 1/256 half step

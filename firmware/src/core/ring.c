@@ -8,7 +8,8 @@
 #define MARK_FRAME 0x5A
 #define MARK_DROPPED 0xA5
 
-// The most that ring_seek() does in one call: it looks at so many blocks, or adds up so many bytes of a CRC.
+// The most that ring_seek() or ring_commit() does in one call: it looks at so many blocks, or adds up so many bytes of a
+// CRC.
 #define BLOCKS_A_CALL 64
 #define CRC_BYTES_A_CALL 128
 
@@ -22,7 +23,10 @@ static __xdata __at(0x040C) uint8_t memory[RING_BYTES];
 
 static const __code uint8_t magic[4] = {'N', 'o', 'c', '2'};
 
-static __xdata uint16_t written; // bytes of the slot in the making, header included
+// The slot in the making.
+static __xdata uint16_t written; // bytes, header included
+static __xdata uint16_t summed; // bytes of its content that are in its CRC
+static __xdata uint32_t sum;
 
 // How far the CRC of the oldest frame is added up.
 static __xdata uint16_t checked; // bytes of its content
@@ -137,6 +141,8 @@ bool ring_has_room(uint16_t length)
 void ring_begin(void)
 {
     written = HEADER_BYTES;
+    summed = 0;
+    sum = CRC_EMPTY;
 }
 
 void ring_put(uint8_t byte)
@@ -150,9 +156,16 @@ void ring_amend(uint16_t offset, uint8_t byte)
     *locate(control.next, HEADER_BYTES + offset) = byte;
 }
 
-void ring_commit(void)
+bool ring_commit(void)
 {
-    uint32_t crc = crc_end(crc_over(CRC_EMPTY, control.next, HEADER_BYTES, written - HEADER_BYTES));
+    uint16_t left = written - HEADER_BYTES - summed;
+    bool is_last = left <= CRC_BYTES_A_CALL;
+    uint16_t bytes = is_last ? left : CRC_BYTES_A_CALL;
+    sum = crc_over(sum, control.next, HEADER_BYTES + summed, bytes);
+    summed += bytes;
+    if (!is_last)
+        return false;
+    uint32_t crc = crc_end(sum);
     for (uint8_t i = 0; i < CRC_BYTES; i++) {
         ring_put((uint8_t)crc);
         crc >>= 8;
@@ -163,6 +176,7 @@ void ring_commit(void)
     *locate(control.next, 2) = length >> 8;
     control.next = block_after(control.next, blocks_for(written));
     ring_begin();
+    return true;
 }
 
 uint8_t ring_frames(void)

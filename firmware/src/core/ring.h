@@ -23,12 +23,12 @@ void ring_recover(void);
 // Whether a frame of `length` bytes of content finds room now.
 bool ring_has_room(uint16_t length);
 
-// Begins a new slot, in place of one that was not committed; the content follows by ring_put() and is the newest frame
-// once ring_commit() is called. The caller asks ring_has_room() first.
+// Begins a new slot, in place of one that was not committed; the content follows by ring_put(). The caller asks
+// ring_has_room() first. ring_commit() is called, once in a round, until it says that this is the newest frame.
 void ring_begin(void);
 void ring_put(uint8_t byte);
 void ring_amend(uint16_t offset, uint8_t byte); // writes a byte of the content anew
-void ring_commit(void);
+bool ring_commit(void);
 
 // The number of frames, by their headers alone, and the bytes that all slots take up.
 uint8_t ring_frames(void);
