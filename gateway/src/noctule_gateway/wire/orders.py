@@ -37,6 +37,7 @@ def configure(plan: SweepPlan, present: Configure) -> Configure:
     order = _fitting(replace(present, **_given(plan, PLAN)))
     if plan.ListFields():
         limits.check_last_bearing(order)
+        limits.check_ramp(order)
     return order
 
 
@@ -47,7 +48,7 @@ def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
     if calibration.HasField("home"):
         kinds = {home: kind for kind, home in HOMES.items()}
         if calibration.home not in kinds:
-            raise CommandError(f"home {calibration.home} is no kind of home: give HOME_SWITCH or HOME_STOP")
+            raise CommandError(f"home {calibration.home} is no kind of home: give HOME_SWITCH, HOME_STOP or HOME_OPENING_SWITCH")
         given["home"] = kinds[calibration.home]
     return _fitting(replace(present, **given))
 
