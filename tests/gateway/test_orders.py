@@ -43,7 +43,7 @@ def test_a_fast_plan_needs_a_ramp() -> None:
     fast = SweepPlan(top_speed_half_steps_s=501, ramp_s=0.05)
     assert orders.configure(fast, OWN_PLAN) == replace(OWN_PLAN, top_speed=501, ramp_ms=50)
     assert orders.configure(SweepPlan(top_speed_half_steps_s=500, ramp_s=0), OWN_PLAN).ramp_ms == 0
-    with pytest.raises(CommandError, match="ramp_s is 0.049 at 501 half steps/s: give 0.05 s or more"):
+    with pytest.raises(CommandError, match=r"ramp_s is 0\.049 at 501 half steps/s: give 0\.05 s or more"):
         orders.configure(SweepPlan(top_speed_half_steps_s=501, ramp_s=0.049), OWN_PLAN)
 
 

@@ -64,6 +64,6 @@ def check_ramp(plan: Configure) -> None:
     """Raise CommandError where ``plan`` has the motor start faster than it can from rest."""
     if plan.top_speed > _FASTEST_FROM_REST and plan.ramp_ms < _SHORTEST_RAMP_MS:
         raise CommandError(
-            f"out of range: ramp_s is {plan.ramp_ms / 1000:.6g} at {plan.top_speed} half steps/s: "
-            f"give {_SHORTEST_RAMP_MS / 1000:.6g} s or more, or a top speed of {_FASTEST_FROM_REST} half steps/s or less"
+            f"out of range: ramp_s is {plan.ramp_ms / 1000:.6g} at {plan.top_speed} half steps/s: give "
+            f"{_SHORTEST_RAMP_MS / 1000:.6g} s or more, or a top speed of {_FASTEST_FROM_REST} half steps/s or less"
         )

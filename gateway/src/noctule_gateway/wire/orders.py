@@ -48,7 +48,8 @@ def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
     if calibration.HasField("home"):
         kinds = {home: kind for kind, home in HOMES.items()}
         if calibration.home not in kinds:
-            raise CommandError(f"home {calibration.home} is no kind of home: give HOME_SWITCH, HOME_STOP or HOME_OPENING_SWITCH")
+            kinds_known = ", ".join(Calibration.Home.Name(home) for home in kinds)
+            raise CommandError(f"home {calibration.home} is no kind of home: give one of {kinds_known}")
         given["home"] = kinds[calibration.home]
     return _fitting(replace(present, **given))
 
