@@ -305,6 +305,8 @@ mod tests {
         let mut unit = running(&[&GUARDED, &COILS_ON]);
         unit.ramp_power(1000 * TICKS_PER_MS, 0);
         let before = unit.instructions();
+        unit.run_until(unit.now() + TICKS_PER_MS).unwrap();
+        assert_eq!(unit.level, Level::Dead);
         while unit.level != Level::Sound {
             unit.run_until(unit.now() + TICKS_PER_MS).unwrap();
         }
