@@ -9,6 +9,7 @@
 #define PIN_LED P1_2
 #define PIN_BUTTON P1_3
 #define PIN_HOME P1_4
+#define PIN_SENSOR_POWER P1_6 // open drain
 #define PORT_COILS P2 // IN1-IN4 on bits 0-3; bits 4-7 are unused inputs and stay 1
 #define COILS_OFF 0xF0
 

@@ -38,6 +38,7 @@
 #define PSCTL_PSWE 0x01
 #define PSCTL_PSEE 0x02
 #define VDM0CN_VDMEN 0x80
+#define VDM0CN_VDDSTAT 0x40
 #define RSTSRC_PORSF 0x02
 #define RSTSRC_SWRSF 0x10
 #define PCON_IDLE 0x01

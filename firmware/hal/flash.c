@@ -2,9 +2,12 @@
 #include "flash.h"
 
 #include "chip.h"
+#include "supply.h"
 
 static void operate(uint16_t address, uint8_t value, uint8_t mode)
 {
+    if (!supply_is_sound())
+        return;
     __critical
     {
         FLKEY = 0xA5;

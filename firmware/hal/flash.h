@@ -1,5 +1,5 @@
-// Flash: single bytes are written and pages of 512 bytes erased, as few as possible. The VDD monitor must be on, or the
-// chip resets itself.
+// Flash: single bytes are written and pages of 512 bytes erased, as few as possible, and none while the supply is too
+// low (supply.h): who needs to know reads what has been written.
 #ifndef FLASH_H
 #define FLASH_H
 

@@ -1,10 +1,8 @@
-// Why the chip was reset, and the supply monitor that resets it (datasheet chapter "Reset Sources").
+// Why the chip was reset (datasheet chapter "Reset Sources").
 #include "reset.h"
 
 #include "chip.h"
-#include "clock.h"
 
-#define VDD_MONITOR_SETTLES_US 100
 #define LETTER_MAGIC_LOW 0x4E
 #define LETTER_MAGIC_HIGH 0x4F
 
@@ -28,19 +26,13 @@ bool reset_take_note(uint8_t note)
     return true;
 }
 
-void reset_guard_supply(void)
-{
-    VDM0CN = VDM0CN_VDMEN;
-    clock_wait_us(VDD_MONITOR_SETTLES_US); // selected sooner, it would reset the chip
-    RSTSRC = RSTSRC_PORSF; // written whole: reading and writing back would set the bits read as causes
-}
-
 void reset_start(void)
 {
     uint8_t note = letter.note;
     cause = RSTSRC;
+    if (cause & RSTSRC_PORSF)
+        cause = RSTSRC_PORSF; // after a power-up the other bits mean nothing
     found = reset_take_note(note) ? note : NOTE_NONE;
-    reset_guard_supply();
 }
 
 uint8_t reset_cause(void)

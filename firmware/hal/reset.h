@@ -1,4 +1,4 @@
-// Why the chip was reset, the supply monitor that resets it, and resetting it on purpose.
+// Why the chip was reset, and resetting it on purpose.
 #ifndef RESET_H
 #define RESET_H
 
@@ -8,16 +8,14 @@
 // Why the firmware itself reset the chip.
 enum reset_note { NOTE_NONE, NOTE_RESET, NOTE_STACK, NOTE_UPDATE, NOTE_LOADER, NOTE_NOT_GREETED };
 
-// Notes the reset's cause, and the note of the one who made it, and makes the VDD monitor a reset source, without which
-// flash must not be written. To be called once, after clock_start().
+// Notes the reset's cause, and the note of the one who made it. To be called once.
 void reset_start(void);
 
-// The two parts of it that the loader needs, which leaves the cause and all other notes to the application: takes the
-// note, if the reset was made with this one; and makes the VDD monitor a reset source.
+// The part of it that the loader needs, which leaves the cause and all other notes to the application: takes the note,
+// if the reset was made with this one.
 bool reset_take_note(uint8_t note);
-void reset_guard_supply(void);
 
-// RSTSRC as it was found.
+// RSTSRC as it was found, but no other bit beside that of a power-up.
 uint8_t reset_cause(void);
 
 // The enum reset_note that this reset was made with.

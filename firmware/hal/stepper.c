@@ -8,6 +8,7 @@
 #define RUNS 16 // that many half steps at their slowest
 #define LONGEST_PERIOD_US 16383 // of the timer
 #define CLOCKS_PER_US 4
+#define HOME_SAMPLES 3 // a coil that switches may disturb one
 
 // Half steps of a rising bearing: IN1, IN1+IN2, IN2, IN2+IN3, IN3, IN3+IN4, IN4, IN4+IN1.
 // In internal memory, where the service routine finds them in half the time.
@@ -28,9 +29,11 @@ static __idata struct run *next = runs; // to be queued
 static __idata struct run *volatile running = runs;
 static volatile uint8_t queued; // half steps, modulo 256
 static volatile uint8_t made;
-static volatile uint8_t home_made; // when the switch was found closed
+static volatile uint8_t home_made; // at the first of the samples that found the switch at home
+static uint8_t home_samples; // in a row, the service routine's alone
 static volatile __bit turning;
 static volatile __bit watching_home;
+static __bit home_level; // of the switch's pin
 static __bit falling; // towards lower bearings
 static uint8_t phase; // the service routine's alone while it is turning, as is:
 static uint8_t left; // half steps of the run
@@ -119,8 +122,10 @@ uint8_t stepper_phase(void)
     return phase % STEPPER_PHASES;
 }
 
-void stepper_watch_home(void)
+void stepper_watch_home(bool opens)
 {
+    home_level = opens;
+    home_samples = 0;
     watching_home = 1;
 }
 
@@ -138,9 +143,15 @@ void stepper_isr(void) __interrupt(IRQ_TIMER3)
 {
     TMR3CN = TMR3CN_TR3; // the flag is down, and the next period has begun
     if (left != 0) {
-        if (watching_home && !PIN_HOME) {
-            home_made = made;
-            watching_home = 0;
+        if (watching_home) {
+            if (PIN_HOME != home_level) {
+                home_samples = 0;
+            } else {
+                if (home_samples == 0)
+                    home_made = made;
+                if (++home_samples == HOME_SAMPLES)
+                    watching_home = 0;
+            }
         }
         if (falling)
             phase--;

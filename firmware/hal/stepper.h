@@ -33,11 +33,12 @@ void stepper_set_position(int16_t half_steps);
 // The phase of the coils in which the motor rests, rising with the position.
 uint8_t stepper_phase(void);
 
-// Looks for the home switch, before every half step, from now on.
-void stepper_watch_home(void);
+// Looks for the home switch, before every half step, from now on; it closes at home, or opens. It is seen when three half
+// steps in a row have found it so.
+void stepper_watch_home(bool opens);
 bool stepper_saw_home(void);
 
-// The position at which the switch was first found closed, to be asked as soon as stepper_saw_home() is true.
+// The position at the first of these three, to be asked as soon as stepper_saw_home() is true.
 int16_t stepper_home_position(void);
 
 void stepper_isr(void) __interrupt(IRQ_TIMER3);

@@ -1,16 +1,7 @@
 // The watchdog: PCA module 4 (datasheet chapter "Programmable Counter Array").
 #include "watchdog.h"
 
-#include <stdint.h>
-
 #include "chip.h"
-
-// Runs before memory is cleared, which takes longer than the 2 ms that the watchdog of reset allows.
-uint8_t _sdcc_external_startup(void)
-{
-    watchdog_stop();
-    return 0;
-}
 
 void watchdog_start(void)
 {

@@ -2,8 +2,7 @@
 #include "application.h"
 
 #include "../hal/flash.h"
-#include "../hal/reset.h"
-#include "../src/protocol.h"
+#include "../src/core/protocol.h"
 #include "image.h"
 
 #define ATTEMPTS (APPLICATION + DESCRIPTION_ATTEMPTS)
@@ -20,7 +19,6 @@ void application_start(void)
 {
     if (flash_read(CONFIRMED) != 0) {
         uint8_t left = flash_read(ATTEMPTS);
-        reset_guard_supply();
         flash_write(ATTEMPTS, left & (uint8_t)(left - 1)); // without its lowest bit
     }
     __asm__("ljmp 0x1000");

@@ -3,7 +3,6 @@
 
 #include "../hal/chip.h"
 #include "../hal/pins.h"
-#include "../hal/reset.h"
 #include "../hal/watchdog.h"
 
 void chip_start(void)
@@ -14,7 +13,6 @@ void chip_start(void)
 void chip_stay(void)
 {
     pins_start();
-    reset_guard_supply();
     watchdog_start();
 }
 

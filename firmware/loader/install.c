@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "../src/protocol.h"
+#include "../src/core/protocol.h"
 #include "image.h"
 #include "page.h"
 

@@ -3,7 +3,7 @@
 #include "line.h"
 
 #include "../hal/chip.h"
-#include "../src/protocol.h"
+#include "../src/core/protocol.h"
 #include "checksum.h"
 
 #define TIMER_RELOAD 0xCC // 12 MHz / 52 / 2 = 115,385 baud, 0.16 % fast

@@ -2,7 +2,7 @@
 #include <stdint.h>
 
 #include "../hal/reset.h"
-#include "../src/protocol.h"
+#include "../src/core/protocol.h"
 #include "application.h"
 #include "chip.h"
 #include "install.h"

@@ -5,7 +5,7 @@
 
 #include "../hal/flash.h"
 #include "../src/flash_layout.h"
-#include "../src/protocol.h"
+#include "../src/core/protocol.h"
 #include "checksum.h"
 
 static bool is_sound(uint16_t page)

@@ -3,8 +3,8 @@
 
 #include "../hal/reset.h"
 #include "../hal/watchdog.h"
-#include "../src/little_endian.h"
-#include "../src/protocol.h"
+#include "../src/core/little_endian.h"
+#include "../src/core/protocol.h"
 #include "application.h"
 #include "checksum.h"
 #include "chip.h"
@@ -14,7 +14,7 @@
 #include "page.h"
 #include "serial.h"
 
-#define LOADER_VERSION 1
+#define LOADER_VERSION 2 // 2: guards the supply first of all
 #define ANNOUNCE_AFTER CHIP_COUNTS_PER_S
 #define LEAVE_AFTER (60 * CHIP_COUNTS_PER_S)
 #define PUT_HEADER_BYTES 4 // type, request, offset

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "memory.h"
+#include "core/memory.h"
 
 // Answers a frame whose CRC holds: `type` and payload, `length` bytes in all, which came in at `received`. The caller
 // makes sure that an answer may be given (transmit_is_free), and rejects the frame for the enum reason returned.

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "memory.h"
+#include "core/memory.h"
 
 struct counters {
     uint32_t sweeps_made;

@@ -3,11 +3,11 @@
 #include "delivery.h"
 
 #include "../hal/round.h"
-#include "cobs.h"
+#include "core/cobs.h"
+#include "core/memory.h"
+#include "core/ring.h"
 #include "counters.h"
-#include "memory.h"
 #include "record.h"
-#include "ring.h"
 
 #define FIRST_WAIT ROUNDS(500)
 #define LONGEST_WAIT ROUNDS(4000)

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "memory.h"
+#include "core/memory.h"
 
 // Counts the rounds until the oldest sweep should go out.
 void delivery_task(void);

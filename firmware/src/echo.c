@@ -1,32 +1,60 @@
-// One ping of the HC-SR04. The line rises some 450 us after the trigger and stays high for the time of flight, or for
-// the sensor's own time-out of some 38 ms; copies of the sensor hold it for up to 200 ms.
+// One ping of the HC-SR04. The line rises some 450 us after the trigger (42 ms, on some copies of the sensor) and stays
+// high for the time of flight, or for the sensor's own time-out of some 38 ms; copies hold it for up to 200 ms, or until
+// their power is cut.
 #include "echo.h"
 
 #include "../hal/pins.h"
 #include "../hal/timebase.h"
+#include "core/memory.h"
+#include "core/protocol.h"
 #include "counters.h"
-#include "memory.h"
-#include "protocol.h"
 
 #define WORTH_WAITING_TICKS (250 * TICKS_PER_US) // a round sooner than expected; else the next one would ping, 2 ms late
-#define TRIGGER_TICKS (12 * TICKS_PER_US)
+#define TRIGGER_TICKS (25 * TICKS_PER_US) // 10 us for an HC-SR04, 20 for a JSN-SR04T
 #define SHORTEST_TICKS (100 * TICKS_PER_US) // 17 mm
 #define LONGEST_TICKS (36 * TICKS_PER_MS) // 6.2 m, past the sensor's reach
-#define RISE_LIMIT_TICKS (10 * TICKS_PER_MS)
+#define RISE_LIMIT_TICKS (80 * TICKS_PER_MS)
 #define FALL_LIMIT_TICKS (250 * TICKS_PER_MS)
+#define STUCK_BEFORE_CUT 2 // readings in a row
+#define CUT_TICKS (100 * TICKS_PER_MS)
+#define START_TICKS (50 * TICKS_PER_MS) // of the sensor, when it has power again
 
 // Its limits are in ticks, not in rounds: a main loop that is late makes up for its rounds faster than time passes.
-static enum { OVER, AWAITING_INTERVAL, AWAITING_LOW, AWAITING_RISE, AWAITING_FALL } phase;
+static enum { OVER, AWAITING_INTERVAL, AWAITING_LOW, AWAITING_RISE, AWAITING_FALL, WITHOUT_POWER } phase;
 static __xdata uint32_t due; // when the interval was over
 static __xdata uint32_t triggered;
 static __xdata uint32_t trigger_ended;
 static __xdata uint32_t interval_ticks;
 static __xdata uint32_t value;
+static __xdata uint8_t stuck; // readings in a row that found the line stuck high
+static __xdata uint32_t cut; // when the sensor's power was
+
+// A sensor that holds its line may let go without power, if the board can cut it.
+static void cut_power(void)
+{
+    stuck = 0;
+    pins_power_sensor(false);
+    cut = timebase_now();
+    phase = WITHOUT_POWER;
+}
+
+static void await_power(void)
+{
+    uint32_t since = timebase_now() - cut;
+    if (since >= CUT_TICKS)
+        pins_power_sensor(true);
+    if (since >= CUT_TICKS + START_TICKS)
+        phase = OVER;
+}
 
 static void finish(uint32_t result)
 {
     value = result;
     phase = OVER;
+    if (result != ECHO_STUCK_HIGH)
+        stuck = 0;
+    else if (++stuck == STUCK_BEFORE_CUT)
+        cut_power();
     if (result > LONGEST_TICKS && result != ECHO_NONE)
         counters.echo_faults++;
 }
@@ -124,6 +152,8 @@ void echo_task(void)
         await_low();
     else if (phase == AWAITING_RISE)
         await_rise();
-    else
+    else if (phase == AWAITING_FALL)
         await_fall();
+    else
+        await_power();
 }

@@ -1,4 +1,5 @@
-// Homing. The switch closes on the way down; a unit that finds it closed goes up until it is open. An end stop is felt
+// Homing. The switch closes on the way down (or opens, if it is a normally-closed one, so that a broken wire reads as
+// home and never winds up the cable); a unit that finds it so goes up until it is not. An end stop is felt
 // by nobody: the motor turns down so far that it has met it wherever it came from, and so slowly that it may.
 #include "homing.h"
 
@@ -7,11 +8,12 @@
 
 #include "../hal/pins.h"
 #include "../hal/stepper.h"
-#include "bearing.h"
+#include "core/bearing.h"
+#include "core/ramp.h"
 #include "motor.h"
-#include "ramp.h"
 
-#define CLEAR_HALF_STEPS 32 // past the opening switch's bounce
+#define CLEAR_HALF_STEPS 32 // past the switch's bounce
+#define LOOKS 3 // rounds in a row that must find the unit away from its switch
 
 // Not the plan's speed and ramp: the motor must come to rest between the switch and the cable's end, 15 degrees on.
 #define TOP_SPEED 600
@@ -23,6 +25,7 @@
 static __xdata enum { LEAVING_SWITCH, SEEKING_SWITCH, SEEKING_STOP } phase;
 static const __xdata struct calibration *__xdata calibration;
 static __xdata bool seen;
+static __xdata uint8_t looks_away; // rounds in a row
 static __xdata int16_t closed_at; // half step of the motor
 
 static int16_t turn(void)
@@ -33,8 +36,14 @@ static int16_t turn(void)
 static void search(int16_t half_steps)
 {
     seen = false;
+    looks_away = 0;
     stepper_set_position(0);
     motor_turn(half_steps);
+}
+
+static bool is_at_switch(void)
+{
+    return pins_home_is_closed() != (calibration->home == HOME_OPENING_SWITCH);
 }
 
 static void leave_switch(void)
@@ -46,7 +55,7 @@ static void leave_switch(void)
 static void seek_switch(void)
 {
     phase = SEEKING_SWITCH;
-    stepper_watch_home();
+    stepper_watch_home(calibration->home == HOME_OPENING_SWITCH);
     search(-turn() - turn() / 10);
 }
 
@@ -63,13 +72,13 @@ void homing_begin(const __xdata struct calibration *of_unit)
     ramp_set(of_unit->home == HOME_STOP ? TOP_SPEED_AGAINST_STOP : TOP_SPEED, RAMP_MS);
     if (of_unit->home == HOME_STOP)
         seek_stop();
-    else if (pins_home_is_closed())
+    else if (is_at_switch())
         leave_switch();
     else
         seek_switch();
 }
 
-// The first half step at which the switch is closed: at its bearing or below.
+// The first half step at which the switch is found: at its bearing or below.
 static int16_t switch_half_step(void)
 {
     int16_t nearest = bearing_to_half_step(calibration->home_bearing);
@@ -79,7 +88,8 @@ static int16_t switch_half_step(void)
 
 static enum homing_outcome leave_step(void)
 {
-    if (!seen && !pins_home_is_closed()) {
+    looks_away = is_at_switch() ? 0 : looks_away + 1;
+    if (!seen && looks_away == LOOKS) {
         seen = true;
         motor_end_after(CLEAR_HALF_STEPS);
     }

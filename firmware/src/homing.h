@@ -2,8 +2,8 @@
 #ifndef HOMING_H
 #define HOMING_H
 
-#include "calibration.h"
-#include "memory.h"
+#include "core/calibration.h"
+#include "core/memory.h"
 
 enum homing_outcome { HOMING_GOES_ON, HOMING_FOUND, HOMING_NO_SWITCH, HOMING_SWITCH_STAYS_CLOSED };
 

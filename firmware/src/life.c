@@ -5,9 +5,9 @@
 #include <stdbool.h>
 
 #include "../hal/flash.h"
-#include "crc.h"
-#include "memory.h"
-#include "ring.h"
+#include "core/crc.h"
+#include "core/memory.h"
+#include "core/ring.h"
 
 #define PAGE 0xF000
 

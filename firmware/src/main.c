@@ -13,14 +13,15 @@
 #include "../hal/watchdog.h"
 #include "answer.h"
 #include "boot_number.h"
-#include "cobs.h"
+#include "confirmation.h"
+#include "core/cobs.h"
+#include "core/gesture.h"
+#include "core/protocol.h"
 #include "counters.h"
 #include "delivery.h"
 #include "echo.h"
-#include "gesture.h"
 #include "life.h"
 #include "motor.h"
-#include "protocol.h"
 #include "receive.h"
 #include "record.h"
 #include "settings.h"
@@ -28,10 +29,9 @@
 #include "thermometer.h"
 #include "transmit.h"
 #include "unit.h"
-#include "update.h"
 
 #define UNHURRIED_MS 10
-#if UNHURRIED_MS != GESTURE_SAMPLE_MS || UNHURRIED_MS != THERMOMETER_TASK_MS || UNHURRIED_MS != UPDATE_TASK_MS
+#if UNHURRIED_MS != GESTURE_SAMPLE_MS || UNHURRIED_MS != THERMOMETER_TASK_MS || UNHURRIED_MS != CONFIRMATION_TASK_MS
 #error "a task counts on another interval"
 #endif
 
@@ -41,11 +41,11 @@ static void start(void)
 {
     stack_start();
     pins_start();
-    clock_start();
     reset_start();
 
-    uint16_t boot = boot_number_count();
+    uint16_t boot = boot_number_count(); // flash is written before the clock is fast, which draws more of a new supply
     life_start();
+    clock_start();
     answer_start(boot);
     record_start(boot);
 
@@ -75,7 +75,7 @@ static void do_unhurried(void)
         reset_now(NOTE_STACK);
     surveyor_task();
     thermometer_task();
-    update_task();
+    confirmation_task();
 }
 
 void main(void)

@@ -2,8 +2,8 @@
 #include "motor.h"
 
 #include "../hal/stepper.h"
-#include "backlash.h"
-#include "ramp.h"
+#include "core/backlash.h"
+#include "core/ramp.h"
 
 #define MOST_AT_ONCE 8 // half steps of the same interval; more would make a move that is ended late to end
 

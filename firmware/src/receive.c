@@ -4,12 +4,12 @@
 #include <stdint.h>
 
 #include "../hal/uart.h"
-#include "cobs.h"
 #include "command.h"
+#include "core/cobs.h"
+#include "core/incoming.h"
+#include "core/protocol.h"
 #include "counters.h"
 #include "delivery.h"
-#include "incoming.h"
-#include "protocol.h"
 #include "transmit.h"
 
 void receive_start(void)

@@ -2,11 +2,11 @@
 #include "record.h"
 
 #include "../hal/timebase.h"
+#include "core/memory.h"
+#include "core/protocol.h"
+#include "core/ring.h"
 #include "counters.h"
 #include "life.h"
-#include "memory.h"
-#include "protocol.h"
-#include "ring.h"
 #include "settings.h"
 #include "thermometer.h"
 
@@ -79,11 +79,13 @@ void record_reading(int16_t bearing, uint32_t triggered, uint32_t echo)
     readings++;
 }
 
-void record_finish(void)
+bool record_finish(void)
 {
     ring_amend(OFFSET_COUNT, readings);
-    ring_commit();
+    if (!ring_commit())
+        return false;
     counters.sweeps_made++;
+    return true;
 }
 
 bool record_is_own(void)

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "memory.h"
+#include "core/memory.h"
 
 // What names a sweep, boot, sequence, serial number and life: the first bytes after the type, of SWEEP as of ACK.
 #define RECORD_NAME_BYTES 14
@@ -22,8 +22,8 @@ void record_begin(uint32_t start, uint16_t waypoint, bool decreasing);
 // Adds a reading; `triggered` is the tick of its trigger, `echo` as on the wire.
 void record_reading(int16_t bearing, uint32_t triggered, uint32_t echo);
 
-// Hands the sweep over to the ring.
-void record_finish(void);
+// A step towards handing the sweep over to the ring, to be called once in a round until it says that it is there.
+bool record_finish(void);
 
 // Whether the oldest sweep, once ring_seek() has found it, was made under the unit's serial number, or names none.
 bool record_is_own(void);

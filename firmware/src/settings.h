@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "memory.h"
+#include "core/memory.h"
 
 #define SETTINGS_BYTES 24
 

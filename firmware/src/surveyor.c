@@ -5,8 +5,8 @@
 #include <stdint.h>
 
 #include "../hal/pins.h"
-#include "gesture.h"
-#include "protocol.h"
+#include "core/gesture.h"
+#include "core/protocol.h"
 #include "unit.h"
 
 static bool is_ready(void)

@@ -2,14 +2,14 @@
 #include "sweep.h"
 
 #include "../hal/timebase.h"
-#include "bearing.h"
+#include "core/bearing.h"
+#include "core/median.h"
+#include "core/ramp.h"
 #include "echo.h"
-#include "median.h"
 #include "motor.h"
-#include "ramp.h"
 #include "record.h"
 
-static enum { TURNING, SETTLING, PINGING } phase;
+static enum { TURNING, SETTLING, PINGING, FINISHING } phase;
 static const __xdata struct plan *__xdata plan;
 static __xdata uint16_t waypoint;
 static __xdata uint32_t rested; // the tick at which the motor was found at rest
@@ -50,11 +50,11 @@ static void keep_reading(void)
     readings++;
 }
 
+// A step towards the end: whether it is reached.
 static bool finish(void)
 {
-    if (readings != 0)
-        record_finish();
-    return true;
+    phase = FINISHING;
+    return readings == 0 || record_finish();
 }
 
 void sweep_begin(const __xdata struct plan *wanted, uint16_t number)
@@ -90,6 +90,8 @@ bool sweep_step(void)
         if (timebase_now() - rested >= plan->settle_ms * TICKS_PER_MS)
             begin_reading();
         return false;
+    case FINISHING:
+        return finish();
     default: // PINGING
         if (!echo_is_over())
             return false;

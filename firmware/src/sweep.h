@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "memory.h"
-#include "plan.h"
+#include "core/memory.h"
+#include "core/plan.h"
 
 // Begins a sweep at whichever end of the plan is nearer; the motor must rest and the ring have room. The plan must stay
 // as it is until the sweep is over.

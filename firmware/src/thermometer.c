@@ -2,8 +2,8 @@
 #include "thermometer.h"
 
 #include "../hal/temperature.h"
-#include "memory.h"
-#include "protocol.h"
+#include "core/memory.h"
+#include "core/protocol.h"
 
 #define CONVERSIONS 64 // their sum just fits 16 bits
 #define TASKS_PER_CONVERSION (30 / THERMOMETER_TASK_MS)

@@ -5,12 +5,12 @@
 #include "../hal/timebase.h"
 #include "../hal/uart.h"
 #include "answer.h"
-#include "cobs.h"
+#include "confirmation.h"
+#include "core/cobs.h"
+#include "core/memory.h"
+#include "core/protocol.h"
 #include "delivery.h"
-#include "memory.h"
-#include "protocol.h"
 #include "unit.h"
-#include "update.h"
 
 #define CLOCK_LEAD_TICKS (500 * TICKS_PER_US) // longer than it takes to compose a CLOCK answer
 
@@ -139,7 +139,7 @@ static void send_encoded(void)
         if (going_out == SWEEP)
             delivery_end();
         else if (going_out == GREETING)
-            update_confirm();
+            confirmation_give();
         going_out = NOTHING;
     }
 }

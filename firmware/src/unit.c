@@ -5,12 +5,12 @@
 
 #include "../hal/round.h"
 #include "../hal/stepper.h"
-#include "backlash.h"
-#include "bearing.h"
+#include "core/backlash.h"
+#include "core/bearing.h"
+#include "core/protocol.h"
+#include "core/ramp.h"
 #include "homing.h"
 #include "motor.h"
-#include "protocol.h"
-#include "ramp.h"
 #include "record.h"
 #include "sweep.h"
 

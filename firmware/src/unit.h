@@ -5,9 +5,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "calibration.h"
-#include "memory.h"
-#include "plan.h"
+#include "core/calibration.h"
+#include "core/memory.h"
+#include "core/plan.h"
 
 void unit_start_up(void);
 

@@ -1,19 +1,11 @@
-// What the application does for its own update (../README.md, Update).
+// The command UPDATE (../README.md, Update): gives way to the loader.
 #include "update.h"
 
-#include "../hal/flash.h"
 #include "../hal/reset.h"
-#include "flash_layout.h"
-#include "memory.h"
-#include "protocol.h"
+#include "core/protocol.h"
 #include "settings.h"
 #include "transmit.h"
 #include "unit.h"
-
-#define CONFIRMED (APPLICATION + DESCRIPTION_CONFIRMED)
-#define PATIENCE_TASKS (300000UL / UPDATE_TASK_MS)
-
-static __xdata uint16_t waited; // calls of the task
 
 uint8_t update_begin(uint32_t serial)
 {
@@ -23,19 +15,4 @@ uint8_t update_begin(uint32_t serial)
         return RESULT_BUSY;
     transmit_then_reset(NOTE_UPDATE);
     return RESULT_DONE;
-}
-
-void update_confirm(void)
-{
-    if (flash_read(CONFIRMED) != 0)
-        flash_write(CONFIRMED, 0);
-}
-
-void update_task(void)
-{
-    if (waited == PATIENCE_TASKS)
-        return;
-    waited++;
-    if (waited == PATIENCE_TASKS && flash_read(CONFIRMED) != 0)
-        reset_now(NOTE_NOT_GREETED);
 }

@@ -142,7 +142,8 @@ static void walk_ring(void)
         ring_begin();
         for (uint16_t i = 0; i < length; i++)
             ring_put(few_zeros ? random_byte() | 1 : random_byte() & 3);
-        ring_commit();
+        while (!ring_commit())
+            ;
         ring_recover();
         while (!ring_seek())
             ;

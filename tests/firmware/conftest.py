@@ -11,6 +11,7 @@ from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.image import Image
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
+CORE = FIRMWARE / "src" / "core"
 PURE = [
     "backlash",
     "bearing",
@@ -19,13 +20,13 @@ PURE = [
     "crc",
     "gesture",
     "incoming",
-    "layout",
     "little_endian",
     "median",
     "plan",
     "ramp",
     "request",
     "ring",
+    "wire_layout",
 ]
 
 
@@ -56,10 +57,10 @@ def firmware() -> Path:
 @pytest.fixture(scope="session")
 def pure_modules(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PureModules]:
     program = tmp_path_factory.mktemp("firmware") / "pure_modules"
-    sources = [Path(__file__).with_name("pure_modules.c"), *(FIRMWARE / "src" / f"{name}.c" for name in PURE)]
+    sources = [Path(__file__).with_name("pure_modules.c"), *(CORE / f"{name}.c" for name in PURE)]
     flags = ["-std=c11", "-Wall", "-Wextra", "-Werror", "-g"]
     sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    subprocess.run(["gcc", *flags, *sanitizers, f"-I{FIRMWARE / 'src'}", *sources, "-o", program], check=True)
+    subprocess.run(["gcc", *flags, *sanitizers, f"-I{CORE}", *sources, "-o", program], check=True)
     with subprocess.Popen(
         [program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:

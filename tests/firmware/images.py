@@ -16,7 +16,7 @@ Changes = Sequence[tuple[str, str]]
 # By source, what makes the firmware the one of protocol 2 again: boot and sequence alone name a sweep.
 AS_PROTOCOL_2: dict[str, Changes] = {
     "src/version.h": [("VERSION_MINOR 3", "VERSION_MINOR 2")],
-    "src/protocol.h": [
+    "src/core/protocol.h": [
         ("PROTOCOL_VERSION 3", "PROTOCOL_VERSION 2"),
         ("PROTOCOL_WITH_LIFE 3", "PROTOCOL_WITH_LIFE 255"),
         ("FRAME_ACK_2 = 0x10", "FRAME_ACK_2 = 0x12"),
@@ -25,7 +25,7 @@ AS_PROTOCOL_2: dict[str, Changes] = {
         ("FRAME_SWEEP = 0x91", "FRAME_SWEEP = 0x90"),
         ("FRAME_FOR = 0x13", "FRAME_FOR = 0x7E"),  # which nobody sends
     ],
-    "src/request.c": [("        return 15;", "        return 7;")],
+    "src/core/request.c": [("        return 15;", "        return 7;")],
     "src/record.h": [("RECORD_NAME_BYTES 14", "RECORD_NAME_BYTES 6")],
     "src/record.c": [
         ("OFFSET_COUNT 26", "OFFSET_COUNT 18"),

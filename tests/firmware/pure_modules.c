@@ -10,13 +10,13 @@
 #include "crc.h"
 #include "gesture.h"
 #include "incoming.h"
-#include "layout.h"
 #include "median.h"
 #include "plan.h"
 #include "protocol.h"
 #include "ramp.h"
 #include "request.h"
 #include "ring.h"
+#include "wire_layout.h"
 
 #define MOST_BYTES 4096
 
@@ -247,7 +247,8 @@ static void ring_add(const char *hex)
     ring_begin();
     for (size_t i = 0; i < length; i++)
         ring_put(bytes[i]);
-    ring_commit();
+    while (!ring_commit())
+        ;
     puts("added");
 }
 

@@ -121,6 +121,10 @@ class SteppedUnit:
         self.receive(Hello)
         return self.ask(AskHello(0), Hello)
 
+    def greet_again(self) -> Hello:
+        """Say hello to a unit that has started."""
+        return self.ask(AskHello(0), Hello)
+
     def wait_for_state(self, state: int, within_s: float = 60.0) -> Status:
         """The STATUS of the unit's own accord that says it is in ``state``."""
         end_s = self.now_s + within_s

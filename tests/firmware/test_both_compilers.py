@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 HERE = Path(__file__).parent
-SOURCE = HERE.parents[1] / "firmware" / "src"
+SOURCE = HERE.parents[1] / "firmware" / "src" / "core"
 MODULES = ["backlash", "bearing", "calibration", "cobs", "crc", "median", "plan", "ramp", "ring"]
 MODEL = ["-mmcs51", "--model-small", "--stack-auto"]
 

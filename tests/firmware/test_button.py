@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-# firmware/src/gesture.h: GESTURE_SAMPLE_MS
+# firmware/src/core/gesture.h: GESTURE_SAMPLE_MS
 SAMPLE_MS = 10
 
 

@@ -133,6 +133,7 @@ def test_go_to_wants_a_unit_that_is_homed(unit):
                 {"top_speed": 49},
                 {"top_speed": 1001},
                 {"ramp_ms": 1001},
+                {"top_speed": 501, "ramp_ms": 49},
                 {"settle_ms": 1001},
                 {"first_bearing": round(-148 * DEGREE) - 2},
                 {"bearing_step": 4300},
@@ -145,8 +146,8 @@ def test_go_to_wants_a_unit_that_is_homed(unit):
             for wrong in (
                 {"half_steps_per_turn": 3800 * 256 - 1},
                 {"half_steps_per_turn": 4400 * 256 + 1},
-                {"backlash": 65},
-                {"home": 2},
+                {"backlash": 129},
+                {"home": 3},
                 {"home_bearing": round(-147.9 * DEGREE)},
             )
         ),

@@ -146,7 +146,7 @@ def test_update_is_refused_for_another_unit_and_in_the_midst_of_a_sweep():
 def test_the_loader_says_who_it_is_and_why_it_stays():
     with stepped_unit("--laps", "0") as unit:
         loader = enter(unit)
-        assert loader == Loader(0, 3, SERIAL, 1, 1, Stay.ASKED, 0, 3, 0)
+        assert loader == Loader(0, 3, SERIAL, 1, 2, Stay.ASKED, 0, 3, 0)
         assert unit.ask(AskHello(0), Loader) == replace(loader, request=2 + 1)
 
 

@@ -79,7 +79,7 @@ def test_intervals_are_those_of_constant_acceleration(pure_modules, top_speed, r
         # v^2 = 2 a n with a = top speed / ramp time
         speed = math.sqrt(2 * top_speed / (ramp_ms / 1000) * level) if ramp_ms else math.inf
         expected = min(max(1e6 / speed, cruise), 20_000)
-        # firmware/src/ramp.c: within 0.8 % past level 128; truncations make up to 5 us everywhere
+        # firmware/src/core/ramp.c: within 0.8 % past level 128; truncations make up to 5 us everywhere
         tolerance_us = 5 + (0.008 * expected if level > 128 else 0)
         assert interval_us == pytest.approx(expected, abs=tolerance_us)
 
@@ -119,7 +119,8 @@ def plan(**changes: int) -> list[int]:
         {"interval": 1000},
         {"speed": 50},
         {"speed": 1000},
-        {"ramp": 0, "settle": 0},
+        {"speed": 500, "ramp": 0, "settle": 0},
+        {"speed": 501, "ramp": 50},
         {"ramp": 1000, "settle": 1000},
         {"count": 64, "step": 0},
         {"first": round(-148 * 65536 / 360) + 1, "count": 1},
@@ -140,6 +141,7 @@ def test_a_plan_at_the_limits_of_the_table_is_possible(pure_modules, changes):
         {"speed": 49},
         {"speed": 1001},
         {"ramp": 1001},
+        {"speed": 501, "ramp": 49},
         {"settle": 1001},
         {"first": -26943},
         {"first": 26943, "count": 1},
@@ -164,8 +166,8 @@ def test_a_plan_is_possible_only_within_148_degrees(pure_modules, first, step, c
     "calibration",
     [
         (DEFAULT_TURN, 0, 0, -27307),
-        (3800 * 256, 64, 1, -32768),
-        (4400 * 256, 0, 0, math.floor(-148 * 65536 / 360)),
+        (3800 * 256, 128, 1, -32768),
+        (4400 * 256, 0, 2, math.floor(-148 * 65536 / 360)),
     ],
 )
 def test_a_calibration_at_the_limits_of_the_table_is_possible(pure_modules, calibration):
@@ -177,8 +179,8 @@ def test_a_calibration_at_the_limits_of_the_table_is_possible(pure_modules, cali
     [
         (3800 * 256 - 1, 0, 0, -27307),
         (4400 * 256 + 1, 0, 0, -27307),
-        (DEFAULT_TURN, 65, 0, -27307),
-        (DEFAULT_TURN, 0, 2, -27307),
+        (DEFAULT_TURN, 129, 0, -27307),
+        (DEFAULT_TURN, 0, 3, -27307),
         (DEFAULT_TURN, 0, 0, math.floor(-148 * 65536 / 360) + 1),
         (DEFAULT_TURN, 0, 0, 32767),
     ],

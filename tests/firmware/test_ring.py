@@ -16,8 +16,8 @@ MEMORY_BYTES = 255 * BLOCK_BYTES
 SWEEP_OF_13 = 19 + 13 * 8
 SWEEP_OF_64 = 19 + 64 * 8
 SWEEPS_OF_13_THAT_FIT = 23
-# firmware/src/ring.c: one call skips up to 64 blocks or adds 128 bytes to a CRC. At worst each block looks like a frame
-# that fills the ring.
+# firmware/src/core/ring.c: one call skips up to 64 blocks or adds 128 bytes to a CRC. At worst each block looks like
+# a frame that fills the ring.
 MOST_CALLS = 255 * (CAPACITY // 128 + 2)
 
 

@@ -344,7 +344,7 @@ def test_stop_ends_a_turn_and_the_bearing_stays_known(placed):
 def test_a_calibration_is_taken_at_rest_only_and_makes_the_unit_home_again(placed):
     unit = placed()
     home(unit)
-    assert unit.command(Calibrate(0, DEFAULT_TURN, 65, 0, DEFAULT_HOME)) == OUT_OF_RANGE
+    assert unit.command(Calibrate(0, DEFAULT_TURN, 129, 0, DEFAULT_HOME)) == OUT_OF_RANGE
     assert unit.ask(AskStatus(0), Status).homed
     assert unit.command(GoTo(0, 0)) == DONE
     assert unit.command(Calibrate(0, DEFAULT_TURN, 0, 0, DEFAULT_HOME)) == BUSY

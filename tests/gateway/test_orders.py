@@ -35,6 +35,16 @@ def test_a_calibration_keeps_the_present_value_of_what_it_leaves_out() -> None:
     )
     stop = Calibration(home=Calibration.HOME_STOP, home_bearing_rad=-pi)
     assert orders.calibrate(stop, CALIBRATION) == replace(CALIBRATION, home=HomeKind.STOP, home_bearing=-32768)
+    opening = Calibration(home=Calibration.HOME_OPENING_SWITCH, backlash_half_steps=128)
+    assert orders.calibrate(opening, CALIBRATION) == replace(CALIBRATION, home=HomeKind.OPENING_SWITCH, backlash=128)
+
+
+def test_a_fast_plan_needs_a_ramp() -> None:
+    fast = SweepPlan(top_speed_half_steps_s=501, ramp_s=0.05)
+    assert orders.configure(fast, OWN_PLAN) == replace(OWN_PLAN, top_speed=501, ramp_ms=50)
+    assert orders.configure(SweepPlan(top_speed_half_steps_s=500, ramp_s=0), OWN_PLAN).ramp_ms == 0
+    with pytest.raises(CommandError, match=r"ramp_s is 0\.049 at 501 half steps/s: give 0\.05 s or more"):
+        orders.configure(SweepPlan(top_speed_half_steps_s=501, ramp_s=0.049), OWN_PLAN)
 
 
 def test_settings_come_to_the_bus_in_si_units() -> None:
@@ -140,7 +150,7 @@ def test_what_does_not_fit_the_wire_is_refused_before_it_is_sent(name: str, requ
             ("calibrate", CommandRequest(calibration=calibration), told)
             for calibration, told in (
                 (Calibration(half_steps_per_turn=2048), "half_steps_per_turn is 2048: give 3800 to 4400"),
-                (Calibration(backlash_half_steps=65), "backlash_half_steps is 65: give 0 to 64"),
+                (Calibration(backlash_half_steps=129), "backlash_half_steps is 129: give 0 to 128"),
                 (Calibration(home_bearing_rad=0.0), "home_bearing_deg is 0: give -180 to -148 degrees"),
             )
         ),

@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::unit::measurement::Routine;
 use clap::Parser;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
@@ -65,6 +66,10 @@ pub struct Arguments {
     /// Tell at the end how deep each unit's stack went, how long its interrupts waited, how much it slept
     #[arg(long)]
     pub measure: bool,
+
+    /// Time a part of the program for --measure: from BEGIN to its return, or to END; addresses in hex; any number
+    #[arg(long, value_name = "NAME=BEGIN[-END]", requires = "measure")]
+    pub routine: Vec<Routine>,
 
     /// Print the chip's modelled registers as Markdown, and end
     #[arg(long)]

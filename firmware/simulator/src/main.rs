@@ -3,34 +3,12 @@
 mod cable;
 mod chip;
 mod cli;
-mod control;
 mod cpu;
-mod cycles;
-mod echo;
-#[cfg(test)]
-mod echo_tests;
-mod fault;
-mod flash_store;
+mod faults;
 mod fleet;
-mod frame;
-mod gear;
-mod geometry;
-mod host;
 mod image;
-mod interpolation;
-mod line;
-mod member;
-mod mishap;
-mod opcode;
-mod path;
-mod person;
-mod places;
 mod random;
-mod readiness;
-mod report;
 mod room;
-mod scenery;
-mod sensor;
 mod svg;
 mod time;
 mod unit;
@@ -39,18 +17,18 @@ mod world;
 use cable::Cable;
 use clap::Parser;
 use cli::Arguments;
-use control::ControlError;
-use echo::Scene;
-use flash_store::FlashStore;
+use faults::{FaultError, FaultSchedule};
+use fleet::control::ControlError;
+use fleet::flash_store::FlashStore;
+use fleet::host::Host;
+use fleet::line::Line;
+use fleet::member::{Member, Peer};
+use fleet::report::Progress;
 use fleet::{Fleet, FleetError, Schedule};
-use host::Host;
 use image::{ImageError, Record};
-use line::Line;
-use member::{Member, Peer};
-use mishap::{MishapError, Mishaps};
 use rand::Rng;
 use random::{Part, stream};
-use report::Progress;
+use room::acoustics::Scene;
 use room::{Room, RoomError};
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -70,7 +48,7 @@ enum SimulatorError {
     #[error("room {room} has places for {places} units, and --units wants {units}")]
     Crowded { room: String, places: usize, units: usize },
     #[error(transparent)]
-    Mishaps(#[from] MishapError),
+    FaultSchedule(#[from] FaultError),
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
@@ -106,7 +84,7 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     let records = image::read_hex(&arguments.firmware)?;
     let mut fleet = fleet(arguments, &scene, &records)?;
     if arguments.control {
-        return Ok(control::run(&mut fleet, io::stdin().lock(), io::stdout().lock())?);
+        return Ok(fleet::control::run(&mut fleet, io::stdin().lock(), io::stdout().lock())?);
     }
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
@@ -114,14 +92,14 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
             .map_err(io_error("signals can't be watched"))?;
     }
     let firmware = arguments.firmware.display().to_string();
-    say(&report::beginning(&fleet, scene.room(), &firmware, &records, &arguments.pace()));
+    say(&fleet::report::beginning(&fleet, scene.room(), &firmware, &records, &arguments.pace()));
 
     let schedule = Schedule { speed: arguments.speed, end: arguments.duration.map(from_seconds) };
     let mut progress = Progress::begin();
     let outcome = fleet.run(&schedule, &stop, |fleet| progress.show(fleet));
     progress.end();
     outcome?;
-    say(&report::end(&fleet, progress.elapsed()));
+    say(&fleet::report::end(&fleet, progress.elapsed()));
     Ok(())
 }
 
@@ -129,9 +107,9 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
 fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result<Fleet, SimulatorError> {
     let room = scene.room();
     let units = arguments.units.map_or(room.shared_by().unwrap_or(1), |units| units as usize);
-    let mishaps = match &arguments.faults {
-        Some(file) => Mishaps::load(file, units)?,
-        None => Mishaps::default(),
+    let faults = match &arguments.faults {
+        Some(file) => FaultSchedule::load(file, units)?,
+        None => FaultSchedule::default(),
     };
     let air = match room.shared_by() {
         Some(places) if units > places => {
@@ -150,7 +128,7 @@ fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result
             member(arguments, index, records, world)
         })
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(Fleet::new(members, mishaps, air.and_then(|air| air.lookahead())))
+    Ok(Fleet::new(members, faults, air.and_then(|air| air.lookahead())))
 }
 
 /// A unit's own seed, by its number from 0.
@@ -186,7 +164,7 @@ fn member(
     let seed = seed(arguments, index);
     let mut unit = Unit::power_up(flash, world, seed, &mut *noise_of_xram(arguments, seed));
     if arguments.measure {
-        unit.measure();
+        unit.measure(&arguments.routine);
     }
     Ok(Member {
         serial,

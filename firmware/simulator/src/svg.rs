@@ -3,10 +3,10 @@
 mod paper;
 mod shapes;
 
-use crate::geometry::Point;
-use crate::report::counted;
+use crate::fleet::report::counted;
 use crate::room::Room;
-use crate::scenery::{Cylinder, Wall};
+use crate::room::geometry::Point;
+use crate::room::scenery::{Cylinder, Wall};
 use paper::{MARGIN_PX, Paper};
 use std::fmt::Write;
 

@@ -1,7 +1,8 @@
 //! A scanner unit: chip, CPU and world, run from event to event.
 
-mod measurement;
+pub mod measurement;
 mod power;
+mod supply;
 
 use crate::chip::Chip;
 use crate::chip::analog::Analog;
@@ -9,16 +10,18 @@ use crate::chip::flash::{FLASH_SIZE, Flash};
 use crate::chip::interrupts::vector;
 use crate::chip::memory::XRAM_SIZE;
 use crate::chip::reset::Cause;
+use crate::chip::violation::{Breach, Violation};
 use crate::cpu::{Cpu, IRAM_SIZE};
-use crate::fault::{Fault, Violation};
-use crate::mishap::Mishap;
+use crate::faults::Fault;
 use crate::random::{Part, stream};
 use crate::time::Tick;
 use crate::world::{self, ECHO, World};
-use measurement::Measurement;
+use measurement::{Measurement, Routine};
+use power::Dark;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+use supply::{Level, Supply};
 
 /// What is true of a unit, for tests to compare with.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -45,7 +48,11 @@ pub struct Unit {
     one_more: bool,
     /// The last instruction that accessed a register.
     accessed_at: u16,
-    unpowered_until: Option<Tick>,
+    dark: Option<Dark>,
+    supply: Supply,
+    level: Level,
+    /// When the chip came to run unguarded on too low a supply.
+    unguarded_since: Option<Tick>,
     cut_at_flash_operation: Option<u64>,
     measurement: Option<Box<Measurement>>,
     instructions: u64,
@@ -76,7 +83,10 @@ impl Unit {
             look_for_interrupt: true,
             one_more: false,
             accessed_at: 0,
-            unpowered_until: None,
+            dark: None,
+            supply: Supply::default(),
+            level: Level::Sound,
+            unguarded_since: None,
             cut_at_flash_operation: None,
             measurement: None,
             instructions: 0,
@@ -104,14 +114,14 @@ impl Unit {
     }
 
     /// Something happens to a part of the unit, until then if it lasts.
-    pub fn befall(&mut self, mishap: &Mishap, until: Tick) {
-        self.world.apply(mishap, until, self.chip.now);
+    pub fn inject(&mut self, fault: &Fault, until: Tick) {
+        self.world.apply(fault, until, self.chip.now);
         self.next_event = self.next_event.min(self.chip.now);
     }
 
-    /// Measures from now on.
-    pub fn measure(&mut self) {
-        self.measurement = Some(Box::default());
+    /// Measures from now on, and times these routines.
+    pub fn measure(&mut self, routines: &[Routine]) {
+        self.measurement = Some(Box::new(Measurement::of(routines)));
     }
 
     /// What has been measured, for people.
@@ -147,12 +157,12 @@ impl Unit {
     /// Runs until the simulated time `end`, or an instruction past it.
     ///
     /// # Errors
-    /// A [`Fault`] if the firmware does what the chip forbids or what is not modelled.
-    pub fn run_until(&mut self, end: Tick) -> Result<(), Fault> {
+    /// A [`Breach`] if the firmware does what the chip forbids or what is not modelled.
+    pub fn run_until(&mut self, end: Tick) -> Result<(), Breach> {
         // Other units may have sent sound on its way here since.
         self.next_event = self.next_event.min(self.world.next_event());
         while self.chip.now < end {
-            self.advance(end).map_err(|violation| self.fault(violation))?;
+            self.advance(end).map_err(|violation| self.breach(violation))?;
         }
         Ok(())
     }
@@ -161,10 +171,10 @@ impl Unit {
     ///
     /// # Errors
     /// As `run_until`.
-    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), Fault> {
+    pub fn run_until_frame(&mut self, end: Tick) -> Result<(), Breach> {
         let before = self.chip.uart.outgoing.len();
         while self.chip.now < end {
-            self.advance(end).map_err(|violation| self.fault(violation))?;
+            self.advance(end).map_err(|violation| self.breach(violation))?;
             let sent = &self.chip.uart.outgoing;
             if sent.len() > before && sent.last() == Some(&0) {
                 break;
@@ -173,9 +183,9 @@ impl Unit {
         Ok(())
     }
 
-    fn fault(&self, violation: Violation) -> Fault {
+    fn breach(&self, violation: Violation) -> Breach {
         let flash_outrun = self.chip.flash.is_outrun();
-        Fault { violation, pc: self.accessed_at, tick: self.chip.now, flash_outrun }
+        Breach { violation, pc: self.accessed_at, tick: self.chip.now, flash_outrun }
     }
 
     /// Simulated time since power-up.
@@ -184,8 +194,11 @@ impl Unit {
     }
 
     fn advance(&mut self, end: Tick) -> Result<(), Violation> {
-        if let Some(until) = self.unpowered_until {
-            return self.stay_dark(until, end);
+        if self.chip.now >= self.supply.next_event() {
+            self.follow_supply();
+        }
+        if let Some(dark) = self.dark {
+            return self.stay_dark(dark, end);
         }
         if self.chip.now >= self.next_event {
             self.service()?;
@@ -228,6 +241,9 @@ impl Unit {
         let ticks_per_sysclk = self.chip.ticks_per_sysclk();
         loop {
             let pc = self.cpu.pc();
+            if MEASURED && let Some(measurement) = &mut self.measurement {
+                measurement.see_instruction(pc, self.cpu.sp(), self.chip.now);
+            }
             self.chip.now += self.cpu.step(&mut self.chip) * ticks_per_sysclk;
             self.instructions += 1;
             if MEASURED && let Some(measurement) = &mut self.measurement {
@@ -283,7 +299,8 @@ impl Unit {
         }
         self.look_for_interrupt = true;
         if std::mem::take(&mut self.chip.rescheduled) {
-            self.next_event = self.chip.next_event().min(self.world.next_event());
+            let supply = self.supply.next_event();
+            self.next_event = self.chip.next_event().min(self.world.next_event()).min(supply);
         }
         Ok(())
     }
@@ -298,6 +315,7 @@ impl Unit {
             self.cpu.reset();
         }
         self.chip.reset(cause);
+        self.hold_if_low();
     }
 }
 

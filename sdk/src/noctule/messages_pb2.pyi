@@ -257,9 +257,11 @@ class Calibration(_message.Message):
         HOME_UNSPECIFIED: _ClassVar[Calibration.Home]
         HOME_SWITCH: _ClassVar[Calibration.Home]
         HOME_STOP: _ClassVar[Calibration.Home]
+        HOME_OPENING_SWITCH: _ClassVar[Calibration.Home]
     HOME_UNSPECIFIED: Calibration.Home
     HOME_SWITCH: Calibration.Home
     HOME_STOP: Calibration.Home
+    HOME_OPENING_SWITCH: Calibration.Home
     HALF_STEPS_PER_TURN_FIELD_NUMBER: _ClassVar[int]
     BACKLASH_HALF_STEPS_FIELD_NUMBER: _ClassVar[int]
     HOME_FIELD_NUMBER: _ClassVar[int]

@@ -6,7 +6,7 @@
 
 use super::analog::Analog;
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::{TICKS_PER_MS, TICKS_PER_SECOND, TICKS_PER_US, Tick};
 
 const AD0EN: u8 = 0x80;
@@ -25,12 +25,17 @@ const CONVERSION_SAR_CLOCKS: Tick = 10;
 /// With AD0TM set every conversion begins with so much tracking.
 const TRACKING_SAR_CLOCKS: Tick = 3;
 const SHORTEST_TRACKING: Tick = 3 * TICKS_PER_US / 10;
+/// System clocks from the write of AD0BUSY until it reads 1: a poll of the very next instruction may find 0. Assumed, from
+/// Silicon Labs' advice to poll AD0INT.
+const BUSY_SHOWS_AFTER: Tick = 4;
 /// The reference is settled to half a code 2 ms after REFBE, with 4.7 uF at its pin (assumed to be on the board).
 const REFERENCE_SETTLE: Tick = 2 * TICKS_PER_MS;
 
 struct Conversion {
     code: u16,
     done_at: Tick,
+    /// AD0BUSY reads 1 from then on: a clock after it was written.
+    shows_at: Tick,
 }
 
 pub struct Adc {
@@ -45,6 +50,8 @@ pub struct Adc {
     /// Since when the sampling capacitor has followed the input.
     tracking_since: Tick,
     reference_since: Tick,
+    /// VREF's pin is analog and skipped by the crossbar: else the port's driver fights the reference.
+    pub vref_is_analog: bool,
 }
 
 impl Adc {
@@ -60,6 +67,7 @@ impl Adc {
             conversion: None,
             tracking_since: 0,
             reference_since: 0,
+            vref_is_analog: false,
         }
     }
 
@@ -78,9 +86,12 @@ impl Adc {
     }
 
     /// Call after `sync`.
-    pub fn read(&self, address: u8) -> u8 {
+    pub fn read(&self, address: u8, now: Tick) -> u8 {
+        let shows = |conversion: &Conversion| now >= conversion.shows_at;
         match address {
-            sfr::ADC0CN => self.control | if self.conversion.is_some() { AD0BUSY } else { 0 },
+            sfr::ADC0CN => {
+                self.control | if self.conversion.as_ref().is_some_and(shows) { AD0BUSY } else { 0 }
+            }
             sfr::ADC0CF => self.config,
             sfr::AMX0P => self.positive,
             sfr::AMX0N => self.negative,
@@ -148,6 +159,7 @@ impl Adc {
         let sampled_at = now + tracking;
         let tracked = if tracking > 0 { tracking } else { now - self.tracking_since };
         let means_something = self.reference & (TEMPE | REFBE) == TEMPE | REFBE
+            && self.vref_is_analog
             && sar_clock >= FASTEST_SAR_CLOCK
             && tracked >= SHORTEST_TRACKING;
         let code = if means_something {
@@ -155,7 +167,8 @@ impl Adc {
         } else {
             self.analog.convert_nothing()
         };
-        Ok(Conversion { code, done_at: sampled_at + CONVERSION_SAR_CLOCKS * sar_clock })
+        let done_at = sampled_at + CONVERSION_SAR_CLOCKS * sar_clock;
+        Ok(Conversion { code, done_at, shows_at: now + BUSY_SHOWS_AFTER * ticks_per_sysclk })
     }
 
     /// The part of the reference's voltage that has built up, by the charging of its capacitor.
@@ -169,6 +182,7 @@ impl Adc {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::NEVER;
 
     /// Of no consequence: the bias generator is on whenever the ADC or the sensor is.
     const BIASE: u8 = 0x02;
@@ -180,6 +194,7 @@ mod tests {
     fn adc() -> Adc {
         let mut adc = Adc::new(Analog::of_chip(1));
         adc.analog.die_temperature_c = 25.0;
+        adc.vref_is_analog = true;
         for (address, value) in [
             (sfr::REF0CN, TEMPE | BIASE | REFBE),
             (sfr::AMX0P, TEMPERATURE_SENSOR),
@@ -193,11 +208,11 @@ mod tests {
     }
 
     fn convert(adc: &mut Adc, at: Tick) -> u16 {
-        let control = adc.read(sfr::ADC0CN) & !AD0INT;
+        let control = adc.read(sfr::ADC0CN, NEVER) & !AD0INT;
         adc.write(sfr::ADC0CN, control | AD0BUSY, at, 1).unwrap();
         adc.sync(at + 1000 * SAR);
-        assert_eq!(adc.read(sfr::ADC0CN) & (AD0INT | AD0BUSY), AD0INT);
-        u16::from_le_bytes([adc.read(sfr::ADC0H - 1), adc.read(sfr::ADC0H)])
+        assert_eq!(adc.read(sfr::ADC0CN, NEVER) & (AD0INT | AD0BUSY), AD0INT);
+        u16::from_le_bytes([adc.read(sfr::ADC0H - 1, NEVER), adc.read(sfr::ADC0H, NEVER)])
     }
 
     /// Whether ten conversions lie within 8 codes, as those of a quiet input do and random ones (p < 1e-15) do not.
@@ -213,9 +228,9 @@ mod tests {
             adc.write(sfr::ADC0CN, AD0EN | mode, READY, 1).unwrap();
             adc.write(sfr::ADC0CN, AD0EN | mode | AD0BUSY, 2 * READY, 1).unwrap();
             adc.sync(2 * READY + clocks * SAR - 1);
-            assert_eq!(adc.read(sfr::ADC0CN) & (AD0INT | AD0BUSY), AD0BUSY);
+            assert_eq!(adc.read(sfr::ADC0CN, NEVER) & (AD0INT | AD0BUSY), AD0BUSY);
             adc.sync(2 * READY + clocks * SAR);
-            assert_eq!(adc.read(sfr::ADC0CN) & (AD0INT | AD0BUSY), AD0INT);
+            assert_eq!(adc.read(sfr::ADC0CN, NEVER) & (AD0INT | AD0BUSY), AD0INT);
         }
     }
 
@@ -268,11 +283,26 @@ mod tests {
     }
 
     #[test]
+    fn a_reference_on_a_digital_pin_means_nothing() {
+        let mut adc = adc();
+        adc.vref_is_analog = false;
+        assert!(!agree(&mut adc, READY));
+    }
+
+    #[test]
+    fn ad0busy_may_read_0_right_after_it_was_written() {
+        let mut adc = adc();
+        adc.write(sfr::ADC0CN, AD0EN | AD0BUSY, READY, 1).unwrap();
+        assert_eq!(adc.read(sfr::ADC0CN, READY + BUSY_SHOWS_AFTER - 1) & AD0BUSY, 0);
+        assert_eq!(adc.read(sfr::ADC0CN, READY + BUSY_SHOWS_AFTER) & AD0BUSY, AD0BUSY);
+    }
+
+    #[test]
     fn nothing_is_converted_while_ad0en_is_clear() {
         let mut adc = adc();
         adc.write(sfr::ADC0CN, AD0BUSY, READY, 1).unwrap();
         adc.sync(2 * READY);
-        assert_eq!(adc.read(sfr::ADC0CN), 0);
+        assert_eq!(adc.read(sfr::ADC0CN, NEVER), 0);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The system clock: OSCICN, CLKMUL, CLKSEL, and what must be set above 25 MHz (datasheet chapters "Oscillators", "Flash Memory").
 
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::{TICKS_PER_US, Tick};
 
 const IFCN: u8 = 0x03;

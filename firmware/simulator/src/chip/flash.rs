@@ -1,7 +1,7 @@
 //! Flash memory and how it is written (datasheet chapter "Flash Memory"): keys, lock, supply monitor, stall.
 
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::random::{Part, stream};
 use crate::time::{TICKS_PER_MS, TICKS_PER_US, Tick};
 use rand::{Rng, RngExt};
@@ -183,6 +183,15 @@ impl Flash {
                 }
             }
         }
+    }
+
+    /// A program that runs wild has cleared bits of some byte below the page of the lock byte.
+    pub fn spoil_a_byte(&mut self, rng: &mut impl Rng) {
+        self.changed = true;
+        let address = rng.random_range(0..usize::from(LOCK_PAGE));
+        let bit = 1 << rng.random_range(0..8);
+        let byte = &mut self.cells()[address];
+        *byte = if *byte & bit != 0 { *byte & !bit } else { *byte ^ 0xFF };
     }
 
     fn begin(&mut self, start: usize, length: usize) -> &mut [u8] {

@@ -18,8 +18,9 @@ pub mod reset;
 pub mod sfr;
 pub mod timers;
 pub mod uart;
+pub mod violation;
 
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::{NEVER, Tick};
 use adc::Adc;
 use analog::Analog;

@@ -3,7 +3,7 @@
 
 use crate::chip::pca_counter::Counter;
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::Tick;
 use std::cell::Cell;
 

@@ -89,6 +89,16 @@ impl Ports {
         if self.enabled() { self.latch[port] & self.push_pull[port] & self.digital[port] } else { 0 }
     }
 
+    /// Pins of a port that the chip pulls low, push-pull or open drain.
+    pub fn driven_low(&self, port: usize) -> u8 {
+        if self.enabled() { !self.latch[port] & self.digital[port] } else { 0 }
+    }
+
+    /// Whether a pin is left to the analog side: an analog input that the crossbar skips.
+    pub fn is_analog(&self, (port, bit): Pin) -> bool {
+        self.digital[port] >> bit & 1 == 0 && self.skip[port] >> bit & 1 != 0
+    }
+
     /// Pins of a port that are push-pull outputs.
     pub fn outputs(&self, port: usize) -> u8 {
         if self.enabled() { self.push_pull[port] & self.digital[port] } else { 0 }

@@ -2,9 +2,11 @@
 
 use super::Chip;
 use super::sfr::{self, Owner};
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 
 const PCON_IDLE: u8 = 0x01;
+/// The voltage reference's pin on the chip of 48 pins.
+const VREF: (usize, u8) = (1, 5);
 const CKCON_EXTERNAL_CLOCK: u8 = 0x03;
 const CKCON_T2ML: u8 = 0x10;
 const CKCON_T3ML: u8 = 0x40;
@@ -31,7 +33,10 @@ impl Chip {
             Some(Owner::Timer2Control | Owner::Timer2(_)) => self.timer2.sync(self.now),
             Some(Owner::Timer3Control | Owner::Timer3(_)) => self.timer3.sync(self.now),
             Some(Owner::Pca) => self.pca.sync(self.now),
-            Some(Owner::Adc) => self.adc.sync(self.now),
+            Some(Owner::Adc) => {
+                self.adc.vref_is_analog = self.ports.is_analog(VREF);
+                self.adc.sync(self.now);
+            }
             _ => {}
         }
     }
@@ -55,7 +60,7 @@ impl Chip {
             Owner::Pca => self.pca.read(address),
             Owner::Interrupts => self.interrupts.read(address),
             Owner::Resets => self.resets.read(address),
-            Owner::Adc => self.adc.read(address),
+            Owner::Adc => self.adc.read(address, self.now),
         })
     }
 

@@ -5,6 +5,7 @@ use crate::time::{TICKS_PER_US, Tick};
 
 const VDMEN: u8 = 0x80;
 const VDDSTAT: u8 = 0x40;
+const PINRSF: u8 = 0x01;
 const PORSF: u8 = 0x02;
 const WDTRSF: u8 = 0x08;
 const SWRSF: u8 = 0x10;
@@ -17,6 +18,8 @@ const MONITOR_SETTLE: Tick = 100 * TICKS_PER_US;
 pub enum Cause {
     PowerUp,
     SupplyMonitor,
+    /// /RST was pulled low from outside.
+    Pin,
     Watchdog,
     Software,
     FlashError,
@@ -27,6 +30,7 @@ impl Cause {
     fn flag(self) -> u8 {
         match self {
             Self::PowerUp | Self::SupplyMonitor => PORSF,
+            Self::Pin => PINRSF,
             Self::Watchdog => WDTRSF,
             Self::Software => SWRSF,
             Self::FlashError => FERROR,
@@ -38,26 +42,37 @@ pub struct Resets {
     cause: Cause,
     monitor_enabled_at: Option<Tick>,
     monitor_resets: bool,
+    supply_is_low: bool,
 }
 
 impl Resets {
     pub fn power_up() -> Self {
-        Self { cause: Cause::PowerUp, monitor_enabled_at: None, monitor_resets: false }
+        Self { cause: Cause::PowerUp, monitor_enabled_at: None, monitor_resets: false, supply_is_low: false }
     }
 
     /// A reset by `cause`; only a power-up changes the supply monitor.
     pub fn reset(&mut self, cause: Cause) {
         if cause == Cause::PowerUp {
-            *self = Self::power_up();
+            *self = Self { supply_is_low: self.supply_is_low, ..Self::power_up() };
         }
         self.cause = cause;
     }
 
     pub fn read(&self, address: u8) -> u8 {
         if address == sfr::RSTSRC {
-            return self.cause.flag();
+            return self.cause.flag() | self.meaningless();
         }
-        VDDSTAT | if self.monitor_enabled_at.is_some() { VDMEN } else { 0 }
+        let vddstat = if self.supply_is_low { 0 } else { VDDSTAT };
+        vddstat | if self.monitor_enabled_at.is_some() { VDMEN } else { 0 }
+    }
+
+    /// Beside PORSF the other flags mean nothing (datasheet, RSTSRC): here they are up.
+    fn meaningless(&self) -> u8 {
+        if self.cause.flag() == PORSF { PINRSF | WDTRSF | SWRSF } else { 0 }
+    }
+
+    pub fn set_supply_low(&mut self, low: bool) {
+        self.supply_is_low = low;
     }
 
     /// Gives the reset that the write causes, if any.
@@ -68,7 +83,7 @@ impl Resets {
         }
         self.monitor_resets = value & PORSF != 0;
         let settled = self.monitor_enabled_at.is_some_and(|at| now >= at + MONITOR_SETTLE);
-        if self.monitor_resets && !settled {
+        if self.monitor_resets && (!settled || self.supply_is_low) {
             return Some(Cause::SupplyMonitor);
         }
         (value & SWRSF != 0).then_some(Cause::Software)
@@ -103,9 +118,19 @@ mod tests {
     }
 
     #[test]
+    fn vddstat_tells_a_low_supply_and_a_monitor_that_is_selected_then_resets_the_chip() {
+        let mut resets = Resets::power_up();
+        resets.write(sfr::VDM0CN, VDMEN, 0);
+        assert_eq!(resets.read(sfr::VDM0CN), VDMEN | VDDSTAT);
+        resets.set_supply_low(true);
+        assert_eq!(resets.read(sfr::VDM0CN), VDMEN);
+        assert_eq!(resets.write(sfr::RSTSRC, PORSF, MONITOR_SETTLE), Some(Cause::SupplyMonitor));
+    }
+
+    #[test]
     fn rstsrc_names_the_last_cause() {
         let mut resets = Resets::power_up();
-        assert_eq!(resets.read(sfr::RSTSRC), 0x02);
+        assert_eq!(resets.read(sfr::RSTSRC) & 0x02, 0x02);
         assert_eq!(resets.write(sfr::RSTSRC, SWRSF, 0), Some(Cause::Software));
         resets.reset(Cause::Watchdog);
         assert_eq!(resets.read(sfr::RSTSRC), 0x08);

@@ -94,7 +94,7 @@ registers! {
     }
     "Reset Sources" {
         VDM0CN   0xFF Some(Owner::Resets), [0x80 "VDMEN" 0x40 "VDDSTAT"];
-        RSTSRC   0xEF Some(Owner::Resets), [0x40 "FERROR" 0x10 "SWRSF" 0x08 "WDTRSF" 0x02 "PORSF"];
+        RSTSRC   0xEF Some(Owner::Resets), [0x40 "FERROR" 0x10 "SWRSF" 0x08 "WDTRSF" 0x02 "PORSF" 0x01 "PINRSF"];
     }
     "Flash Memory" {
         PSCTL    0x8F Some(Owner::Flash), [0x02 "PSEE" 0x01 "PSWE"];

@@ -3,7 +3,7 @@
 //! A timer is brought up to date when it is looked at; it costs nothing in between.
 
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::{NEVER, Tick};
 
 const TF0: u8 = 0x20;

@@ -3,7 +3,7 @@
 //! The far end is an adapter at 115200 baud, whose own clock times what comes in.
 
 use crate::chip::sfr;
-use crate::fault::Violation;
+use crate::chip::violation::Violation;
 use crate::time::{NEVER, TICKS_PER_SECOND, Tick};
 use std::collections::VecDeque;
 

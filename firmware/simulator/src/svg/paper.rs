@@ -1,6 +1,6 @@
 //! The sheet that a room is drawn on: from metres to pixels, a grid with its figures, a scale.
 
-use crate::geometry::Point;
+use crate::room::geometry::Point;
 use std::fmt::Write;
 
 pub const MARGIN_PX: f64 = 56.0;

@@ -1,9 +1,9 @@
 //! The shapes of what stands and moves in a room, its path and its units.
 
 use super::paper::Paper;
-use crate::geometry::{Point, Segment};
+use crate::room::geometry::{Point, Segment};
+use crate::room::scenery::{Cylinder, Wall};
 use crate::room::{Pose, Room};
-use crate::scenery::{Cylinder, Wall};
 use std::f64::consts::PI;
 use std::fmt::Write;
 

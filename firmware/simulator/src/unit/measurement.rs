@@ -2,9 +2,42 @@
 
 use crate::chip::interrupts::{NAMES, SOURCES};
 use crate::time::{TICKS_PER_US, Tick};
+use std::str::FromStr;
+
+/// A part of the program that is timed: from its first instruction until it returns, or until another instruction.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Routine {
+    pub name: String,
+    pub begin: u16,
+    pub end: Option<u16>,
+}
+
+impl FromStr for Routine {
+    type Err = &'static str;
+
+    /// NAME=BEGIN or NAME=BEGIN-END, addresses in hex.
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        const WRONG: &str = "neither NAME=BEGIN nor NAME=BEGIN-END, addresses in hex";
+        let address = |text: &str| u16::from_str_radix(text, 16).map_err(|_| WRONG);
+        let (name, span) = text.split_once('=').ok_or(WRONG)?;
+        let (begin, end) = match span.split_once('-') {
+            Some((begin, end)) => (address(begin)?, Some(address(end)?)),
+            None => (address(span)?, None),
+        };
+        Ok(Self { name: name.to_owned(), begin, end })
+    }
+}
+
+struct Timed {
+    routine: Routine,
+    /// When it was entered, and the stack pointer then.
+    entered: Option<(Tick, u8)>,
+    longest: Tick,
+}
 
 #[derive(Default)]
 pub struct Measurement {
+    routines: Vec<Timed>,
     greatest_sp: u8,
     idle: Tick,
     /// Interrupts whose flag is up and whose own enable bit is set, one bit each; EA may be clear.
@@ -14,6 +47,24 @@ pub struct Measurement {
 }
 
 impl Measurement {
+    pub fn of(routines: &[Routine]) -> Self {
+        let timed = |routine: &Routine| Timed { routine: routine.clone(), entered: None, longest: 0 };
+        Self { routines: routines.iter().map(timed).collect(), ..Self::default() }
+    }
+
+    /// The instruction at `pc` is next.
+    pub fn see_instruction(&mut self, pc: u16, sp: u8, now: Tick) {
+        for timed in &mut self.routines {
+            let over = |entry_sp: u8| timed.routine.end.map_or(sp < entry_sp, |end| pc == end);
+            if let Some((since, _)) = timed.entered.take_if(|(_, entry_sp)| over(*entry_sp)) {
+                timed.longest = timed.longest.max(now - since);
+            }
+            if pc == timed.routine.begin && timed.entered.is_none() {
+                timed.entered = Some((now, sp));
+            }
+        }
+    }
+
     pub fn see_stack(&mut self, sp: u8) {
         self.greatest_sp = self.greatest_sp.max(sp);
     }
@@ -49,8 +100,17 @@ impl Measurement {
             .zip(self.worst_latency)
             .filter_map(|(name, worst)| Some(format!("{name} {:.1} us", worst? as f64 / TICKS_PER_US as f64)))
             .collect();
+        let rounds: Vec<String> = self
+            .routines
+            .iter()
+            .map(|timed| {
+                format!(", {} {:.0} us", timed.routine.name, timed.longest as f64 / TICKS_PER_US as f64)
+            })
+            .collect();
+        let rounds =
+            if rounds.is_empty() { String::new() } else { format!(", longest of{}", rounds.concat()) };
         format!(
-            "stack to 0x{:02X}, idle {idle_percent:.1} % of the time, worst interrupt latency: {}",
+            "stack to 0x{:02X}, idle {idle_percent:.1} % of the time, worst interrupt latency: {}{rounds}",
             self.greatest_sp,
             if latencies.is_empty() { "none taken".to_owned() } else { latencies.join(", ") }
         )
@@ -71,12 +131,34 @@ mod tests {
             0x43, 0x87, 0x01, // ORL PCON,#1
         ];
         let mut unit = unit(&program, &[0x80, 0xFE]);
-        unit.measure();
+        unit.measure(&[]);
         unit.run_until(2 * 0x1_0000 * 12 * TICKS_PER_CLOCK).unwrap();
         let report = unit.measured().unwrap();
         // Asleep it waits for the six clocks of the entry alone: 6 * 32 ticks of 48 MHz. The stack takes two bytes more.
         let expected = "stack to 0x0B, idle 50.0 % of the time, worst interrupt latency: Timer 2 4.0 us";
         assert_eq!(report, expected);
+    }
+
+    #[test]
+    fn the_longest_run_of_a_routine_is_measured_to_its_return() {
+        let program = [
+            0x53, 0xD9, 0xBF, // ANL PCA0MD,#0xBF
+            0x12, 0x00, 0x20, // LCALL 0x0020
+            0x80, 0xFE, // SJMP $
+        ];
+        // 0x2B: behind the 11 NOPs from 0x20 on lies RET
+        let mut unit = unit(&program, &[0x22]);
+        unit.measure(&["task=20".parse().unwrap(), "span=3-6".parse().unwrap()]);
+        unit.run_until(200 * TICKS_PER_CLOCK).unwrap();
+        // 11 NOPs and RET in 6 clocks of 1.5 MHz: 11.3 us; with LCALL in 5: 14.7.
+        assert!(
+            unit.measured().unwrap().ends_with(", longest of, task 11 us, span 15 us"),
+            "{:?}",
+            unit.measured()
+        );
+        for wrong in ["task", "task=xyz", "task=1-"] {
+            assert!(wrong.parse::<super::Routine>().is_err());
+        }
     }
 
     #[test]
@@ -90,7 +172,7 @@ mod tests {
             0x00, // NOP: runs before any interrupt
         ];
         let mut unit = unit(&program, &[0x80, 0xFE]);
-        unit.measure();
+        unit.measure(&[]);
         unit.run_until(100 * TICKS_PER_CLOCK).unwrap();
         // 4 NOPs, SETB in 2 clocks, NOP, entry in 6: 13 clocks of 1.5 MHz.
         assert!(unit.measured().unwrap().ends_with("Timer 2 8.7 us"), "{:?}", unit.measured());

@@ -1,9 +1,9 @@
 //! Tests of the loop that runs a unit, with programs of a few instructions.
 
 use super::*;
-use crate::echo::Scene;
 use crate::image::{erased, flash_firmware};
 use crate::room::Room;
+use crate::room::acoustics::Scene;
 use crate::time::TICKS_PER_MS;
 use std::rc::Rc;
 

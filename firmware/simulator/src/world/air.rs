@@ -4,10 +4,10 @@
 //! reaches the other inside its own, up to twice the longest range. It is taken from wall to wall by images, one wall
 //! at most. Corners and cylinders pass on nothing to others: they scatter, and what is left is weak. Assumed.
 
-use crate::echo::{LONGEST_RANGE_M, Look, Scene};
-use crate::geometry::{Point, Segment};
+use crate::room::acoustics::{LONGEST_RANGE_M, Look, Scene};
+use crate::room::geometry::{Point, Segment};
+use crate::room::scenery::Scenery;
 use crate::room::{Pose, WARMEST_AIR_C, speed_of_sound_m_s};
-use crate::scenery::Scenery;
 use crate::time::{NEVER, TICKS_PER_MS, Tick, from_seconds};
 use crate::world::sonar::ECHO_LAG;
 use std::cell::RefCell;

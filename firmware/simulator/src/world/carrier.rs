@@ -107,7 +107,7 @@ impl Carrier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Point;
+    use crate::room::geometry::Point;
 
     fn path() -> Vec<Pose> {
         [0.0, 1.0].map(|x| Pose { position_m: Point::new(x, 0.0), heading_rad: 0.0 }).to_vec()

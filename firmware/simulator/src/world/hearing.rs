@@ -1,7 +1,7 @@
 //! What reaches a sensor besides its own echo: what is left of its last ping, and the bursts of others.
 
 use super::air::{Air, Arrival};
-use crate::echo::{Look, Scene};
+use crate::room::acoustics::{Look, Scene};
 use crate::time::{NEVER, Tick, from_seconds};
 use std::collections::VecDeque;
 use std::rc::Rc;

@@ -10,11 +10,12 @@ mod switches;
 mod tests;
 
 use crate::chip::ports::{Ports, Pulls};
-use crate::echo::{Look, Scene};
-use crate::fault::Violation;
-use crate::mishap::Mishap;
+use crate::chip::violation::Violation;
+use crate::faults::Fault;
 use crate::random::{Part, stream};
 use crate::room::Pose;
+use crate::room::acoustics::{Look, Scene};
+use crate::room::geometry::Point;
 use crate::time::{NEVER, Tick, from_seconds, to_seconds};
 use air::{Air, Arrival};
 use carrier::Carrier;
@@ -34,6 +35,7 @@ const PORT_1_LED: u8 = 0x04;
 const PORT_1_BUTTON: u8 = 0x08;
 const PORT_1_HOME: u8 = 0x10;
 const PORT_1_ECHO: u8 = 0x01;
+const PORT_1_SENSOR_POWER: u8 = 0x40;
 const PORT_2_COILS: u8 = 0x0F;
 /// Where the last power-off may have left the sensor.
 const POWER_UP_RANGE_RAD: f64 = 2.8;
@@ -77,6 +79,7 @@ impl World {
         // Rooms without slack draw nothing for it.
         let ahead = if gear.backlash_deg > 0.0 { rng.random_range(-1.0..1.0) } else { 0.0 };
         let motor = Motor::new(gear, bearing_rad, phase, ahead);
+        let sonar = Sonar::of(&scene.room().sensor);
         let carrier = Carrier::new(scene.room().waypoints(), laps);
         let standing = scene.room().standing(index);
         Self {
@@ -84,8 +87,8 @@ impl World {
             scene,
             standing,
             motor,
-            sonar: Sonar::default(),
-            switches: Switches::default(),
+            sonar,
+            switches: Switches::with_bounce(gear.home_bounce_ms),
             carrier,
             rng,
             led: false,
@@ -117,29 +120,32 @@ impl World {
     }
 
     /// Something happens to a part of the unit, until then if it lasts; what befalls cable or supply is not of this world.
-    pub fn apply(&mut self, mishap: &Mishap, until: Tick, now: Tick) {
-        match *mishap {
-            Mishap::SensorStuckHigh {} => self.sonar.fall_ill(Ailment::StuckHigh, until, now),
-            Mishap::SensorMissing {} => self.sonar.fall_ill(Ailment::Missing, until, now),
-            Mishap::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
-            Mishap::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
-            Mishap::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
-            Mishap::MotorStuck {} => self.motor.stick(until),
-            Mishap::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
-            Mishap::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
-            Mishap::HomeStuckOpen {} => self.switches.stick_home(false, until),
-            Mishap::HomeStuckClosed {} => self.switches.stick_home(true, until),
-            Mishap::ButtonHeld {} => self.switches.hold_button(until),
-            Mishap::Mended {} => {
+    pub fn apply(&mut self, fault: &Fault, until: Tick, now: Tick) {
+        match *fault {
+            Fault::SensorStuckHigh {} => self.sonar.fall_ill(Ailment::StuckHigh, until, now),
+            Fault::SensorMissing {} => self.sonar.fall_ill(Ailment::Missing, until, now),
+            Fault::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
+            Fault::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
+            Fault::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
+            Fault::MotorStuck {} => self.motor.stick(until),
+            Fault::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
+            Fault::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
+            Fault::HomeNoisy { probability } => self.switches.be_noisy(probability, until),
+            Fault::HomeStuckOpen {} => self.switches.stick_home(false, until),
+            Fault::HomeStuckClosed {} => self.switches.stick_home(true, until),
+            Fault::ButtonHeld {} => self.switches.hold_button(until),
+            Fault::Mended {} => {
                 self.sonar.mend(now);
                 self.motor.mend();
-                self.switches = Switches::default();
+                self.switches.mend();
             }
-            Mishap::CablePulled {}
-            | Mishap::CableCorrupts { .. }
-            | Mishap::PowerCut {}
-            | Mishap::BrownOut {}
-            | Mishap::PowerCutAtFlashOperation { .. } => {}
+            Fault::CablePulled {}
+            | Fault::CableCorrupts { .. }
+            | Fault::PowerCut {}
+            | Fault::BrownOut {}
+            | Fault::PowerRamp { .. }
+            | Fault::ResetPin {}
+            | Fault::PowerCutAtFlashOperation { .. } => {}
         }
     }
 
@@ -173,6 +179,10 @@ impl World {
         }
         let port_1 = ports.driven_high(1);
         self.motor.drive(ports.driven_high(2) & PORT_2_COILS, now, &mut self.rng);
+        self.switches.disturb(self.motor.home_is_closed(), now, &mut self.rng);
+        if self.scene.room().sensor.power_switch {
+            self.sonar.power(ports.driven_low(1) & PORT_1_SENSOR_POWER == 0, now);
+        }
         self.led = port_1 & PORT_1_LED != 0;
         self.carrier.see_led(self.led, now);
         if self.sonar.trigger(port_1 & PORT_1_TRIGGER != 0, now) {
@@ -204,15 +214,19 @@ impl World {
     }
 
     fn home_is_closed(&self) -> bool {
-        self.switches.home_is_closed(self.motor.at_home())
+        self.switches.home_is_closed(self.motor.home_is_closed())
     }
 
     fn ping(&mut self, now: Tick) {
-        let look = Look { from: self.pose().position_m, axis_rad: self.axis_rad(), at_s: to_seconds(now) };
+        let axis_rad = self.axis_rad();
+        let offset_m = self.scene.room().sensor.face_offset_m;
+        let axis_m = self.pose().position_m;
+        let from = Point { x: axis_m.x + offset_m * axis_rad.cos(), y: axis_m.y + offset_m * axis_rad.sin() };
+        let look = Look { from, axis_rad, at_s: to_seconds(now) };
         let speed_m_s = self.scene.room().speed_of_sound(look.at_s);
         let range_m = self.scene.ping(&look, &mut self.rng);
         self.sonar.ping(range_m.map(|range_m| from_seconds(2.0 * range_m / speed_m_s)), now);
-        self.hearing.ping(look, now + sonar::ECHO_LAG);
+        self.hearing.ping(look, now + self.sonar.lag());
     }
 
     /// Sound has come: the sensor takes it for its echo if it awaits one and looks there.

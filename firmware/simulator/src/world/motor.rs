@@ -2,10 +2,10 @@
 //!
 //! The rotor follows the coils' magnetic phase, eight half steps a period, by the shorter way. It stays where it is
 //! when the coils are off (the gear holds it), when the phase is opposite, against the end stops, and when asked to
-//! move sooner than it can. A half step that is lost is a slip: the rotor falls back into step a whole period behind.
+//! move sooner than it can, from rest or at all. A half step that is lost is a slip: the rotor falls back into step a whole period behind.
 //! The sensor stays where it is until the rotor has taken up the gear's slack.
 
-use crate::gear::{Gear, Home};
+use crate::room::gear::{Gear, Home};
 use crate::time::{TICKS_PER_SECOND, Tick};
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
@@ -28,6 +28,8 @@ pub struct Motor {
     sensor_rad: f64,
     coils: u8,
     moved_at: Option<Tick>,
+    /// Between its last two half steps, if it moves.
+    interval: Tick,
     stuck_until: Tick,
     slips: Option<Slips>,
 }
@@ -53,6 +55,7 @@ impl Motor {
             sensor_rad: bearing_rad,
             coils: 0,
             moved_at: None,
+            interval: Tick::MAX,
             stuck_until: 0,
             slips: None,
         }
@@ -68,9 +71,13 @@ impl Motor {
         self.coils != 0
     }
 
-    /// Whether the home switch is closed, if there is one.
-    pub fn at_home(&self) -> bool {
-        self.gear.home == Home::Switch && self.sensor_rad <= HOME_RAD
+    /// Whether the contact of the home switch is closed, if there is one.
+    pub fn home_is_closed(&self) -> bool {
+        match self.gear.home {
+            Home::Switch => self.sensor_rad <= HOME_RAD,
+            Home::OpeningSwitch => self.sensor_rad > HOME_RAD,
+            Home::None => false,
+        }
     }
 
     /// The rotor doesn't turn until then.
@@ -106,12 +113,22 @@ impl Motor {
             return;
         };
         let way = (phase as i64 - self.position + PERIOD / 2).rem_euclid(PERIOD) - PERIOD / 2;
-        let too_soon = self.moved_at.is_some_and(|at| now < at + SHORTEST_STEP * way.unsigned_abs());
-        if way == 0 || way == -PERIOD / 2 || too_soon || now < self.stuck_until {
+        if way == 0 || way == -PERIOD / 2 || now < self.stuck_until {
             return;
         }
+        let interval = self.moved_at.map_or(Tick::MAX, |at| (now - at) / way.unsigned_abs());
+        if !self.follows(interval) {
+            return;
+        }
+        self.interval = interval;
         let slip = if self.slips(now, rng) { PERIOD * way.signum() } else { 0 };
         self.turn_to(self.position + way - slip, now);
+    }
+
+    /// Whether the rotor follows a half step so soon after the last: faster than it pulls in only if it is fast already.
+    fn follows(&self, interval: Tick) -> bool {
+        let pull_in = (TICKS_PER_SECOND as f64 / self.gear.pull_in_per_s) as Tick;
+        interval >= SHORTEST_STEP && (interval >= pull_in || interval >= self.interval / 4 * 3)
     }
 
     fn slips(&mut self, now: Tick, rng: &mut impl Rng) -> bool {
@@ -179,9 +196,22 @@ mod tests {
             }
             motor.position
         };
-        assert_eq!(turned(1000), 100);
+        assert_eq!(turned(600), 100);
+        assert!(turned(700) < 50); // past the pull-in limit, from rest
         assert!(turned(1500) < 50);
         assert!(turned(3000) < 50);
+    }
+
+    #[test]
+    fn a_ramp_takes_the_motor_past_its_pull_in_limit() {
+        let mut motor = motor(0.0, 0);
+        let mut now = TICKS_PER_SECOND;
+        for step in 1..=400u64 {
+            let per_second = (200 + 10 * step).min(1000);
+            now += TICKS_PER_SECOND / per_second;
+            motor.drive(PHASES[(step % 8) as usize], now, &mut rng());
+        }
+        assert_eq!(motor.position, 400);
     }
 
     #[test]
@@ -195,7 +225,7 @@ mod tests {
     fn the_end_stop_holds() {
         let mut motor = motor(-2.8, 0);
         turn(&mut motor, -400, STEP);
-        assert!(motor.bearing_rad() >= -165f64.to_radians() && motor.at_home());
+        assert!(motor.bearing_rad() >= -165f64.to_radians() && motor.home_is_closed());
     }
 
     #[test]
@@ -214,7 +244,7 @@ mod tests {
         // A stalled rotor hops back by up to half a period and comes again.
         let short_rad = motor.bearing_rad() + 10f64.to_radians();
         assert!((0.0..5.0 / 4075.7728 * TAU).contains(&short_rad), "{short_rad}");
-        assert!(!motor.at_home());
+        assert!(!motor.home_is_closed());
     }
 
     #[test]

@@ -1,14 +1,11 @@
 //! The HC-SR04's electrical side: TRIG, a lag, ECHO high for the time of flight; and what a broken one does.
 
-use crate::time::{NEVER, TICKS_PER_MS, TICKS_PER_US, Tick};
+use crate::room::sensor::Sensor;
+use crate::time::{NEVER, TICKS_PER_MS, TICKS_PER_US, Tick, from_seconds};
 use std::collections::VecDeque;
 
-/// TRIG must be high that long (HC-SR04 user guide).
-const SHORTEST_TRIGGER: Tick = 10 * TICKS_PER_US;
-/// From the end of the trigger to ECHO high: the burst and some more. Measured by a prototype.
+/// The shortest lag of ECHO (`room/sensor.rs`).
 pub const ECHO_LAG: Tick = 450 * TICKS_PER_US;
-/// ECHO's length when nothing is heard (HC-SR04 user guide: 38 ms).
-const NO_ECHO: Tick = 38 * TICKS_PER_MS;
 /// The receiver is deaf while its own transmitter still rings: 2 cm there and back, the shortest range.
 const RINGING: Tick = 116 * TICKS_PER_US;
 /// ECHO of a sensor whose pulses are too short to be true.
@@ -38,8 +35,17 @@ pub struct Edge {
     pub at: Tick,
 }
 
-#[derive(Default)]
+/// The times of a kind of sensor, as `room/sensor.rs` has them.
+#[derive(Debug, Clone, Copy)]
+struct Kind {
+    lag: Tick,
+    shortest_trigger: Tick,
+    no_echo: Tick,
+}
+
 pub struct Sonar {
+    kind: Kind,
+    unpowered: bool,
     high: bool,
     /// What ECHO will do, in order; while there is anything the sensor is busy.
     edges: VecDeque<Edge>,
@@ -50,6 +56,40 @@ pub struct Sonar {
 }
 
 impl Sonar {
+    pub fn of(sensor: &Sensor) -> Self {
+        let kind = Kind {
+            lag: from_seconds(sensor.echo_lag_ms / 1e3),
+            shortest_trigger: from_seconds(sensor.shortest_trigger_us / 1e6),
+            no_echo: from_seconds(sensor.no_echo_ms / 1e3),
+        };
+        Self {
+            kind,
+            unpowered: false,
+            high: false,
+            edges: VecDeque::new(),
+            rises_at: 0,
+            trigger_since: None,
+            ailment: None,
+        }
+    }
+
+    /// From the trigger's end to ECHO high.
+    pub fn lag(&self) -> Tick {
+        self.kind.lag
+    }
+
+    /// The sensor's supply: without it ECHO is low and whatever the sensor was at is forgotten.
+    pub fn power(&mut self, on: bool, now: Tick) {
+        let goes_off = !on && !self.unpowered;
+        self.unpowered = !on;
+        if goes_off {
+            self.edges.clear();
+            if self.high {
+                self.edges.push_back(Edge { rising: false, at: now });
+            }
+        }
+    }
+
     pub fn echo_is_high(&self) -> bool {
         self.high
     }
@@ -66,8 +106,9 @@ impl Sonar {
             }
             (false, Some(since)) => {
                 self.trigger_since = None;
-                let dead = self.suffers(Ailment::StuckHigh, now) || self.suffers(Ailment::Missing, now);
-                now - since >= SHORTEST_TRIGGER && self.edges.is_empty() && !dead
+                let sick = self.suffers(Ailment::StuckHigh, now) || self.suffers(Ailment::Missing, now);
+                let dead = sick || self.unpowered;
+                now - since >= self.kind.shortest_trigger && self.edges.is_empty() && !dead
             }
             _ => false,
         }
@@ -76,11 +117,11 @@ impl Sonar {
     /// Sends the ping; `flight` is its time of flight, or `None` if nothing is heard.
     pub fn ping(&mut self, flight: Option<Tick>, now: Tick) {
         let length = match self.ailment_at(now) {
-            Some(Ailment::Deaf) => NO_ECHO,
+            Some(Ailment::Deaf) => self.kind.no_echo,
             Some(Ailment::ShortPulse) => SHORT_PULSE,
-            _ => flight.unwrap_or(NO_ECHO),
+            _ => flight.unwrap_or(self.kind.no_echo),
         };
-        self.pulse(now + ECHO_LAG, length);
+        self.pulse(now + self.kind.lag, length);
     }
 
     /// Sound from elsewhere is taken for the echo, if one is awaited.
@@ -154,6 +195,14 @@ impl Sonar {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time::TICKS_PER_SECOND;
+
+    const SHORTEST_TRIGGER: Tick = 10 * TICKS_PER_US;
+    const NO_ECHO: Tick = 38 * TICKS_PER_MS;
+
+    fn sonar_of(sensor: Sensor) -> Sonar {
+        Sonar::of(&sensor)
+    }
 
     /// The edges that a trigger of 10 us at `at` leads to, an echo being 1 ms away.
     fn edges_after_a_trigger(sonar: &mut Sonar, at: Tick) -> Vec<(bool, Tick)> {
@@ -168,7 +217,7 @@ mod tests {
 
     #[test]
     fn a_trigger_shorter_than_10_us_gives_no_ping() {
-        let mut sonar = Sonar::default();
+        let mut sonar = sonar_of(Sensor::default());
         assert!(!sonar.trigger(true, 0));
         assert!(!sonar.trigger(false, SHORTEST_TRIGGER - 1));
         assert!(!sonar.trigger(true, 1000));
@@ -178,7 +227,7 @@ mod tests {
     #[test]
     fn echo_is_high_for_the_time_of_flight_or_for_38_ms() {
         for (flight, width) in [(Some(1234), 1234), (None, 38 * 48_000)] {
-            let mut sonar = Sonar::default();
+            let mut sonar = sonar_of(Sensor::default());
             sonar.ping(flight, 0);
             let rise = sonar.take_edge().unwrap();
             let fall = sonar.take_edge().unwrap();
@@ -189,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_busy_sensor_ignores_triggers() {
-        let mut sonar = Sonar::default();
+        let mut sonar = sonar_of(Sensor::default());
         sonar.ping(None, 0);
         sonar.trigger(true, 100);
         assert!(!sonar.trigger(false, 100 + SHORTEST_TRIGGER));
@@ -198,7 +247,7 @@ mod tests {
     #[test]
     fn sound_from_elsewhere_ends_the_pulse_unless_the_transmitter_still_rings_or_the_echo_was_sooner() {
         let fall_after_sound_at = |sound: Tick| {
-            let mut sonar = Sonar::default();
+            let mut sonar = sonar_of(Sensor::default());
             sonar.ping(Some(10 * TICKS_PER_MS), 0);
             sonar.take_edge();
             sonar.hear(ECHO_LAG + sound);
@@ -218,7 +267,7 @@ mod tests {
             (Ailment::ShortPulse, vec![(true, RISE), (false, RISE + SHORT_PULSE)]),
             (Ailment::Early, vec![(true, EARLY), (false, EARLY + TICKS_PER_MS)]),
         ] {
-            let mut sonar = Sonar::default();
+            let mut sonar = sonar_of(Sensor::default());
             sonar.fall_ill(ailment, NEVER, 0);
             while sonar.take_edge().is_some() {}
             assert_eq!(edges_after_a_trigger(&mut sonar, TICKS_PER_MS), expected, "{ailment:?}");
@@ -231,10 +280,34 @@ mod tests {
 
     #[test]
     fn a_line_that_is_stuck_high_comes_down_when_its_time_is_over() {
-        let mut sonar = Sonar::default();
+        let mut sonar = sonar_of(Sensor::default());
         sonar.fall_ill(Ailment::StuckHigh, 500, 100);
         let edges: Vec<Edge> = std::iter::from_fn(|| sonar.take_edge()).collect();
         assert_eq!(edges, [Edge { rising: true, at: 100 }, Edge { rising: false, at: 500 }]);
         assert!(!sonar.echo_is_high());
+    }
+
+    #[test]
+    fn a_sensor_of_another_kind_has_its_own_lag_and_trigger() {
+        let kind = Sensor { echo_lag_ms: 42.0, shortest_trigger_us: 20.0, ..Sensor::default() };
+        let mut sonar = sonar_of(kind);
+        assert_eq!(edges_after_a_trigger(&mut sonar, 0), []);
+        sonar.trigger(true, TICKS_PER_MS);
+        assert!(sonar.trigger(false, TICKS_PER_MS + 20 * TICKS_PER_US));
+        sonar.ping(Some(TICKS_PER_MS), 0);
+        assert_eq!(sonar.next_event(), 42 * TICKS_PER_MS);
+    }
+
+    #[test]
+    fn a_sensor_that_latches_comes_down_only_without_power() {
+        let mut sonar = sonar_of(Sensor { no_echo_ms: 1e9, ..Sensor::default() });
+        sonar.ping(None, 0);
+        sonar.take_edge();
+        assert!(sonar.echo_is_high() && sonar.next_event() > 1000 * TICKS_PER_SECOND);
+        sonar.power(false, TICKS_PER_MS);
+        assert_eq!(sonar.take_edge(), Some(Edge { rising: false, at: TICKS_PER_MS }));
+        assert_eq!(edges_after_a_trigger(&mut sonar, 2 * TICKS_PER_MS), []);
+        sonar.power(true, 3 * TICKS_PER_MS);
+        assert_eq!(edges_after_a_trigger(&mut sonar, 4 * TICKS_PER_MS).len(), 2);
     }
 }

@@ -97,8 +97,8 @@ fn warm_air_brings_the_echo_sooner() {
 fn a_held_button_and_a_stuck_home_switch_are_on_their_pins_until_their_time_is_over() {
     let mut world = world("", WALL);
     let at_rest = world.pulls().low[1] & PORT_1_HOME;
-    world.apply(&Mishap::ButtonHeld {}, TICKS_PER_SECOND, 0);
-    world.apply(&Mishap::HomeStuckClosed {}, 2 * TICKS_PER_SECOND, 0);
+    world.apply(&Fault::ButtonHeld {}, TICKS_PER_SECOND, 0);
+    world.apply(&Fault::HomeStuckClosed {}, 2 * TICKS_PER_SECOND, 0);
     assert_eq!(world.pulls().low[1] & (PORT_1_BUTTON | PORT_1_HOME), PORT_1_BUTTON | PORT_1_HOME);
     assert_eq!(world.next_event(), TICKS_PER_SECOND);
     world.service(TICKS_PER_SECOND);
@@ -113,17 +113,17 @@ fn a_home_switch_that_is_stuck_open_never_closes() {
     let mut world = world("", WALL);
     world.motor.turn_by_hand(-6.0);
     assert!(world.truth(0).home_switch_closed);
-    world.apply(&Mishap::HomeStuckOpen {}, NEVER, 0);
+    world.apply(&Fault::HomeStuckOpen {}, NEVER, 0);
     assert!(!world.truth(0).home_switch_closed);
-    world.apply(&Mishap::Mended {}, NEVER, 0);
+    world.apply(&Fault::Mended {}, NEVER, 0);
     assert!(world.truth(0).home_switch_closed);
 }
 
 #[test]
 fn a_deaf_sensor_waits_38_ms_and_hears_again_when_it_is_mended() {
     let mut world = world("", WALL);
-    world.apply(&Mishap::SensorDeaf {}, NEVER, 0);
+    world.apply(&Fault::SensorDeaf {}, NEVER, 0);
     assert_close(range_of_ping(&mut world, 0), 0.038 * SPEED_OF_SOUND_M_S / 2.0);
-    world.apply(&Mishap::Mended {}, NEVER, TICKS_PER_SECOND);
+    world.apply(&Fault::Mended {}, NEVER, TICKS_PER_SECOND);
     assert_close(range_of_ping(&mut world, TICKS_PER_SECOND), 2.5);
 }

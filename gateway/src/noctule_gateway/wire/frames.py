@@ -60,6 +60,7 @@ class HomeKind(IntEnum):
 
     SWITCH = 0
     STOP = 1
+    OPENING_SWITCH = 2
 
 
 class Stay(IntEnum):

@@ -15,7 +15,7 @@ from noctule_gateway.wire.units import PER_RADIAN
 PLAN_BOUNDS = UNIT_PLAN | {"pings": Number(PINGS[0], PINGS[-1])}
 CALIBRATION_BOUNDS = {
     "half_steps_per_turn": Number(3800, 4400),
-    "backlash_half_steps": Number(0, 64),
+    "backlash_half_steps": Number(0, 128),
     "home_bearing_rad": Number(-radians(180), -radians(148), "rad"),
 }
 PAUSE_S = UNIT_PAUSE_S
@@ -24,6 +24,8 @@ WAYPOINT = Number(0, 0xFFFE)
 TRIM_AIR_C = Number(-40, 85, "degrees C")
 
 _ROUNDING = 1e-6  # of a quantity that went through other units
+_FASTEST_FROM_REST = 500  # half steps/s
+_SHORTEST_RAMP_MS = 50
 _OUTERMOST = round(BEARING_RAD.most * PER_RADIAN)
 
 
@@ -55,4 +57,13 @@ def check_last_bearing(plan: Configure) -> None:
             f"{degrees(plan.first_bearing / PER_RADIAN):.6g} + {plan.count - 1} * "
             f"{degrees(plan.bearing_step / PER_RADIAN):.6g} = {degrees(last / PER_RADIAN):.6g}: "
             f"give fewer or closer bearings, up to {degrees(BEARING_RAD.most):.6g} degrees"
+        )
+
+
+def check_ramp(plan: Configure) -> None:
+    """Raise CommandError where ``plan`` has the motor start faster than it can from rest."""
+    if plan.top_speed > _FASTEST_FROM_REST and plan.ramp_ms < _SHORTEST_RAMP_MS:
+        raise CommandError(
+            f"out of range: ramp_s is {plan.ramp_ms / 1000:.6g} at {plan.top_speed} half steps/s: give "
+            f"{_SHORTEST_RAMP_MS / 1000:.6g} s or more, or a top speed of {_FASTEST_FROM_REST} half steps/s or less"
         )

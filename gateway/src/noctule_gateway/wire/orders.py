@@ -37,6 +37,7 @@ def configure(plan: SweepPlan, present: Configure) -> Configure:
     order = _fitting(replace(present, **_given(plan, PLAN)))
     if plan.ListFields():
         limits.check_last_bearing(order)
+        limits.check_ramp(order)
     return order
 
 
@@ -47,7 +48,8 @@ def calibrate(calibration: Calibration, present: Calibrate) -> Calibrate:
     if calibration.HasField("home"):
         kinds = {home: kind for kind, home in HOMES.items()}
         if calibration.home not in kinds:
-            raise CommandError(f"home {calibration.home} is no kind of home: give HOME_SWITCH or HOME_STOP")
+            kinds_known = ", ".join(Calibration.Home.Name(home) for home in kinds)
+            raise CommandError(f"home {calibration.home} is no kind of home: give one of {kinds_known}")
         given["home"] = kinds[calibration.home]
     return _fitting(replace(present, **given))
 

@@ -10,6 +10,7 @@ from noctule_gateway.wire.units import CALIBRATION, PER_KELVIN, PLAN, Scale
 HOMES: dict[int, Calibration.Home] = {
     HomeKind.SWITCH: Calibration.HOME_SWITCH,
     HomeKind.STOP: Calibration.HOME_STOP,
+    HomeKind.OPENING_SWITCH: Calibration.HOME_OPENING_SWITCH,
 }
 
 

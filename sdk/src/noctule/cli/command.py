@@ -33,9 +33,14 @@ class Home(StrEnum):
 
     SWITCH = "switch"
     STOP = "stop"
+    OPENING_SWITCH = "opening-switch"
 
 
-_HOMES = {Home.SWITCH: Calibration.HOME_SWITCH, Home.STOP: Calibration.HOME_STOP}
+_HOMES = {
+    Home.SWITCH: Calibration.HOME_SWITCH,
+    Home.STOP: Calibration.HOME_STOP,
+    Home.OPENING_SWITCH: Calibration.HOME_OPENING_SWITCH,
+}
 
 rpc = typer.Typer(no_args_is_help=True)
 
