@@ -189,6 +189,9 @@ class RareStopsConfig(_Model):
     # The chance that another stop hears what one hears. In random rooms 49, 25, 14 and 6 % of the echoes on which the
     # sweeps of a stop agree are of what no other of 2, 3, 4 and 5 stops hears.
     hears_too: float = Field(default=0.5, ge=0, lt=1)
+    # What a link may cost before both ends stay open: of 150 links in random rooms five were false; three of these cost
+    # more than this, less what their corners explain, and so did two of the right ones.
+    open_end_nats: float = Field(default=11.0, ge=0)
     # A wall, or a cylinder, stands if the best map without it is worth so much less.
     sure_nats: float = Field(default=4.0, ge=0)
     # Walls of more echoes than this need no such proof.
@@ -361,6 +364,7 @@ def for_rare_stops(config: MapperConfig) -> MapperConfig:
     prices = {name: getattr(rare, name) for name in ("wall_nats", "point_nats", "cylinder_nats")}
     refinement = {  # coarse sweeps have no plateaus, whose feet could lie close
         "prices": config.refinement.prices.model_copy(update={**prices, "close_feet_nats": 0.0}),
+        "linking": config.refinement.linking.model_copy(update={"open_end_nats": rare.open_end_nats}),
         "search": config.refinement.search.model_copy(
             update={
                 "most_pairs": rare.most_pairs,
