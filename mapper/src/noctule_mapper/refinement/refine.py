@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops, while_searching
+from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour, Cylinder
 from noctule_mapper.contour.corners import contour_of
@@ -108,12 +108,11 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
     settings = config.refinement
     weighed, contacts = _weighed(data, found, settings)
     # A few objects alone tell little of a sensor: their fits would draw it back to what was stated.
-    sought = replace(weighed, stands=with_sensors_as_now(weighed.stands))
-    best = best_map(sought, contacts, while_searching(config))
+    best = best_map(replace(weighed, stands=with_sensors_as_now(weighed.stands)), contacts, config)
     stands = with_sensors_stated_as(weighed.stands, best.scene.data.stands)
     weighed, data = with_stands(weighed, stands), with_stands(data, stands)
     scene = Scene(joined(data, _directions(weighed)), settings)
-    objects, links = best.objects, links_of(best.objects, best.scene, config)
+    objects, links = best.objects, best.links
     while True:
         claims = scene.claims(objects, links)
         last = settle(
