@@ -138,7 +138,7 @@ def _room(seed: int) -> _Judged:
 @pytest.mark.soak
 @pytest.mark.parametrize("kind", ["wall", "corner"])
 def test_what_unmeasured_sensors_hear_errs_as_stated(kind: str) -> None:
-    """Chi-square at 1 %. One of each room that was understood: others of it share the errors of its sensors and its air.
+    """Chi-square at 1 %. One of each room that was understood: others of it share its sensors' errors and its air.
 
     In a room out of fifty the sensors are fitted wrongly: all its squares are large, and chance makes none so large in
     a thousand.
