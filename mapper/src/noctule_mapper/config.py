@@ -189,9 +189,9 @@ class RareStopsConfig(_Model):
     # The chance that another stop hears what one hears. In random rooms 49, 25, 14 and 6 % of the echoes on which the
     # sweeps of a stop agree are of what no other of 2, 3, 4 and 5 stops hears.
     hears_too: float = Field(default=0.5, ge=0, lt=1)
-    # A link costs so much more, since a wall may lie between its two that no stop has heard: of 146 links in random
-    # rooms that cost less than 15, four of the five false ones cost more than 11, and two of the right ones. A false link
-    # also keeps the wall that it passes from being found.
+    # A link costs so much more: a wall may lie between its two walls that no stop has heard. Of 146 links in random
+    # rooms that cost less than 15, four of the five false ones cost more than 11, and two of the right ones. A false
+    # link also keeps the wall that it passes from being found.
     between_nats: float = Field(default=4.0, ge=0)
     # A wall, or a cylinder, stands if the best map without it is worth so much less.
     sure_nats: float = Field(default=4.0, ge=0)
