@@ -140,7 +140,7 @@ def _room(seed: int) -> _Judged:
 def test_what_unmeasured_sensors_hear_errs_as_stated(kind: str) -> None:
     """Chi-square at 1 %. One of each room that was understood: others of it share its sensors' errors and its air.
 
-    In a room out of fifty the sensors are fitted wrongly: all its squares are large, and chance makes none so large in
+    In three rooms out of fifty the sensors are fitted wrongly: squares are large there, and chance makes none so large in
     a thousand.
     """
     rng = np.random.default_rng(1)
