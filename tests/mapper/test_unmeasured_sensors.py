@@ -140,8 +140,8 @@ def _room(seed: int) -> _Judged:
 def test_what_unmeasured_sensors_hear_errs_as_stated(kind: str) -> None:
     """Chi-square at 1 %. One of each room that was understood: others of it share its sensors' errors and its air.
 
-    In three rooms out of fifty the sensors are fitted wrongly: squares are large there, and chance makes none so large in
-    a thousand.
+    In three rooms out of fifty the sensors are fitted wrongly: there squares are large, as chance makes hardly one in a
+    thousand.
     """
     rng = np.random.default_rng(1)
     of_room = [one.squares[kind] for one in rooms() if not one.missed and not one.false and one.squares[kind]]
