@@ -8,8 +8,8 @@ from mapper.fixed_units import FIXED, survey_fixed
 from mapper.room import Physics, Room
 from mapper.test_plateaus import heard
 
-from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops
-from noctule_mapper.contour.corners import Link, link_ends, parting
+from noctule_mapper.config import RefinementConfig
+from noctule_mapper.contour.corners import parting
 from noctule_mapper.contour.reflectors import Crossing, Line
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.readings.plateaus import plateaus
@@ -62,17 +62,3 @@ def test_a_corner_is_worth_less_by_what_it_cuts_off_and_nobody_explains() -> Non
     scene = Scene(one_plateau(-np.pi / 4, 2.2), CONFIG)
     assert scene.support(CORNER, np.array([0.0])) == pytest.approx(0.0)  # another object explains it
     assert scene.support(CORNER, np.array([0.5])) == pytest.approx(-0.5 * CONFIG.linking.cut_off_nats)
-
-
-@pytest.mark.parametrize(
-    ("config", "linked"), [(CONFIG, {"left", "right"}), (for_rare_stops(MapperConfig()).refinement, {"right"})]
-)
-def test_from_rare_stops_a_corner_to_the_left_may_hide_a_wall_that_nobody_has_heard(
-    config: RefinementConfig, linked: set[str]
-) -> None:
-    # Out of all sight, each wall seen up to 0.7 m from the corner: 7.5 + 2 x 1.4 + 3.5 x 0.7 = 12.75 of 15 nats.
-    first = Line(-np.pi / 2, 20.0, 0.0, 1.0)
-    turns = {"left": Line(0.0, 1.7, -19.3, -18.0), "right": Line(-np.pi, -1.7, 20.7, 22.0)}
-    data = one_plateau(np.pi / 4, 0.3)
-    found = {turn for turn, second in turns.items() if link_ends({0: first, 1: second}, data, config) == [Link(0, 1)]}
-    assert found == linked

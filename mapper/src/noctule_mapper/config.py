@@ -189,10 +189,6 @@ class RareStopsConfig(_Model):
     # The chance that another stop hears what one hears. In random rooms 49, 25, 14 and 6 % of the echoes on which the
     # sweeps of a stop agree are of what no other of 2, 3, 4 and 5 stops hears.
     hears_too: float = Field(default=0.5, ge=0, lt=1)
-    # A link costs so much more: a wall may lie between its two walls that no stop has heard. Of 146 links in random
-    # rooms that cost less than 15, four of the five false ones cost more than 11, and two of the right ones. A false
-    # link also keeps the wall that it passes from being found.
-    between_nats: float = Field(default=4.0, ge=0)
     # A wall, or a cylinder, stands if the best map without it is worth so much less.
     sure_nats: float = Field(default=4.0, ge=0)
     # Walls of more echoes than this need no such proof.
@@ -253,9 +249,7 @@ class LinkingConfig(_Model):
     # Where there are looks: a link whose gap nobody looked at, and each metre of that gap.
     link_nats: float = Field(default=7.5, ge=0)
     unseen_nats_per_m: float = Field(default=2.0, ge=0)
-    # A wall may lie between that nobody has heard: each metre that the gap is on both sides of the corner, and at all.
-    # A wall that is passed by has two corners, and rooms turn left at most of them, so a right turn passes none.
-    between_nats: float = Field(default=0.0, ge=0)
+    # Each metre that it is on both sides of the corner: so deep may a wall lie between that nobody has heard.
     between_nats_per_m: float = Field(default=3.5, ge=0)
     # A plateau that no object explains and that, as a wall, would part the corner from its two walls.
     cut_off_nats: float = Field(default=4.0, ge=0)
@@ -367,7 +361,6 @@ def for_rare_stops(config: MapperConfig) -> MapperConfig:
     prices = {name: getattr(rare, name) for name in ("wall_nats", "point_nats", "cylinder_nats")}
     refinement = {  # coarse sweeps have no plateaus, whose feet could lie close
         "prices": config.refinement.prices.model_copy(update={**prices, "close_feet_nats": 0.0}),
-        "linking": config.refinement.linking.model_copy(update={"between_nats": rare.between_nats}),
         "search": config.refinement.search.model_copy(
             update={
                 "most_pairs": rare.most_pairs,

@@ -82,7 +82,6 @@ def link_ends(
     for i, j in np.argwhere(np.isfinite(end_gap_m)):
         corner = Crossing(lines[i], lines[j])
         price = _gap_price(float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config)
-        price += config.linking.between_nats if corner.turn_rad > 0 else 0.0
         price += heard(corner) if heard else heard_price(corner, data, config)
         price -= support(corner) if support else 0.0
         if data.looks is not None and price < config.linking.open_end_nats:  # dearer, both ends stay open
