@@ -137,6 +137,7 @@ def test_stops_are_rare_when_the_places_before_and_behind_are_out_of_a_dense_pat
         5035,  # two stops
         5007,  # four stops: three walls of two or three echoes each, two of which meet in no corner that was heard
         5010,  # a wall whose two feet lie 0.3 m apart: its corners tell its direction
+        5009,  # a wall whose last foot is its corner's echo, 8 cm beyond the corner
     ],
 )
 def test_walls_of_two_echoes_are_found_where_the_sweeps_agree_on_them(seed: int) -> None:

@@ -97,7 +97,7 @@ def test_a_sweep_without_a_pose_is_counted_and_passed_over_and_the_status_says_w
     statuses: list[ServiceStatus] = []
     site.client.on_service_status(statuses.append)
     site.play(survey[:1])
-    lacking = "echoes from 1 place; a wall needs 3, a cylinder 3"
+    lacking = "echoes from 1 place; a wall needs 3 (2 if over 0.65 m apart), a cylinder 3"
     wait_until(lambda: statuses and statuses[-1].detail == lacking, "the status does not say why")
     site.play(survey[1:])
     site.contour_of(4)

@@ -120,7 +120,7 @@ class Mapper:
             self._register(sweep)
         newest_s = _newest_s([self._sweeps[identity] for identity in self._came if identity in self._sweeps])
         found = self._contour()
-        note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config.refinement.limits)
+        note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config)
         now, stops = parted(found.poses, self._sweeps.values())
         poses, method = self._unplaced.published(now), self.config.method
         return replace(

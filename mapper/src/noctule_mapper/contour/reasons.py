@@ -4,14 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from noctule_mapper.config import LimitConfig
+from noctule_mapper.config import LimitConfig, MapperConfig
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.looks import is_fine
+from noctule_mapper.readings.parts import stops_are_rare
 from noctule_mapper.readings.sweep import SweepReadings
 
 
-def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], limits: LimitConfig) -> str:
+def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], config: MapperConfig) -> str:
     """What the ``sweeps`` and their ``echoes`` lack for more than there is in ``contour``; "" where they lack nothing
     that a line could tell.
     """
@@ -19,17 +20,28 @@ def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], li
         return "no sweeps"
     if not len(echoes):
         return _nothing_heard(sweeps)
-    places = _places(echoes, limits)
+    places = _places(echoes, config.refinement.limits)
     heard = f"echoes from {places} place{'' if places == 1 else 's'}"
-    if places < limits.least_places and not contour.cylinders:
-        wall_needs = limits.least_places - any(is_fine(sweep) for sweep in sweeps)
-        wall = f"a wall needs {wall_needs}, " if places < wall_needs and not contour.walls else ""
-        return (
-            f"{heard}; {wall}a cylinder{'' if wall else ' needs'} {limits.least_places}{_poses_alike(sweeps, places)}"
-        )
+    if places < config.refinement.limits.least_places and not contour.cylinders:
+        return f"{heard}; {_needed(contour, places, sweeps, config)}{_poses_alike(sweeps, places)}"
     if not (contour.walls or contour.cylinders):
         return f"{heard}, but no wall and no cylinder explains enough of them: check the poses"
     return ""
+
+
+def _needed(contour: Contour, places: int, sweeps: Sequence[SweepReadings], config: MapperConfig) -> str:
+    """How many places a wall, where there is none, and a cylinder need."""
+    most = config.refinement.limits.least_places
+    fine = any(is_fine(sweep) for sweep in sweeps)
+    wall, wall_needs = f"a wall needs {most}", most
+    if fine or stops_are_rare(sweeps, config.parts):
+        wall, wall_needs = f"a wall needs {most - 1}", most - 1
+    elif places == 1:
+        wall += f" ({most - 1} if over {config.parts.reach_m / config.parts.steps:g} m apart)"
+    facing = f", or {most - 1} on opposite sides of it" if fine else ""
+    if places < wall_needs and not contour.walls:
+        return f"{wall}, a cylinder {most}{facing}"
+    return f"a cylinder needs {most}{facing}"
 
 
 def _nothing_heard(sweeps: Sequence[SweepReadings]) -> str:

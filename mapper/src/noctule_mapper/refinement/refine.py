@@ -92,9 +92,13 @@ def _surely_cylinders(cylinders: Sequence[Cylinder], final: Final, config: Mappe
 
 
 def _as_sure(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, data: Evidence) -> list[Reflector]:
-    """The objects, walls only as far as fine sweeps surely heard them: the last foot may be the corner's echo."""
+    """The objects, walls only as far as they were surely heard: the last foot may be the corner's echo. Along a dense
+    path the foot before it is near, and `trimmed` has taken off a lone one.
+    """
+    if data.looks is None:
+        return list(objects)
     return [
-        sure_stretch(one, data.take(made_by(number, claims, share))) if isinstance(one, Line) and data.has_fine else one
+        sure_stretch(one, data.take(made_by(number, claims, share))) if isinstance(one, Line) else one
         for number, one in enumerate(objects)
     ]
 

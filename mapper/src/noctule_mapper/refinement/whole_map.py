@@ -55,7 +55,7 @@ def sure_map(
         rest = fitted([one for one in state.objects if one is not weakest])
         other = completed(rest, barred=weakest if isinstance(weakest, Line) else None)
         if other.worth > state.worth + _LEAST_RISE_NATS:
-            state, judged = other, []
+            state, judged = completed(other), []  # the wall taken out may stand beside the one found
         else:
             judged.append((weakest, state.worth - other.worth))
     unsure = [one for one, margin in judged if margin < rare.sure_nats]
