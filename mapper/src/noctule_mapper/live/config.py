@@ -5,7 +5,6 @@ import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
-import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from noctule.errors import NoctuleError
@@ -57,6 +56,8 @@ def in_force(
 
 def to_toml(config: LiveConfig) -> str:
     """Every parameter, as load_live() reads it."""
+    import tomlkit  # takes a while to load, and a mapper that reads its parameters does without
+
     return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
