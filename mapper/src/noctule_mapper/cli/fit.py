@@ -26,6 +26,7 @@ def fit(
 ) -> None:
     """Fit the contour of a survey, and print it; the parameters in force go beside it."""
     from noctule import survey
+    from noctule.progress import progress
     from noctule_mapper.cli.drawings import draw
     from noctule_mapper.contour.table import contour_table
     from noctule_mapper.live.config import in_force, to_toml
@@ -33,8 +34,10 @@ def fit(
     from noctule_mapper.survey_fit import map_survey
 
     parameters = in_force(config, method, rule, sensor)
-    surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window)
-    result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
+    with progress() as shown:
+        surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window, progress=shown)
+        shown.at("looking for walls and cylinders")
+        result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:
         contour.write_text(survey.to_json(result) + "\n")
         if contour.is_file():  # and not a device

@@ -1,7 +1,7 @@
 """How the commands join a site."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -55,11 +55,15 @@ def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[C
 
 @contextmanager
 def joined_until(
-    over: threading.Event, site: str, connect: list[str], tls_folder: Path | None
+    over: threading.Event, site: str, connect: list[str], tls_folder: Path | None, listen: Sequence[str] = ()
 ) -> Iterator[Client | None]:
-    """A client of ``site``, however long its router is waited for; None where it is ``over`` before that."""
+    """A client of ``site``, however long its router is waited for; None where it is ``over`` before that. With
+    ``listen`` it is the router.
+    """
     try:
-        session = bus.open_session(connect, tls_folder=tls_folder, while_waiting=lambda: _end_if(over))
+        session = bus.open_session(
+            [] if listen else connect, listen, tls_folder=tls_folder, while_waiting=lambda: _end_if(over)
+        )
     except _OverError:
         yield None
         return
