@@ -1,11 +1,11 @@
-# make demo | test | soak | bench | lint | wheels: each does the set-up it needs, and is quick the second time.
+# make demo | test | soak | bench | lint | docs | wheels: each does the set-up it needs, and is quick the second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint wheels setup packages-run packages-test firmware clean
+.PHONY: demo test soak bench lint docs wheels setup packages-run packages-test firmware clean
 
 demo: packages-run setup firmware
 	@python deploy/demo/run.py
@@ -26,7 +26,7 @@ bench: packages-test setup firmware
 	-@sh deploy/packages.sh bench
 	PYTHONPATH=tests python tests/bench/run.py
 
-lint: packages-test setup firmware
+lint: packages-test setup firmware docs
 	ruff check
 	ruff format --check
 	pyright
@@ -34,6 +34,10 @@ lint: packages-test setup firmware
 	$(MAKE) --no-print-directory -C firmware check
 	cd sdk/examples/watch_any && sh ../../../deploy/cargo.sh fmt --check
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
+
+# The documentation as pages for a browser, in .site/; a broken link fails.
+docs: setup
+	@NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --config-file deploy/docs/mkdocs.yml
 
 # What the hosts of a fleet install, in dist/, with the versions of all that it needs.
 WHEELS := noctule noctule-gateway noctule-mapper noctule-viewer noctule-deploy
@@ -58,4 +62,4 @@ firmware: setup
 	.tools/bin/pip install --quiet uv==$(UV_VERSION)
 
 clean:
-	rm -rf .venv .tools .demo dist firmware/build firmware/simulator/target sdk/examples/watch_any/target
+	rm -rf .venv .tools .demo .site dist firmware/build firmware/simulator/target sdk/examples/watch_any/target
