@@ -31,7 +31,16 @@ RAISED_IN = (
 )
 """Files, or one function of a file."""
 
-_LOGGED = {"debug", "info", "warning", "error", "exception", "log", "show_event", "end"}  # lines of a log, and good news
+_LOGGED = {
+    "debug",
+    "info",
+    "warning",
+    "error",
+    "exception",
+    "log",
+    "show_event",
+    "end",
+}  # lines of a log, and good news
 _SQL = re.compile(r"\s*(SELECT|DELETE|INSERT|UPDATE|PRAGMA)\b")
 
 

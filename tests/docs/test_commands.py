@@ -1,4 +1,4 @@
-"""Each command in the pages can be: its program, its subcommand and its options exist. test_walk.py runs many of them."""
+"""Each command in the pages can be: program, subcommand and options exist. test_walk.py runs many of them."""
 
 import re
 
