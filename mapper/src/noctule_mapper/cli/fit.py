@@ -33,6 +33,7 @@ def fit(
     from noctule_mapper.messages import contour_message
     from noctule_mapper.survey_fit import map_survey
 
+    _check_folders(contour, contacts, svg, rrd)
     parameters = in_force(config, method, rule, sensor)
     with progress() as shown:
         surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window, progress=shown)
@@ -48,3 +49,10 @@ def fit(
     for left_out in surveyed.left_out:
         typer.echo(str(left_out), err=True)
     draw(surveyed.mapper, result, svg, rrd or (sweeps.with_suffix(".rrd") if view else None), view)
+
+
+def _check_folders(*files: Path | None) -> None:
+    """Before anything is computed: a file can only be written into a folder that is there."""
+    for file in files:
+        if file is not None and not file.absolute().parent.is_dir():
+            raise typer.BadParameter(f"there is no folder {file.absolute().parent}: make it, or name another")
