@@ -7,6 +7,8 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .PHONY: demo test soak bench lint docs wheels setup packages-run packages-test firmware clean
 
+# The demo needs a third of what the tests need; what is there already stays.
+demo: SYNC := --inexact --no-default-groups --group demo
 demo: packages-run setup firmware
 	@python deploy/demo/run.py
 
@@ -52,14 +54,16 @@ packages-run packages-test:
 
 # The lock file decides every version; the simulator is built again when its sources change.
 setup: $(UV)
-	@$(UV) sync --locked --quiet
+	@test -d .venv || echo "Fetching Python packages and building the simulator"
+	@$(UV) sync --locked $(if $(wildcard .venv),--quiet) $(SYNC)
 
 firmware: setup
 	@$(MAKE) --no-print-directory -C firmware
 
 .tools/bin/uv:
-	python3 -m venv .tools
-	.tools/bin/pip install --quiet uv==$(UV_VERSION)
+	@echo "Fetching uv, which fetches the packages (25 MB)"
+	@python3 -m venv .tools
+	@.tools/bin/pip install --quiet uv==$(UV_VERSION)
 
 clean:
 	rm -rf .venv .tools .demo .site dist firmware/build firmware/simulator/target sdk/examples/watch_any/target
