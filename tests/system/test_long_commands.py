@@ -20,7 +20,7 @@ REPRODUCE = ("noctule-mapper", "reproduce", "--seeds", "500", "--jobs", "2", "--
 
 
 class OnTerminal:
-    """A command whose standard error is a terminal, started in ``folder``."""
+    """A command on a terminal of its own, started in ``folder``."""
 
     def __init__(self, folder: Path, *command: str) -> None:
         self._main, far_end = pty.openpty()
@@ -29,7 +29,7 @@ class OnTerminal:
             [str(BIN / command[0]), *command[1:]],
             cwd=folder,
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
+            stdout=far_end,
             stderr=far_end,
             env=os.environ | {"TERM": "xterm", "COLUMNS": "100"},
             start_new_session=True,
@@ -100,6 +100,23 @@ def test_reproduce_ends_its_processes_when_only_it_is_told_to_end(tmp_path: Path
         wait_until(lambda: not _group_lives(running.process.pid), "the end of its processes")
     finally:
         running.close()
+
+
+def test_the_units_of_a_site_are_shown_each_second_until_ctrl_c(tmp_path: Path) -> None:
+    many_sweeps(tmp_path / "few.jsonl", 2)
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    site = OnTerminal(tmp_path, "noctule", "replay", "few.jsonl", "--site", "attic", "--listen", endpoint)
+    try:
+        wait_until(lambda: "has been published" in site.shown(), "the site")
+        shown = OnTerminal(tmp_path, "noctule", "units", "attic", "--watch", "--connect", endpoint)
+        try:
+            wait_until(lambda: shown.shown().count("sweeping") >= 3, "the unit, three times")
+            os.killpg(shown.process.pid, signal.SIGINT)
+            assert shown.process.wait(PATIENCE_S) == 0, shown.shown()
+        finally:
+            shown.close()
+    finally:
+        site.close()
 
 
 def test_in_a_pipe_it_says_nothing_of_it(tmp_path: Path) -> None:
