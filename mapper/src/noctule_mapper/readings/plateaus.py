@@ -150,7 +150,8 @@ def _runs(levels: _Levels, sigma_m: float, step_rad: float, config: RefinementCo
     same = (apart > _SAME_BEARING_STEPS * step_rad) & (apart <= config.plateaus.gap_steps * step_rad)
     off_m = np.abs(levels.range_m[:, None] - levels.range_m[None, :])
     same &= off_m <= config.plateaus.sigmas * sigma_m * np.sqrt(1 / count[:, None] + 1 / count[None, :])
-    of = connected_components(*np.nonzero(same), len(same))
+    first, second = np.nonzero(same)
+    of = connected_components(first, second, len(same))
     return (np.nonzero(of == run)[0] for run in range(of.max(initial=-1) + 1))
 
 
