@@ -1,12 +1,14 @@
-# make demo | test | soak | bench | lint | wheels: each does the set-up it needs, and is quick the second time.
+# make demo | test | soak | bench | lint | docs | wheels: each does the set-up it needs, and is quick the second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint wheels setup packages-run packages-test firmware clean
+.PHONY: demo test soak bench lint docs wheels setup packages-run packages-test firmware clean
 
+# The demo needs a third of what the tests need; what is there already stays.
+demo: SYNC := --inexact --no-default-groups --group demo
 demo: packages-run setup firmware
 	@python deploy/demo/run.py
 
@@ -26,7 +28,7 @@ bench: packages-test setup firmware
 	-@sh deploy/packages.sh bench
 	PYTHONPATH=tests python tests/bench/run.py
 
-lint: packages-test setup firmware
+lint: packages-test setup firmware docs
 	ruff check
 	ruff format --check
 	pyright
@@ -34,6 +36,10 @@ lint: packages-test setup firmware
 	$(MAKE) --no-print-directory -C firmware check
 	cd sdk/examples/watch_any && sh ../../../deploy/cargo.sh fmt --check
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
+
+# The documentation as pages for a browser, in .site/; a broken link fails.
+docs: setup
+	@NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --config-file deploy/docs/mkdocs.yml
 
 # What the hosts of a fleet install, in dist/, with the versions of all that it needs.
 WHEELS := noctule noctule-gateway noctule-mapper noctule-viewer noctule-deploy
@@ -48,14 +54,16 @@ packages-run packages-test:
 
 # The lock file decides every version; the simulator is built again when its sources change.
 setup: $(UV)
-	@$(UV) sync --locked --quiet
+	@test -d .venv || echo "Fetching Python packages and building the simulator"
+	@$(UV) sync --locked $(if $(wildcard .venv),--quiet) $(SYNC)
 
 firmware: setup
 	@$(MAKE) --no-print-directory -C firmware
 
 .tools/bin/uv:
-	python3 -m venv .tools
-	.tools/bin/pip install --quiet uv==$(UV_VERSION)
+	@echo "Fetching uv, which fetches the packages (25 MB)"
+	@python3 -m venv .tools
+	@.tools/bin/pip install --quiet uv==$(UV_VERSION)
 
 clean:
-	rm -rf .venv .tools .demo dist firmware/build firmware/simulator/target sdk/examples/watch_any/target
+	rm -rf .venv .tools .demo .site dist firmware/build firmware/simulator/target sdk/examples/watch_any/target

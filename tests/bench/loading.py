@@ -13,7 +13,7 @@ from mapper.live_site import paper_survey
 
 from noctule import survey
 
-_ROUNDS = 5
+_ROUNDS = 10
 _NUMPY = (sys.executable, "-c", "import numpy")
 
 
@@ -23,10 +23,10 @@ def rows() -> list[tuple[str, float]]:
         source = Path(folder, "survey.jsonl")
         with source.open("w") as stream:
             survey.write(paper_survey(), stream)
-        help_, room = ("noctule-mapper", "--help"), ("noctule-mapper", "fit", str(source))
+        room = ("noctule-mapper", "fit", str(source))
+        programs = ("noctule-mapper", "noctule", "noctule-gateway", "noctule-viewer", "noctule-deploy")
         return [
-            ("noctule-mapper --help, against import numpy", _against_numpy(help_)),
-            ("noctule --help, against import numpy", _against_numpy(("noctule", "--help"))),
+            *((f"{each} --help, against import numpy", _against_numpy((each, "--help"))) for each in programs),
             (
                 "noctule-mapper fit of the paper's room, against import numpy",
                 _against_numpy((*room, "--contour", f"{folder}/contour.json")),

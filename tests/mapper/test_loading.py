@@ -45,13 +45,13 @@ def test_help_loads_nothing_that_only_the_work_needs(command: tuple[str, ...]) -
     assert loaded_by(*command, "--help") & heavy == set()
 
 
-def test_a_fit_loads_neither_compiler_nor_viewer_nor_bus(tmp_path: Path) -> None:
+def test_a_fit_loads_neither_compiler_nor_viewer_nor_bus_nor_scipy(tmp_path: Path) -> None:
     source = tmp_path / "survey.jsonl"
     with source.open("w") as stream:
         survey.write(paper_survey(), stream)
     loaded = loaded_by("fit", source, "--contour", tmp_path / "contour.json")
     assert "numpy" in loaded
-    assert loaded & {"numba", "llvmlite", "rerun", "matplotlib", "cv2", "zenoh"} == set()
+    assert loaded & {"scipy", "numba", "llvmlite", "rerun", "matplotlib", "cv2", "zenoh"} == set()
 
 
 def test_a_mapper_that_nobody_watches_does_not_load_the_viewer(tmp_path: Path) -> None:

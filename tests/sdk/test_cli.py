@@ -111,6 +111,17 @@ def test_units_shows_who_is_alive_and_how_long_its_log_is(noctule):
     assert "replay" in row and "sweeping" in row and "1-3" in row and time.strftime("%Y-%m-%d") in row
 
 
+@pytest.mark.usefixtures("site")
+def test_units_shows_the_services_of_the_site_too(noctule, far, open_session, known):
+    status = bus.StatePublisher(far.session, keys.service_status("room", "m1"), ServiceStatus)
+    status.put(ServiceStatus(site="room", name="m1", role="mapper", detail="the last contour stands"))
+    known(open_session(), status.key)
+    _, out, _ = finish(noctule("units", "room"))
+    assert any("m1" in line and "mapper" in line and "the last contour stands" in line for line in out.splitlines())
+    code, _, err = finish(noctule("units", "room", "--watch"))
+    assert code == 2 and "needs a terminal" in err
+
+
 def test_units_shows_what_a_gateway_says_as_text_whatever_it_holds(noctule, far, open_session, known):
     status = bus.StatePublisher(far.session, keys.unit_status("room", "u1"), UnitStatus)
     status.put(UnitStatus(site="room", unit="u1", detail="no answer on [fe80::1] [/b] \x1b[31m"))

@@ -5,6 +5,7 @@ import threading
 from time import monotonic
 
 import pytest
+from system.processes import wait_until
 
 from noctule import Client, LogFollower, bus, keys, survey, survey_mcap
 from noctule.errors import SurveyError
@@ -146,13 +147,13 @@ def test_the_replay_is_read_when_every_reader_shows_its_head(client, replay, ope
             status.cursors.add(unit=unit, log_id=heads[unit].log_id, log_sequence=sequence)
         states[name].put(status)
 
-    assert not readers.wait_past(heads, 0.05)
+    assert not readers.have_passed(heads)
     show("m1", u1=3)
-    assert not readers.wait_past(heads, 0.05)  # nobody has shown u2
+    assert not readers.have_passed(heads)  # nobody has shown u2
     show("m1", u1=3, u2=3)
-    assert readers.wait_past(heads, 20.0)
+    wait_until(lambda: readers.have_passed(heads), "that all have read all")
     show("m2", u1=2)
     late = threading.Thread(target=lambda: show("m2", u1=3))
     late.start()
-    assert readers.wait_past(heads, 20.0)
+    wait_until(lambda: readers.have_passed(heads), "that all have read all")
     late.join()

@@ -74,7 +74,8 @@ def test_fields_at_zero_are_written_out_and_unset_ones_are_not():
     [
         ("{", r"line 3: not JSON \(.*column 2\)"),
         ("[1, 2]", "line 3: not a Sweep"),
-        ('{"units": "u1"}', 'line 3: not a Sweep: .*no field named "units"'),
+        ('{"units": "u1"}', "line 3: not a Sweep: it has 'units', and the fields of a Sweep are site, unit, log_id"),
+        ('{"version": 3, "walls": []}', "line 3: this is a Contour, and a survey holds Sweeps"),
         ('{"boot": -1}', "line 3: not a Sweep: .*boot"),
         ('{"clock_error_s": "NaN"}', "line 3: clock_error_s is nan: give 0 to"),
         ('{"readings": [{}, {"bearing_rad": "-Infinity"}]}', r"line 3: readings\[1\]\.bearing_rad is -inf"),

@@ -8,6 +8,7 @@ from time import time_ns
 
 from noctule import messages_pb2
 from noctule.errors import NoctuleError, SurveyError
+from noctule.progress import Progress
 from noctule.survey import Record
 from noctule_mapper.config import MapperConfig, SensorConfig, Window
 from noctule_mapper.left_out import LeftOut, because_of_errors, because_of_window
@@ -53,10 +54,12 @@ def map_survey(
     config: MapperConfig | None = None,
     sensor: SensorConfig | None = None,
     window: Window | None = None,
+    progress: Progress | None = None,
 ) -> SurveyMap:
     """The map of one site's survey; arguments and errors as of ``fit``, and SurveyError where no sweep can be read."""
+    progress = progress or Progress()
     config = config or MapperConfig()
-    usable, failed = _usable(records, sensor or config.sensor)
+    usable, failed = _usable(records, sensor or config.sensor, progress)
     if failed and not usable:
         raise failed[0][1]
     sites = sorted({one.sweep.site for one in usable})
@@ -64,18 +67,22 @@ def map_survey(
         raise SurveyError(f"the survey holds sweeps of several sites ({', '.join(sites)}); fit one site at a time")
     held = windowed([one.sweep for one in usable], window or Window(), time_ns())
     mapper = Mapper(config)
-    for number in held.held:
+    for done, number in enumerate(held.held):
+        progress.at("putting sweeps on the map", done, len(held.held))
         mapper.register_sweep(usable[number].readings)
     outside: list[tuple[Record, Reason]] = [(usable[number].record, reason) for number, reason in held.left.items()]
     left_out = (*because_of_errors(failed), *because_of_window(outside, window or Window()))
     return SurveyMap(mapper, next(iter(sites), ""), left_out)
 
 
-def _usable(records: Iterable[Record], sensor: SensorConfig) -> tuple[list[_Usable], list[tuple[Record, NoctuleError]]]:
+def _usable(
+    records: Iterable[Record], sensor: SensorConfig, progress: Progress
+) -> tuple[list[_Usable], list[tuple[Record, NoctuleError]]]:
     """The sweeps that can be mapped, and what is wrong with the others."""
     usable: list[_Usable] = []
     failed: list[tuple[Record, NoctuleError]] = []
-    for record in records:
+    for done, record in enumerate(records):
+        progress.at("reading sweeps", done)
         if isinstance(record.sweep, SurveyError):
             failed.append((record, record.sweep))
             continue

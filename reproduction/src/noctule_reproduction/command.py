@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from noctule.progress import progress
 from noctule_reproduction.reproduce import REPORT, reproduce_into
 
 
 def reproduce(out: Path, seeds: Sequence[int], jobs: int) -> None:
     """Write report, figures and recording into ``out`` from consecutive ``seeds`` and print a line for each method."""
-    results = reproduce_into(out, seeds, jobs)
+    with progress() as shown:
+        results = reproduce_into(out, seeds, jobs, shown)
     for method, one in results.comparisons.items():
         errors = one.corner_error, one.cylinder[3], one.cylinder[4]
         corner, centre, radius = (f"{error.mean:.2f} ± {error.deviation:.2f}" for error in errors)

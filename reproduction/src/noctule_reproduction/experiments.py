@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from noctule.progress import Progress
 from noctule_mapper.calibration.calibrate import Calibration
 from noctule_mapper.choices import Method
 from noctule_mapper.contacts.voting import Kind
@@ -60,9 +61,11 @@ class Experiments:
     contacts: np.ndarray
 
 
-def experiments(seeds: Sequence[int], jobs: int = 1) -> Experiments:
+def experiments(seeds: Sequence[int], jobs: int = 1, progress: Progress | None = None) -> Experiments:
     """Everything, from at least one seed, over ``jobs`` processes."""
-    runs = run_all(seeds, jobs)
+    progress = progress or Progress()
+    runs = run_all(seeds, jobs, progress)
+    progress.at("calibrations and figures")
     first = seeds[0]
     sweeps = paper_survey(first)
     mapper = mapped(sweeps, "eht-lsm")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from noctule.progress import Progress
 from noctule_mapper.export.atomic_write import write_whole
 from noctule_reproduction.experiments import Experiments, experiments
 from noctule_reproduction.markdown_report import report
@@ -13,12 +14,14 @@ from noctule_reproduction.recording import record
 REPORT, RECORDING = "report.md", "survey.rrd"
 
 
-def reproduce_into(out: Path, seeds: Sequence[int], jobs: int = 1) -> Experiments:
+def reproduce_into(out: Path, seeds: Sequence[int], jobs: int = 1, progress: Progress | None = None) -> Experiments:
     """Write the report, its figures and the recording into the folder ``out``, which is made if need be, from
     consecutive ``seeds``, at least two; returns what they show. Raises OSError where they can't be written.
     """
     out.mkdir(parents=True, exist_ok=True)
-    results = experiments(seeds, jobs)
+    progress = progress or Progress()
+    results = experiments(seeds, jobs, progress)
+    progress.at("drawing")
     drawn = pictures(results)
     text = report(results, drawn, RECORDING)
     images = {one.name: one.png for one in drawn}

@@ -1,13 +1,15 @@
 """The paper's survey with one seed after another, and what each method makes of it."""
 
-from collections.abc import Sequence
+import signal
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import get_args
 
 import numpy as np
 
+from noctule.progress import Progress
 from noctule_mapper.choices import Method
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Kind
@@ -54,9 +56,28 @@ def run(seed: int) -> Run:
     return Run(seed, {method: mapper.contour() for method, mapper in mappers.items()}, contacts)
 
 
-def run_all(seeds: Sequence[int], jobs: int = 1) -> list[Run]:
-    """A run for each seed, in their order, over ``jobs`` processes."""
-    if jobs == 1:
-        return [run(seed) for seed in seeds]
+def run_all(seeds: Sequence[int], jobs: int = 1, progress: Progress | None = None) -> list[Run]:
+    """A run for each seed, in their order, over ``jobs`` processes, which end with this one's Ctrl-C."""
+    progress = progress or Progress()
+    runs: list[Run] = []
+    progress.at("simulating and mapping surveys", 0, len(seeds))
+    for one in map(run, seeds) if jobs == 1 else _spread(seeds, jobs):
+        runs.append(one)
+        progress.at("simulating and mapping surveys", len(runs), len(seeds))
+    return runs
+
+
+def _spread(seeds: Sequence[int], jobs: int) -> Iterator[Run]:
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(run, seeds, chunksize=max(1, len(seeds) // (4 * jobs))))
+        ours = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the processes inherit
+        try:
+            runs = [pool.submit(run, seed) for seed in seeds]
+        finally:
+            signal.signal(signal.SIGINT, ours)
+        try:
+            for each in runs:
+                yield each.result()
+        except BaseException:
+            for process in active_children():
+                process.terminate()
+            raise

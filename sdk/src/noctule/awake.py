@@ -14,7 +14,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-_EVERY_S = 0.5
+EVERY_S = 0.5
 
 
 @contextmanager
@@ -37,7 +37,7 @@ def told_to_end() -> Iterator[threading.Event]:
 
 def wait(event: threading.Event) -> None:
     """Wait until ``event`` is set."""
-    while not event.wait(_EVERY_S):
+    while not event.wait(EVERY_S):
         pass
 
 
@@ -45,6 +45,6 @@ def get(waiting: "queue.Queue[T]") -> T:
     """The next thing that comes."""
     while True:
         try:
-            return waiting.get(timeout=_EVERY_S)
+            return waiting.get(timeout=EVERY_S)
         except queue.Empty:
             continue

@@ -28,6 +28,7 @@ class Recording:
         self._is_mcap = path.suffix == survey.MCAP_SUFFIX
         self._journal = path.with_name(path.name + JOURNAL_SUFFIX) if self._is_mcap else path
         self.cursors: dict[str, Cursor] = {}
+        self.appended = 0  # sweeps, since it was opened
         self._file = _open_locked(self._journal)
         try:
             _cut_tail(self._file, self._journal)
@@ -52,6 +53,7 @@ class Recording:
             raise
         for sweep in sweeps:
             self._note(sweep)
+        self.appended += len(sweeps)
 
     def close(self) -> None:
         """Finish the file."""

@@ -9,7 +9,7 @@ from time import monotonic
 import zenoh
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from noctule import bounds, bus, keys
+from noctule import awake, bounds, bus, keys
 from noctule.client import Client
 from noctule.errors import BoundsError, KeyFormatError, SurveyError
 from noctule.messages_pb2 import (
@@ -132,11 +132,12 @@ class Replay:
         self._units: dict[str, ReplayedUnit] = {}
         self._status_at_s = monotonic()
 
-    def run(self, sweeps: Iterable[Sweep], speed: float | None) -> None:
-        """Publish ``sweeps``, ``speed`` times as fast as they were made, or with None as fast as they go.
+    def run(self, sweeps: Iterable[Sweep], speed: float | None, over: threading.Event | None = None) -> None:
+        """Publish ``sweeps`` until ``over``, ``speed`` times as fast as they were made; with None as fast as they go.
 
         Raises SurveyError where a sweep has no start to keep time by, and KeyFormatError where its unit can't be a key.
         """
+        over = over or threading.Event()
         first: dict[str, tuple[float, int]] = {}  # of each clock epoch, since one's times don't go on from another's
         for number, sweep in enumerate(sweeps, start=1):
             if speed is not None:
@@ -144,17 +145,17 @@ class Replay:
                     raise SurveyError(f"sweep {number} of the survey has no start: replay it at speed max")
                 start_ns = sweep.start.ToNanoseconds()
                 began_s, first_ns = first.setdefault(sweep.clock_epoch, (monotonic(), start_ns))
-                self.wait(began_s + (start_ns - first_ns) * 1e-9 / speed)
+                self.wait(began_s + (start_ns - first_ns) * 1e-9 / speed, over)
+            if over.is_set():
+                return
             self._unit(sweep.unit).publish(sweep)
             self._publish_statuses()
         for unit in self._units.values():
             unit.publish_status()
 
-    def wait(self, until_s: float) -> None:
-        """Wait until that time of the monotonic clock, publishing statuses meanwhile."""
-        pause = threading.Event()
-        while (left_s := until_s - monotonic()) > 0.0:
-            pause.wait(min(left_s, STATUS_INTERVAL_S))
+    def wait(self, until_s: float, over: threading.Event) -> None:
+        """Wait until that time of the monotonic clock, or until ``over``, publishing statuses meanwhile."""
+        while (left_s := until_s - monotonic()) > 0.0 and not over.wait(min(left_s, awake.EVERY_S)):
             self._publish_statuses()
 
     def heads(self) -> dict[str, Cursor]:
@@ -183,18 +184,17 @@ class Readers:
 
     def __init__(self, client: Client) -> None:
         self._cursors: dict[str, list[Cursor]] = {}
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         client.on_service_status(self._note)
 
-    def wait_past(self, heads: Mapping[str, Cursor], timeout_s: float) -> bool:
-        """Wait until each unit was read to its head by somebody, and by all who read it; False if it takes too long."""
-        with self._changed:
-            return self._changed.wait_for(lambda: all(map(self._is_read, heads.values())), timeout_s)
+    def have_passed(self, heads: Mapping[str, Cursor]) -> bool:
+        """Whether each unit was read to its head by somebody, and by all who read it."""
+        with self._lock:
+            return all(map(self._is_read, heads.values()))
 
     def _note(self, status: ServiceStatus) -> None:
-        with self._changed:
+        with self._lock:
             self._cursors[status.name] = list(status.cursors)
-            self._changed.notify_all()
 
     def _is_read(self, head: Cursor) -> bool:
         shown = [cursor for cursors in self._cursors.values() for cursor in cursors]

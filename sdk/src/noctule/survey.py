@@ -11,7 +11,7 @@ from google.protobuf.message import Message
 
 from noctule import bounds
 from noctule.errors import BoundsError, SurveyCutError, SurveyError
-from noctule.messages_pb2 import Sweep
+from noctule.messages_pb2 import Contour, ServiceStatus, Sweep, UnitStatus
 
 MCAP_SUFFIX = ".mcap"
 
@@ -121,9 +121,22 @@ def _read_lines(lines: Iterable[str], name: str) -> Iterator[Record]:
 
 def _reason(line: str, error: Exception) -> str:
     try:
-        json.loads(line.strip())
+        value = json.loads(line.strip())
     except json.JSONDecodeError as broken:
         return f"not JSON ({broken.msg} at column {broken.colno}): each line holds one Sweep"
     except RecursionError:
         return "not a Sweep: it has more brackets in brackets than any Sweep"
+    if isinstance(value, dict):
+        known = _names(Sweep)
+        for other in (Contour, UnitStatus, ServiceStatus):
+            if not value.keys() <= known and value.keys() <= _names(other):
+                return f"this is a {other.DESCRIPTOR.name}, and a survey holds Sweeps"
+        if unknown := sorted(value.keys() - known):
+            fields = ", ".join(Sweep.DESCRIPTOR.fields_by_name)
+            return f"not a Sweep: it has {unknown[0]!r}, and the fields of a Sweep are {fields}"
     return f"not a Sweep: {error}"
+
+
+def _names(message: type[Message]) -> set[str]:
+    """Of its fields, as they may be written."""
+    return {name for field in message.DESCRIPTOR.fields for name in (field.name, field.json_name)}

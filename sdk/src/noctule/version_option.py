@@ -1,7 +1,5 @@
 """The option --version that every program has. It needs typer, which the programs' packages bring."""
 
-from importlib import metadata
-
 import typer
 
 
@@ -10,6 +8,8 @@ def version_option(distribution: str) -> object:
 
     def show(wanted: bool) -> None:
         if wanted:
+            from importlib import metadata  # which loads a parser of e-mail
+
             typer.echo(f"{distribution} {metadata.version(distribution)}")
             raise typer.Exit
 

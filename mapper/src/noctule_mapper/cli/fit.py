@@ -26,15 +26,19 @@ def fit(
 ) -> None:
     """Fit the contour of a survey, and print it; the parameters in force go beside it."""
     from noctule import survey
+    from noctule.progress import progress
     from noctule_mapper.cli.drawings import draw
     from noctule_mapper.contour.table import contour_table
     from noctule_mapper.live.config import in_force, to_toml
     from noctule_mapper.messages import contour_message
     from noctule_mapper.survey_fit import map_survey
 
+    _check_folders(contour, contacts, svg, rrd)
     parameters = in_force(config, method, rule, sensor)
-    surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window)
-    result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
+    with progress() as shown:
+        surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window, progress=shown)
+        shown.at("looking for walls and cylinders")
+        result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:
         contour.write_text(survey.to_json(result) + "\n")
         if contour.is_file():  # and not a device
@@ -45,3 +49,10 @@ def fit(
     for left_out in surveyed.left_out:
         typer.echo(str(left_out), err=True)
     draw(surveyed.mapper, result, svg, rrd or (sweeps.with_suffix(".rrd") if view else None), view)
+
+
+def _check_folders(*files: Path | None) -> None:
+    """Before anything is computed: a file can only be written into a folder that is there."""
+    for file in files:
+        if file is not None and not file.absolute().parent.is_dir():
+            raise typer.BadParameter(f"there is no folder {file.absolute().parent}: make it, or name another")

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
+from noctule_mapper.contour.assignment import assignment
 from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
 from noctule_mapper.contour.silence import silence_of_link
@@ -87,26 +88,8 @@ def link_ends(
         if data.looks is not None and price < config.linking.open_end_nats:  # dearer, both ends stay open
             price += silence_of_link(corner, data, config, objects)
         cost[i, j] = price
-    ends, starts = _assignment(cost)
-    linked = starts < len(lines)
-    return [Link(numbers[i], numbers[j]) for i, j in zip(ends[linked], starts[linked], strict=True)]
-
-
-def _assignment(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns, one to one, of the least total ``cost``; every row has a finite one in a column of its own."""
-    is_least = cost == cost.min(axis=1, keepdims=True)
-    if is_least.sum() == len(cost) == is_least.any(axis=0).sum():  # each row's least is in a column of its own
-        ends, starts = np.nonzero(is_least)
-        return ends, starts
-    # Loaded here, for it takes a while and only walls that may meet need it; scipy.optimize's takes twice as long.
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
-
-    rows, columns = np.nonzero(np.isfinite(cost))
-    weights = cost[rows, columns]
-    weights = weights - weights.min() + 1  # none may be 0, which would be no edge; each row has one, so all is alike
-    ends, starts = min_weight_full_bipartite_matching(coo_array((weights, (rows, columns)), cost.shape).tocsr())
-    return ends, starts
+    starts = assignment(cost)
+    return [Link(numbers[i], numbers[j]) for i, j in enumerate(starts) if j < len(lines)]
 
 
 def _gap_price(end_gap_m: float, start_gap_m: float, data: Evidence, config: RefinementConfig) -> float:

@@ -1,16 +1,19 @@
 """The parameters of the live mapper, and the TOML files that people write them in."""
 
+import difflib
 import math
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import tomlkit
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from noctule.errors import NoctuleError
 from noctule_mapper.choices import Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig, Window
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 _M = TypeVar("_M", bound=BaseModel)
 
@@ -57,6 +60,8 @@ def in_force(
 
 def to_toml(config: LiveConfig) -> str:
     """Every parameter, as load_live() reads it."""
+    import tomlkit  # takes a while to load, and a mapper that reads its parameters does without
+
     return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
@@ -86,5 +91,16 @@ def _validated(path: Path, model: type[_M], fields: dict[str, Any]) -> _M:
     try:
         return model.model_validate(fields)
     except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+        wrong = "; ".join(f"{'.'.join(map(str, each['loc']))}: {_words(model, each)}" for each in error.errors())
         raise ConfigFileError(f"{path}: {wrong}") from error
+
+
+def _words(model: type[BaseModel], error: "ErrorDetails") -> str:
+    """What is wrong with a field; of one that there is none of, what was meant."""
+    *tables, name = error["loc"]
+    if error["type"] != "extra_forbidden":
+        return error["msg"]
+    for table in tables:
+        model = model.model_fields[str(table)].annotation  # type: ignore[assignment]
+    near = difflib.get_close_matches(str(name), model.model_fields, n=1)
+    return "is not known: " + (f"did you mean {near[0]}?" if near else f"known are {', '.join(model.model_fields)}")

@@ -8,10 +8,9 @@ which one reflector answers both, since their plateaus tell what they share.
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from noctule_mapper.config import PartConfig
+from noctule_mapper.readings.components import connected_components
 from noctule_mapper.readings.looks import is_fine
 from noctule_mapper.readings.sweep import SweepReadings
 
@@ -26,9 +25,9 @@ def parts_of(sweeps: Sequence[SweepReadings], config: PartConfig) -> list[list[S
     fine = np.bincount(place, [is_fine(sweep) for sweep in sweeps]) > 0
     x_m, y_m = squares.T * config.same_place_m
     first, second = _neighbours(x_m, y_m, fine, config)
-    linked = coo_matrix((np.ones(len(first), bool), (first, second)), (len(squares), len(squares)))
+    part_of_square = connected_components(first, second, len(squares))
     parts: dict[int, list[SweepReadings]] = {}
-    for sweep, part in zip(sweeps, connected_components(linked, directed=False)[1][place], strict=True):
+    for sweep, part in zip(sweeps, part_of_square[place], strict=True):
         parts.setdefault(int(part), []).append(sweep)
     return list(parts.values())
 

@@ -9,11 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.readings.angles import wrapped
+from noctule_mapper.readings.components import connected_components
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.readings.lobe import lobe_rad
@@ -151,8 +150,9 @@ def _runs(levels: _Levels, sigma_m: float, step_rad: float, config: RefinementCo
     same = (apart > _SAME_BEARING_STEPS * step_rad) & (apart <= config.plateaus.gap_steps * step_rad)
     off_m = np.abs(levels.range_m[:, None] - levels.range_m[None, :])
     same &= off_m <= config.plateaus.sigmas * sigma_m * np.sqrt(1 / count[:, None] + 1 / count[None, :])
-    runs, of = connected_components(coo_matrix(same), directed=False)
-    return (np.nonzero(of == run)[0] for run in range(runs))
+    first, second = np.nonzero(same)
+    of = connected_components(first, second, len(same))
+    return (np.nonzero(of == run)[0] for run in range(of.max(initial=-1) + 1))
 
 
 def _middles(

@@ -1,14 +1,14 @@
 """How the commands join a site."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from noctule import bus, sites, tls
+from noctule import bus, keys, sites, tls
 from noctule.client import Client
 
 SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
@@ -45,7 +45,8 @@ def nothing_found(client: Client, tls_folder: Path | None) -> str:
 
 @contextmanager
 def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[Client]:
-    """A client of ``site``. Raises BusError."""
+    """A client of ``site``. Raises BusError, and KeyFormatError before a router is asked."""
+    keys.name(site, "site")
     with (
         bus.closing(bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls_folder)) as session,
         Client(site, session=session, tls_folder=tls_folder) as client,
@@ -55,11 +56,16 @@ def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[C
 
 @contextmanager
 def joined_until(
-    over: threading.Event, site: str, connect: list[str], tls_folder: Path | None
+    over: threading.Event, site: str, connect: list[str], tls_folder: Path | None, listen: Sequence[str] = ()
 ) -> Iterator[Client | None]:
-    """A client of ``site``, however long its router is waited for; None where it is ``over`` before that."""
+    """A client of ``site``, however long its router is waited for; None where it is ``over`` before that. With
+    ``listen`` it is the router. Raises KeyFormatError before a router is asked.
+    """
+    keys.name(site, "site")
     try:
-        session = bus.open_session(connect, tls_folder=tls_folder, while_waiting=lambda: _end_if(over))
+        session = bus.open_session(
+            [] if listen else connect, listen, tls_folder=tls_folder, while_waiting=lambda: _end_if(over)
+        )
     except _OverError:
         yield None
         return

@@ -9,6 +9,7 @@ import typer
 from noctule import awake
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined_until
 from noctule.log_follower import LogFollower
+from noctule.progress import progress
 from noctule.read_watch import ReadWatch
 from noctule.recording import JOURNAL_SUFFIX, Recording
 from noctule.survey import MCAP_SUFFIX
@@ -37,6 +38,7 @@ def record(
         awake.told_to_end() as over,
         closing(Recording(out, site)) as recording,
         joined_until(over, site, connect, tls) as client,
+        progress() as shown,
     ):
         if client is not None:
             with (
@@ -44,6 +46,7 @@ def record(
                 LogFollower(client, recording.append, recording.cursors),
             ):
                 watch.begin()
-                awake.wait(over)
+                while not over.wait(awake.EVERY_S):
+                    shown.at(f"recording {len(recording.cursors)} units; sweeps since the start", recording.appended)
     held = ", ".join(f"{unit} to {cursor.log_sequence}" for unit, cursor in sorted(recording.cursors.items()))
     typer.echo(f"{out} holds {held or 'no sweeps yet'}", err=True)

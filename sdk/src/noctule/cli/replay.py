@@ -1,17 +1,22 @@
 """The command that puts a survey on the bus."""
 
 import math
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
+from time import monotonic
 from typing import Annotated
 
 import typer
 
-from noctule import bus, survey
-from noctule import replay as replaying
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, Tls
-from noctule.client import Client
+from noctule import awake, bus, survey
+from noctule.cli.joining import DEFAULT_CONNECT, Connect, Tls, joined_until
 from noctule.errors import BusError
+from noctule.messages_pb2 import Sweep
+from noctule.progress import Progress, progress
+from noctule.replay import Readers, Replay
+
+_LOOK_EVERY_S = 0.1
 
 
 def _speed(text: str) -> float:
@@ -42,22 +47,39 @@ def replay(
 ) -> None:
     """Put a survey on the bus as if its units were sweeping now; stays until Ctrl-C."""
     with (
-        suppress(KeyboardInterrupt),  # the way to end it
-        bus.closing(bus.open_session([] if listen else connect, listen or [], tls_folder=tls)) as session,
-        Client(site, session=session) as client,
+        awake.told_to_end() as over,
+        joined_until(over, site, connect, tls, listen or []) as client,
+        progress() as shown,
     ):
-        readers = replaying.Readers(client)
-        schemas = bus.declare_schemas(session)
-        playing = replaying.Replay(session, site)
+        if client is None:
+            return
+        readers = Readers(client)
+        schemas = bus.declare_schemas(client.session)
+        playing = Replay(client.session, site)
         try:
-            playing.run(survey.read(file), None if speed == math.inf else speed)
+            playing.run(_counted(file, shown), None if speed == math.inf else speed, over)
+            if over.is_set():
+                return
             typer.echo(f"{file} has been published", err=True)
+            shown.at("published; Ctrl-C ends it")
             if not exit_when_done:
-                playing.wait(math.inf)
-            elif not readers.wait_past(playing.heads(), timeout_s):
-                raise BusError(
-                    f"after {timeout_s:g} s no service shows that it has read all: is a mapper of {site!r} up?"
-                )
+                playing.wait(math.inf, over)
+            else:
+                _wait_for(readers, playing, monotonic() + timeout_s, over)
         finally:
             playing.close()
             schemas.undeclare()
+
+
+def _counted(file: Path, shown: Progress) -> Iterator[Sweep]:
+    for number, sweep in enumerate(survey.read(file)):
+        shown.at("publishing sweeps", number)
+        yield sweep
+
+
+def _wait_for(readers: Readers, playing: Replay, until_s: float, over: Event) -> None:
+    """Wait until all who read the units have read them, or until ``over``. Raises BusError after ``until_s``."""
+    while not (readers.have_passed(playing.heads()) or over.is_set()):
+        if monotonic() > until_s:
+            raise BusError("in --timeout no service has shown that it has read all: is a mapper of the site up?")
+        playing.wait(monotonic() + _LOOK_EVERY_S, over)

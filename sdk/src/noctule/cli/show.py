@@ -5,6 +5,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from json import dumps
 from pathlib import Path
@@ -12,21 +13,24 @@ from typing import Annotated, TypeVar
 
 import typer
 from google.protobuf.message import Message
-from rich.console import Console
+from rich.console import Console, Group
+from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from noctule import awake, keys, poses, survey, unit_list
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined, joined_until, nothing_found
 from noctule.cli.replies import state
+from noctule.client import Client
 from noctule.errors import BusError
-from noctule.messages_pb2 import Contour, Sweep, UnitStatus
+from noctule.messages_pb2 import Contour, ServiceStatus, Sweep, UnitStatus
 from noctule.plain_text import plain
-from noctule.site import load
+from noctule.site import Site, load
 from noctule.unit_list import UnitRow
 
 M = TypeVar("M", bound=Message)
 _WIDEST = 1000
+_LOOK_EVERY_S = 1.0
 _UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
 
 
@@ -35,26 +39,53 @@ def units(
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {unit, served, since, detail, status}.")] = False,
+    goes_on: Annotated[bool, typer.Option("--watch", help="On a terminal: show it each second, until Ctrl-C.")] = False,
 ) -> None:
     """Show a site's units: which gateway serves them, in which state and since when, how long their logs are.
 
-    With the site file, its units that are missing are shown too; without, those that a service has read before.
+    With the site file, its units that are missing are shown too; without, those that a service has read before. Below
+    them are the site's services: gateways, mappers, viewers.
     """
+    if goes_on and (json or not sys.stdout.isatty()):
+        raise typer.BadParameter(
+            "needs a terminal: noctule watch SITE prints what comes as lines", param_hint="--watch"
+        )
     file = load(Path(site)) if site.endswith(".toml") else None
     name = site if file is None else file.name
-    with joined(name, connect, tls) as client:
-        alive = client.units()
-        with ThreadPoolExecutor() as pool:  # at once, for a gateway that hangs lets each question run out of time
-            statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
-        rows = unit_list.rows(alive, statuses.result(), services.result(), file)
-        if not rows:
+    with joined(name, connect, tls) as client, ThreadPoolExecutor() as pool:
+        seen = _Seen.of(client, file, pool)
+        if not seen.rows:
             raise BusError(f"site {name!r} has no units on the bus: is its gateway up?{nothing_found(client, tls)}")
-    if json:
-        for row in rows:
-            typer.echo(_json(row))
-    else:
-        # A reader that is no terminal gets whole lines.
-        Console(width=None if sys.stdout.isatty() else _WIDEST).print(_table(rows))
+        if json:
+            for row in seen.rows:
+                typer.echo(_json(row))
+        elif goes_on:
+            with awake.told_to_end() as over, Live(seen.shown(), auto_refresh=False) as live:
+                while not over.wait(_LOOK_EVERY_S):
+                    live.update(_Seen.of(client, file, pool).shown(), refresh=True)
+        else:
+            # A reader that is no terminal gets whole lines.
+            Console(width=None if sys.stdout.isatty() else _WIDEST).print(seen.shown())
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A site's units and services, at one moment."""
+
+    rows: list[UnitRow]
+    services: list[ServiceStatus]
+
+    @classmethod
+    def of(cls, client: Client, file: Site | None, pool: ThreadPoolExecutor) -> "_Seen":
+        """Ask all at once, because a gateway that hangs lets each question run out of time."""
+        alive = client.units()
+        statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
+        told = sorted(services.result(), key=lambda service: (service.role, service.name))
+        return cls(unit_list.rows(alive, statuses.result(), told, file), told)
+
+    def shown(self) -> Group:
+        """The table of units, and that of services where there are any."""
+        return Group(_table(self.rows), *([_service_table(self.services)] if self.services else []))
 
 
 def watch(
@@ -101,6 +132,13 @@ def _table(rows: list[UnitRow]) -> Table:
         well = row.status is not None and row.status.state not in _UNWELL
         cells = [Text(plain(cell), style="" if well else "red") for cell in (row.unit, gateway, *others, row.detail)]
         table.add_row(*cells)
+    return table
+
+
+def _service_table(services: list[ServiceStatus]) -> Table:
+    table = Table("service", "role", "version", "detail")
+    for each in services:
+        table.add_row(*(Text(plain(cell)) for cell in (each.name, each.role, each.version, each.detail)))
     return table
 
 

@@ -18,7 +18,9 @@ from noctule.campaign.image_version import version_of
 from noctule.campaign.unit_updates import UnitUpdates, Update, candidates
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, Tls, joined
 from noctule.client import Client
+from noctule.messages_pb2 import UnitStatus
 from noctule.plain_text import plain
+from noctule.progress import progress
 
 SOME_LACK_IT, HALTED, STOPPED = 1, 3, 130  # exit status
 
@@ -70,17 +72,26 @@ def update(
 def _run(campaign: Campaign, client: Client, given: Update) -> bool:
     """Update group by group, saying of each unit what became of it; whether the operator has stopped it."""
     updates, under_way = UnitUpdates(client), set[str]()
-    try:
-        while units := campaign.next_units():
-            under_way = set(units)
-            typer.echo(f"updating {', '.join(units)} to {campaign.version}", err=True)
-            for done in updates.update(units, given):
-                under_way.discard(done.unit)
-                result = campaign.note(done.unit, done.error, done.detail)
-                typer.echo(plain(f"{result.unit}: {result.outcome}: {result.reason}"), err=True)
-    except KeyboardInterrupt:
-        campaign.leave(under_way)
-        return True
+    with progress() as shown:
+
+        def show(status: UnitStatus) -> None:
+            if status.unit in under_way:
+                results = campaign.results()
+                over = sum(each.outcome is not Outcome.NOT_TRIED for each in results)
+                shown.at(plain(f"{status.unit}: {status.detail}"), over, len(results))
+
+        client.on_unit_status(show)
+        try:
+            while units := campaign.next_units():
+                under_way.update(units)
+                typer.echo(f"updating {', '.join(units)} to {campaign.version}", err=True)
+                for done in updates.update(units, given):
+                    under_way.discard(done.unit)
+                    result = campaign.note(done.unit, done.error, done.detail)
+                    typer.echo(plain(f"{result.unit}: {result.outcome}: {result.reason}"), err=True)
+        except KeyboardInterrupt:
+            campaign.leave(under_way)
+            return True
     return False
 
 

@@ -1,0 +1,135 @@
+"""Long commands say how far they are on a terminal, say nothing of it in a pipe, and end soon after Ctrl-C."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+from mapper.live_site import paper_survey
+from system.processes import PATIENCE_S, free_ports, wait_until
+
+from noctule import survey
+from noctule.messages_pb2 import Sweep
+
+BIN = Path(sys.executable).parent
+REPRODUCE = ("noctule-mapper", "reproduce", "--seeds", "500", "--jobs", "2", "--out", "figures")
+
+
+class OnTerminal:
+    """A command on a terminal of its own, started in ``folder``."""
+
+    def __init__(self, folder: Path, *command: str) -> None:
+        self._main, far_end = pty.openpty()
+        os.set_blocking(self._main, False)
+        self.process = subprocess.Popen(
+            [str(BIN / command[0]), *command[1:]],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=far_end,
+            stderr=far_end,
+            env=os.environ | {"TERM": "xterm", "COLUMNS": "100"},
+            start_new_session=True,
+        )
+        os.close(far_end)
+        self._shown = ""
+
+    def shown(self) -> str:
+        """All that it has written on the terminal."""
+        try:
+            while part := os.read(self._main, 65536):
+                self._shown += part.decode(errors="replace")
+        except OSError:  # nothing more yet, or ever
+            pass
+        return self._shown
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        os.close(self._main)
+
+
+def many_sweeps(path: Path, count: int) -> None:
+    """The paper's survey over and over, each sweep of a time of its own."""
+    rounds = [list(paper_survey())]
+    lines: list[Sweep] = []
+    for number in range(count):
+        sweep = Sweep()
+        sweep.CopyFrom(rounds[0][number % len(rounds[0])])
+        sweep.log_sequence = number + 1
+        sweep.start.FromMilliseconds(1_700_000_000_000 + 1000 * number)
+        lines.append(sweep)
+    with path.open("w") as stream:
+        survey.write(lines, stream)
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (("noctule-mapper", "fit", "many.jsonl"), "sweeps"),
+        (REPRODUCE, "simulating and mapping surveys"),
+        (("noctule", "replay", "many.jsonl", "--site", "attic", "--listen", "ENDPOINT"), "publishing sweeps"),
+    ],
+    ids=["fit", "reproduce", "replay"],
+)
+def test_it_shows_how_far_it_is_and_ends_by_ctrl_c(tmp_path: Path, command: tuple[str, ...], says: str) -> None:
+    many_sweeps(tmp_path / "many.jsonl", 2000)
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    running = OnTerminal(tmp_path, *(endpoint if word == "ENDPOINT" else word for word in command))
+    try:
+        wait_until(lambda: says in running.shown(), f"a line that says {says!r}")
+        assert running.process.poll() is None, running.shown()
+        os.killpg(running.process.pid, signal.SIGINT)  # as a terminal does
+        status = running.process.wait(PATIENCE_S)
+        assert status in (0, 130), running.shown()
+        assert "Traceback" not in running.shown()
+    finally:
+        running.close()
+
+
+def test_reproduce_ends_its_processes_when_only_it_is_told_to_end(tmp_path: Path) -> None:
+    running = OnTerminal(tmp_path, *REPRODUCE)
+    try:
+        wait_until(lambda: psutil.Process(running.process.pid).children(), "its processes")
+        running.process.send_signal(signal.SIGINT)
+        assert running.process.wait(PATIENCE_S) == 130
+        wait_until(lambda: not _group_lives(running.process.pid), "the end of its processes")
+    finally:
+        running.close()
+
+
+def test_the_units_of_a_site_are_shown_each_second_until_ctrl_c(tmp_path: Path) -> None:
+    many_sweeps(tmp_path / "few.jsonl", 2)
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    site = OnTerminal(tmp_path, "noctule", "replay", "few.jsonl", "--site", "attic", "--listen", endpoint)
+    try:
+        wait_until(lambda: "has been published" in site.shown(), "the site")
+        shown = OnTerminal(tmp_path, "noctule", "units", "attic", "--watch", "--connect", endpoint)
+        try:
+            wait_until(lambda: shown.shown().count("sweeping") >= 3, "the unit, three times")
+            os.killpg(shown.process.pid, signal.SIGINT)
+            assert shown.process.wait(PATIENCE_S) == 0, shown.shown()
+        finally:
+            shown.close()
+    finally:
+        site.close()
+
+
+def test_in_a_pipe_it_says_nothing_of_it(tmp_path: Path) -> None:
+    many_sweeps(tmp_path / "many.jsonl", 300)
+    command = [BIN / "noctule-mapper", "fit", "many.jsonl"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "\x1b" not in done.stdout + done.stderr and "putting sweeps" not in done.stderr
+    assert "wall" in done.stdout
+
+
+def _group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
