@@ -1,6 +1,6 @@
 """Something right before the sensor over a wide arc, where it used to hear farther.
 
-Nearer than 20 cm over 60 degrees: a person who walks by does not stay there from one sweep to the next. Of false
+Nearer than 20 cm over 50 degrees: a person who walks by does not stay there from one sweep to the next. Of false
 echoes, 4 % of the readings and 1 in 20 of them so near, no two neighbours make an arc.
 """
 
@@ -13,8 +13,8 @@ from noctule_gateway.health.suspicion import Suspicion
 
 _NEAR_M = 0.2
 _FARTHER_M = 0.1  # than now, at the least, it was before
-_ARC_RAD = math.radians(60.0)
-_LEAST_SHARE = 0.8  # of the arc's readings
+_ARC_RAD = math.radians(50.0)
+_LEAST_SHARE = 0.7  # of the arc's readings
 _LEAST_READINGS = 4
 _EVIDENCE = 20.0
 
@@ -36,7 +36,7 @@ def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
 
 
 def _widest(near: list[int]) -> list[int]:
-    """The longest run of readings of which four in five are near, from a near one to a near one."""
+    """The longest run of readings of which seven in ten are near, from a near one to a near one."""
     best: list[int] = []
     for first in range(len(near)):
         for last in range(len(near) - 1, first + len(best) - 1, -1):

@@ -14,6 +14,7 @@ from noctule_gateway.health.suspicion import Suspicion
 SLIP_M = 16.384e-3 * 343.42 / 2  # at 20 degrees C; 2 % more or less in a room
 _NEAR_M = 0.025
 _LEAST = 4  # slips, in this sweep and the one before
+_FITTING_SHARE = 0.6  # of the echoes that have not slipped
 _BEYOND_M = 4.5  # what no sensor of this kind hears
 _NATS_EACH = math.log(1 / 0.0008)
 
@@ -35,8 +36,12 @@ class ClockSlips:
 
 
 def _off_by_a_turn(look: Look, past: Past) -> int:
+    """None where the other echoes do not fit the past: then it is something else."""
     stable = set(past.stable())
-    return sum(abs(abs(look.range_m[n] - past.median_m[n]) - SLIP_M) <= _NEAR_M for n in look.heard if n in stable)
+    off_m = [abs(look.range_m[n] - past.median_m[n]) for n in look.heard if n in stable]
+    slips = sum(abs(one_m - SLIP_M) <= _NEAR_M for one_m in off_m)
+    fitting = sum(one_m <= _NEAR_M for one_m in off_m)
+    return slips if fitting >= _FITTING_SHARE * (len(off_m) - slips) else 0
 
 
 def _beyond(look: Look) -> int:

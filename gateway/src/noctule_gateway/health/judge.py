@@ -121,12 +121,15 @@ class Judge:
     def _count(self, found: list[Suspicion], odd: bool) -> list["FaultKind.ValueType"]:
         """Go on with the streaks and the standing faults; the kinds that are named now."""
         shown = {each.kind: each for each in found}
-        self._streaks = {kind: self._streaks.get(kind) or _Streak(self._unwell_since_ns) for kind in shown}
+        kept = self._streaks if odd and not shown else {}  # a sweep that shows nothing clearly proves nothing
+        self._streaks = kept | {
+            kind: self._streaks.get(kind) or _Streak(self._unwell_since_ns) for kind in shown
+        }
         named: list[FaultKind.ValueType] = []
         for kind, each in shown.items():
             streak = self._streaks[kind]
             streak.count, streak.nats = streak.count + 1, streak.nats + each.evidence
-            if kind not in self._findings and streak.count >= FAULTS[kind].named_after:
+            if kind not in self._findings and _is_enough(kind, streak):
                 self._findings[kind] = Finding(kind, streak.since_ns, _sure(kind, streak.nats), each.words)
                 named.append(kind)
         for kind, finding in list(self._findings.items()):
@@ -167,6 +170,10 @@ _OF_THE_PLACE = frozenset(
         messages.FAULT_KIND_BEARING_SILENT,
     }
 )
+
+
+def _is_enough(kind: "FaultKind.ValueType", streak: _Streak) -> bool:
+    return streak.count >= FAULTS[kind].named_after and streak.nats >= FAULTS[kind].least_nats
 
 
 def _sure(kind: "FaultKind.ValueType", nats: float) -> float:

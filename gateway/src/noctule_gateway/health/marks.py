@@ -45,7 +45,7 @@ class Motion:
 def marks_of(look: Look, past: Past, offset: int = 0) -> list[Mark]:
     """The past's marks that the sweep hears; it looks ``offset`` steps further than it says."""
     found = []
-    for run in _runs(past):
+    for run in runs_of(past):
         here = [number - offset for number in run if 0 <= number - offset < len(look.range_m)]
         longer = [look.range_m[n] - past.median_m[n + offset] for n in here if not math.isnan(look.range_m[n])]
         if len(longer) * 2 <= len(here):
@@ -70,7 +70,7 @@ def motion_of(marks: list[Mark]) -> Motion | None:
     return Motion(*best, len(marks), fitting, _fitting(marks, 0.0, 0.0))
 
 
-def _runs(past: Past) -> list[list[int]]:
+def runs_of(past: Past) -> list[list[int]]:
     """Runs of stable bearings at one range; a bearing alone is no mark where there is a finer plan's neighbour."""
     runs: list[list[int]] = []
     for number in past.stable():

@@ -1,6 +1,6 @@
 """Whether a fixed unit still stands and points as it did: turned, slipped, with play, moved, or only too noisy to tell.
 
-A sweep is looked at closely only where it fits the past worse than usual, by 0.35 nats a reading; of sound sweeps with
+A sweep is looked at closely only where it fits the past worse than usual, by 0.2 nats a reading; of sound sweeps with
 nobody in the room that is one in some hundred. What explains it must then fit about as well as usual, which no change
 of the room does. One sweep proves nothing: those of a motion must agree, and ``Fault.named_after`` says how many.
 """
@@ -15,14 +15,16 @@ from noctule_gateway.health.alignment import Alignment, align, stay_fit
 from noctule_gateway.health.jump import jump_of
 from noctule_gateway.health.look import Look
 from noctule_gateway.health.marks import Motion, marks_of, motion_of
-from noctule_gateway.health.noise import NOISY_M, change_m, scatter_m
+from noctule_gateway.health.noise import NOISY_M, change_m, disagreement_m, scatter_m
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.suspicion import Suspicion
 
-_WORSE = 0.35  # nats a reading, than usual: looked at closely
-_GOOD = 0.6  # no more than so much worse than usual: this explains the sweep
+_WORSE = 0.2  # nats a reading, than usual: looked at closely
+_GOOD = 0.9  # no more than so much worse than usual: this explains the sweep
 _BAD = 0.8  # worse than usual: something is wrong
-_LEAST_GAIN = 12.0  # of one offset over none, and of one that changes over one
+_FOREIGN = 1.5  # worse than usual: this may be another room
+_LEAST_GAIN = 6.0  # of one offset over none
+_LEAST_PATH_GAIN = 12.0  # of an offset that changes over one that does not
 _LEAST_VARIATION = 2  # bearing steps within a sweep: less is two offsets that are equally likely
 _LEAST_MOVED_M = 0.025
 _SAME_MOTION_M = 0.03
@@ -40,7 +42,7 @@ class PlaceWatch:
         self.usual: deque[float] = deque(usual, _KEPT_USUAL)
         self.strange = False
         self._before: Look | None = None
-        self._scatter_before_m: float | None = None
+        self._foreign = 0  # sweeps in a row that fit the past not at all
         self._motion: Motion | None = None
         self._offsets: deque[int | None] = deque(maxlen=3)  # of the last sweeps; None where no offset fits
 
@@ -51,7 +53,7 @@ class PlaceWatch:
         self._offsets.append(offset)
         if play := self._play(look):
             found = [play]
-        self._before, self._scatter_before_m = look, scatter_m(look, past)
+        self._before = look
         return found
 
     def learn_from(self, look: Look, past: Past) -> None:
@@ -61,6 +63,7 @@ class PlaceWatch:
 
     def _looked_at(self, look: Look, past: Past) -> tuple[list[Suspicion], int | None]:
         motion, self._motion = self._motion, None
+        foreign, self._foreign = self._foreign, 0
         if len(self.usual) < _LEAST_USUAL:
             return [], None
         usual, fit = median(self.usual), stay_fit(look, past)
@@ -68,6 +71,7 @@ class PlaceWatch:
             return [], 0
         alignment = align(look, past)
         self.strange = fit < usual - _BAD
+        self._foreign = foreign + 1 if fit < usual - _FOREIGN else 0
         if alignment is not None:
             if slipped := _slipped(alignment, usual):
                 return [slipped], None
@@ -80,7 +84,8 @@ class PlaceWatch:
         if (jump := jump_of(marks)) is not None and (now is None or jump.fitting >= now.fitting):
             self.strange = True
             return [Suspicion(messages.FAULT_KIND_RANGES_JUMPED, 7.0 * jump.fitting, jump.words)], None
-        return self._moved(look, past, alignment, now, motion), None
+        fits_best_as_it_was = alignment is not None and not alignment.offset and not self.strange
+        return self._moved(look, past, alignment, now, motion), 0 if fits_best_as_it_was else None
 
     def _moved(
         self, look: Look, past: Past, alignment: Alignment | None, motion: Motion | None, before: Motion | None
@@ -101,24 +106,22 @@ class PlaceWatch:
 
     def _elsewhere(self, look: Look, past: Past) -> list[Suspicion]:
         """Nothing fits, and the sweep repeats the one before."""
-        if not self.strange or self._before is None:
+        if self._foreign < 2 or self._before is None:
             return []
-        scatter, before = scatter_m(look, past), self._scatter_before_m
-        if scatter is None or before is None or min(scatter, before) < NOISY_M:
+        change = change_m(look, self._before, range(len(look.range_m)))
+        if change is None or change >= NOISY_M:
             return []
         words = "its sweeps repeat themselves and no longer fit its past: it was moved elsewhere, or the room changed"
         return [Suspicion(messages.FAULT_KIND_MOVED, 10.0, words)]
 
     def _noisy(self, look: Look, past: Past) -> Suspicion | None:
-        scatter, before = scatter_m(look, past), self._scatter_before_m
-        if scatter is None or scatter < NOISY_M:
+        scatter, disagreement = scatter_m(look, past), disagreement_m(look, past)
+        if scatter is None or disagreement is None or min(scatter, disagreement) < NOISY_M:
+            return None
+        change = None if self._before is None else change_m(look, self._before, past.stable())
+        if change is not None and change < NOISY_M:
             return None
         self.strange = True
-        if self._before is None or before is None or before < NOISY_M:
-            return None
-        change = change_m(look, self._before, past)
-        if change is None or change < NOISY_M:
-            return None
         words = f"ranges scatter by {100 * scatter:.0f} cm and do not repeat themselves"
         return Suspicion(messages.FAULT_KIND_TOO_NOISY, 15.0, words)
 
@@ -137,7 +140,7 @@ class PlaceWatch:
 
 def _slipped(alignment: Alignment, usual: float) -> Suspicion | None:
     low, high = min(alignment.path), max(alignment.path)
-    if high - low < _LEAST_VARIATION or alignment.path_gain < _LEAST_GAIN or alignment.path_fit < usual - _GOOD:
+    if high - low < _LEAST_VARIATION or alignment.path_gain < _LEAST_PATH_GAIN or alignment.path_fit < usual - _GOOD:
         return None
     off_deg = degrees(max(abs(low), abs(high)) * alignment.step_rad)
     words = f"bearings are off by up to {off_deg:.0f} degrees, by different angles within one sweep"

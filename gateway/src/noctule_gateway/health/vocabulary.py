@@ -14,6 +14,7 @@ class Fault:
 
     advice: str
     named_after: int = 2
+    least_nats: float = 0.0  # of these sweeps together
     spoils: bool = True  # the sweeps made meanwhile are no good for a map
     most_sure: float = 0.99
 
@@ -44,12 +45,14 @@ FAULTS: dict["FaultKind.ValueType", Fault] = {
     ),
     messages.FAULT_KIND_PLAY: Fault(
         "tighten the sensor on the motor's shaft, or measure the backlash anew: noctule rpc SITE UNIT calibrate",
+        named_after=1,
         most_sure=0.95,
     ),
     messages.FAULT_KIND_TURNED: Fault(
         "let it find home (noctule rpc SITE UNIT home): if its bearings come back, the motor has slipped once; else "
         "turn it back, or write its new heading into the site file",
         named_after=3,
+        least_nats=30.0,
         most_sure=0.95,
     ),
     messages.FAULT_KIND_MOVED: Fault(
@@ -63,7 +66,8 @@ FAULTS: dict["FaultKind.ValueType", Fault] = {
         most_sure=0.9,
     ),
     messages.FAULT_KIND_TOO_NOISY: Fault(
-        "look for another ultrasonic device, a fan or an unsteady 5 V; fasten the sensor", most_sure=0.9
+        "look for another ultrasonic device, a fan or an unsteady 5 V; fasten the sensor",
+        most_sure=0.9,
     ),
     messages.FAULT_KIND_CLOCK_SLIPS: Fault(
         "update the unit's firmware; if it stays so, replace its board", named_after=1
