@@ -5,7 +5,6 @@ The physics is that of ``noctule_reproduction.specular``, the noise that of ``ma
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -48,11 +47,11 @@ class Stand:
 
     def turned(self, degrees: float) -> "Stand":
         """The unit turned anticlockwise."""
-        return replace(self, pose=self.pose + (0, 0, math.radians(degrees)))
+        return replace(self, pose=self.pose + np.array([0, 0, math.radians(degrees)]))
 
     def moved(self, x_m: float, y_m: float) -> "Stand":
         """The unit moved in the site's frame."""
-        return replace(self, pose=self.pose + (x_m, y_m, 0))
+        return replace(self, pose=self.pose + np.array([x_m, y_m, 0]))
 
     def hears(self, rng: np.random.Generator, noise: Noise | None = None) -> np.ndarray:
         """Ranges of one sweep, (n,)."""
@@ -97,7 +96,7 @@ def marks_in(stand: Stand) -> int:
     return count
 
 
-def shifted(stand: Stand, off_deg: Sequence[float], rng: np.random.Generator) -> np.ndarray:
+def shifted(stand: Stand, off_deg: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Ranges of a sweep in which reading i looks off_deg[i] beside its bearing, (n,)."""
-    wrong = replace(stand, bearings_rad=stand.bearings_rad + np.radians(np.asarray(off_deg)), draws=1)
+    wrong = replace(stand, bearings_rad=stand.bearings_rad + np.radians(off_deg), draws=1)
     return noisy(wrong.clear_m[0], rng, Noise())

@@ -19,7 +19,7 @@ LEAST_MARKS = 4  # below, a motion can't be told from a change of the room: gate
 
 @cache
 def unit(seed: int) -> tuple[Stand, Judge]:
-    """A unit in the ``seed``-th room in which it knows its place by four reflectors, and what its gateway has learnt."""
+    """A unit in the ``seed``-th room where it hears four reflectors, and what its gateway has learnt of it."""
     stand = [one for one in map(stand_of, range(2 * SEEDS)) if marks_in(one) >= LEAST_MARKS][seed]
     judge, rng = Judge(), np.random.default_rng(seed)
     for number in range(LEARNT_AFTER):

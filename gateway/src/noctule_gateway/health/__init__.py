@@ -1,1 +1,1 @@
-"""What a unit's sweeps say of the unit itself: pure, without files, clock or bus. judge.py puts the detectors together."""
+"""What a unit's sweeps say of the unit itself: pure, but for memory_file. judge.py puts all together."""

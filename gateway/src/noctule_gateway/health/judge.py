@@ -1,4 +1,4 @@
-"""Judges a unit's sweeps one by one: names what is wrong with the unit, since when and how sure, and says when it is over.
+"""Judges a unit's sweeps one by one: what is wrong with the unit, since when and how sure, and when it is over.
 
 A fault is named by the sweep that shows it for the ``named_after``-th time in a row, and is over after three sweeps in
 a row that do not show it. A fixed unit's past learns only from sweeps that show nothing.
@@ -30,7 +30,7 @@ Place = tuple[float, ...]
 class Finding:
     """A fault that was named."""
 
-    kind: "FaultKind.ValueType"
+    kind: FaultKind
     since_ns: int  # start of the first sweep that shows it, UTC
     confidence: float
     words: str
@@ -42,7 +42,7 @@ class Verdict:
     """Of one sweep: the faults that stand, those of them that spoil it, and how many sweeps before it are suspect."""
 
     findings: tuple[Finding, ...]
-    spoiled_by: tuple["FaultKind.ValueType", ...] = ()
+    spoiled_by: tuple[FaultKind, ...] = ()
     suspect_before: int = 0
 
 
@@ -71,10 +71,11 @@ class Judge:
         self._place, self._past = memory.place, memory.past
         self._watch = PlaceWatch(memory.usual)
         self._findings = {each.kind: each for each in memory.findings}
-        self._streaks: dict[FaultKind.ValueType, _Streak] = {}
+        self._streaks: dict[FaultKind, _Streak] = {}
         self._slips, self._dead = ClockSlips(), DeadBearings()
         self._unwell = 0  # sweeps in a row before this one that show something
         self._unwell_since_ns = 0
+        self.revision = 0  # of the memory: goes up when it changes
 
     @property
     def memory(self) -> Memory:
@@ -118,24 +119,24 @@ class Judge:
         )
         return main + beside
 
-    def _count(self, found: list[Suspicion], odd: bool) -> list["FaultKind.ValueType"]:
+    def _count(self, found: list[Suspicion], odd: bool) -> list[FaultKind]:
         """Go on with the streaks and the standing faults; the kinds that are named now."""
         shown = {each.kind: each for each in found}
         kept = self._streaks if odd and not shown else {}  # a sweep that shows nothing clearly proves nothing
-        self._streaks = kept | {
-            kind: self._streaks.get(kind) or _Streak(self._unwell_since_ns) for kind in shown
-        }
-        named: list[FaultKind.ValueType] = []
+        self._streaks = kept | {kind: self._streaks.get(kind) or _Streak(self._unwell_since_ns) for kind in shown}
+        named: list[FaultKind] = []
         for kind, each in shown.items():
             streak = self._streaks[kind]
             streak.count, streak.nats = streak.count + 1, streak.nats + each.evidence
             if kind not in self._findings and _is_enough(kind, streak):
+                self.revision += 1
                 self._findings[kind] = Finding(kind, streak.since_ns, _sure(kind, streak.nats), each.words)
                 named.append(kind)
         for kind, finding in list(self._findings.items()):
             absent = 0 if kind in shown else finding.absent + (not odd)
             replaced = kind not in _BESIDE and any(other not in _BESIDE for other in named) and kind not in shown
             if absent >= _OVER_AFTER or replaced:
+                self.revision += 1
                 del self._findings[kind]
             else:
                 self._findings[kind] = replace(finding, absent=absent)
@@ -146,7 +147,7 @@ class Judge:
         if not odd and not spoiled:
             if self._past.rows:
                 self._watch.learn_from(look, self._past)
-            self._past.add(look)
+            self.revision += self._past.add(look)
         elif self._unwell >= _ODD_FOR_LONG and not self._findings:
             self._begin_past(look, self._place)
 
@@ -172,9 +173,9 @@ _OF_THE_PLACE = frozenset(
 )
 
 
-def _is_enough(kind: "FaultKind.ValueType", streak: _Streak) -> bool:
+def _is_enough(kind: FaultKind, streak: _Streak) -> bool:
     return streak.count >= FAULTS[kind].named_after and streak.nats >= FAULTS[kind].least_nats
 
 
-def _sure(kind: "FaultKind.ValueType", nats: float) -> float:
+def _sure(kind: FaultKind, nats: float) -> float:
     return FAULTS[kind].most_sure * (1 - math.exp(-nats / _NATS_TO_BE_SURE))

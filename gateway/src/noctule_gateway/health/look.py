@@ -23,7 +23,7 @@ class Look:
 
     bearing_rad: tuple[float, ...]
     range_m: tuple[float, ...]
-    status: tuple["ReadingStatus.ValueType", ...]
+    status: tuple[ReadingStatus, ...]
     forward: bool
     fixed: bool
     start_ns: int  # UTC

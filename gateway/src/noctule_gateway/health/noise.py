@@ -16,7 +16,7 @@ from noctule_gateway.health.marks import runs_of
 from noctule_gateway.health.past import Past
 
 NOISY_M = 0.015
-_LEAST_BOTH = 8  # bearings
+_LEAST_BOTH = 6  # bearings
 _LEAST_PAIRS = 4
 
 

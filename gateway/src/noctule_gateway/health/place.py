@@ -22,9 +22,11 @@ from noctule_gateway.health.suspicion import Suspicion
 _WORSE = 0.2  # nats a reading, than usual: looked at closely
 _GOOD = 0.9  # no more than so much worse than usual: this explains the sweep
 _BAD = 0.8  # worse than usual: something is wrong
-_FOREIGN = 1.5  # worse than usual: this may be another room
+_FOREIGN = 1.2  # worse than usual: this may be another room
 _LEAST_GAIN = 6.0  # of one offset over none
 _LEAST_PATH_GAIN = 12.0  # of an offset that changes over one that does not
+_LEAST_PATH_GAIN_IN_ALL = 25.0  # over none
+_LEAST_OFF = 0.5  # of the bearings, where a motor slips: what stands in an open door changes fewer
 _LEAST_VARIATION = 2  # bearing steps within a sweep: less is two offsets that are equally likely
 _LEAST_MOVED_M = 0.025
 _SAME_MOTION_M = 0.03
@@ -32,6 +34,7 @@ _LEAST_MARKS = 3
 _FITTING_SHARE = 0.7
 _NEWLY_EXPLAINED = 2  # marks
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
+_LEAST_STABLE = 8  # bearings: fewer tell nothing of the place
 _LEAST_ENTRIES = 4  # of a past, from which on a fit to it is a usual one
 
 
@@ -64,7 +67,7 @@ class PlaceWatch:
     def _looked_at(self, look: Look, past: Past) -> tuple[list[Suspicion], int | None]:
         motion, self._motion = self._motion, None
         foreign, self._foreign = self._foreign, 0
-        if len(self.usual) < _LEAST_USUAL:
+        if len(self.usual) < _LEAST_USUAL or len(past.stable()) < _LEAST_STABLE:
             return [], None
         usual, fit = median(self.usual), stay_fit(look, past)
         if fit >= usual - _WORSE:
@@ -85,26 +88,20 @@ class PlaceWatch:
             self.strange = True
             return [Suspicion(messages.FAULT_KIND_RANGES_JUMPED, 7.0 * jump.fitting, jump.words)], None
         fits_best_as_it_was = alignment is not None and not alignment.offset and not self.strange
-        return self._moved(look, past, alignment, now, motion), 0 if fits_best_as_it_was else None
+        return self._moved(look, past, motion), 0 if fits_best_as_it_was else None
 
-    def _moved(
-        self, look: Look, past: Past, alignment: Alignment | None, motion: Motion | None, before: Motion | None
-    ) -> list[Suspicion]:
-        turned = 0
-        if not _explains(motion) and self.strange and alignment is not None:
-            turned, motion = _turned_and_moved(look, past, len(alignment.path))
+    def _moved(self, look: Look, past: Past, before: Motion | None) -> list[Suspicion]:
+        motion = motion_of(marks_of(look, past))
         if motion is None or not _explains(motion):
-            return self._elsewhere(look, past)
+            return self._elsewhere(look)
         self.strange, self._motion = True, motion
-        if before is not None and hypot(motion.x_m - before.x_m, motion.y_m - before.y_m) > _SAME_MOTION_M:
+        if before is None or hypot(motion.x_m - before.x_m, motion.y_m - before.y_m) > _SAME_MOTION_M:
             return []
-        words = f"it was moved by {100 * motion.distance_m:.0f} cm"
-        if turned and alignment is not None:
-            words += f" and turned by {degrees(turned * alignment.step_rad):.0f} degrees"
         nats = 7.0 * (motion.fitting - motion.still)
-        return [Suspicion(messages.FAULT_KIND_MOVED, nats, f"{words}: {motion.fitting} of {motion.marks} marks fit")]
+        words = f"it was moved by {100 * motion.distance_m:.0f} cm: {motion.fitting} of {motion.marks} marks fit that"
+        return [Suspicion(messages.FAULT_KIND_MOVED, nats, words)]
 
-    def _elsewhere(self, look: Look, past: Past) -> list[Suspicion]:
+    def _elsewhere(self, look: Look) -> list[Suspicion]:
         """Nothing fits, and the sweep repeats the one before."""
         if self._foreign < 2 or self._before is None:
             return []
@@ -140,7 +137,10 @@ class PlaceWatch:
 
 def _slipped(alignment: Alignment, usual: float) -> Suspicion | None:
     low, high = min(alignment.path), max(alignment.path)
-    if high - low < _LEAST_VARIATION or alignment.path_gain < _LEAST_PATH_GAIN or alignment.path_fit < usual - _GOOD:
+    off = sum(each != 0 for each in alignment.path)
+    if high - low < _LEAST_VARIATION or alignment.path_fit < usual - _GOOD or off < _LEAST_OFF * len(alignment.path):
+        return None
+    if alignment.path_gain < _LEAST_PATH_GAIN or alignment.path_gain + alignment.gain < _LEAST_PATH_GAIN_IN_ALL:
         return None
     off_deg = degrees(max(abs(low), abs(high)) * alignment.step_rad)
     words = f"bearings are off by up to {off_deg:.0f} degrees, by different angles within one sweep"
@@ -157,22 +157,9 @@ def _turned(alignment: Alignment, usual: float) -> Suspicion | None:
     )
 
 
-def _explains(motion: Motion | None) -> bool:
+def _explains(motion: Motion) -> bool:
     return (
-        motion is not None
-        and motion.distance_m >= _LEAST_MOVED_M
+        motion.distance_m >= _LEAST_MOVED_M
         and motion.fitting >= max(_LEAST_MARKS, _FITTING_SHARE * motion.marks)
         and motion.fitting - motion.still >= _NEWLY_EXPLAINED
     )
-
-
-def _turned_and_moved(look: Look, past: Past, count: int) -> tuple[int, Motion | None]:
-    """The offset and motion that the most marks fit, of those that explain the sweep."""
-    best: tuple[int, Motion | None] = (0, None)
-    for offset in range(-count // 4, count // 4 + 1):
-        motion = motion_of(marks_of(look, past, offset))
-        if motion is None or motion.fitting <= _LEAST_MARKS or motion.fitting < _FITTING_SHARE * motion.marks:
-            continue
-        if best[1] is None or motion.fitting > best[1].fitting:
-            best = offset, motion
-    return best

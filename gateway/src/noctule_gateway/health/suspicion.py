@@ -11,6 +11,6 @@ class Suspicion:
     under the past, in nats; ``words`` is what was found, with its figures.
     """
 
-    kind: "FaultKind.ValueType"
+    kind: FaultKind
     evidence: float
     words: str

@@ -19,13 +19,13 @@ class Fault:
     most_sure: float = 0.99
 
 
-FAULTS: dict["FaultKind.ValueType", Fault] = {
+FAULTS: dict[FaultKind, Fault] = {
     messages.FAULT_KIND_NO_SENSOR: Fault("check the sensor's plug, its 5 V, and the wires of TRIG and ECHO"),
     messages.FAULT_KIND_STUCK_HIGH: Fault("cut the sensor's power for a second; if it comes back, replace the sensor"),
     messages.FAULT_KIND_TOO_EARLY: Fault("check the wire of ECHO against that of TRIG, and the sensor's 5 V"),
     messages.FAULT_KIND_REPEATS: Fault("check the sensor's 5 V and its plug; if it stays so, replace the sensor"),
     messages.FAULT_KIND_MOTOR_STUCK: Fault(
-        "check the motor's plug and 5 V, and whether something holds it; then let it find home: noctule rpc SITE UNIT home",
+        "check the motor's plug, its 5 V and what may hold it; then let it find home: noctule rpc SITE UNIT home",
         most_sure=0.95,
     ),
     messages.FAULT_KIND_BLOCKED: Fault("take away what stands or hangs before the sensor"),
@@ -58,7 +58,6 @@ FAULTS: dict["FaultKind.ValueType", Fault] = {
     messages.FAULT_KIND_MOVED: Fault(
         "put it back, or write its new pose into the site file; if the room was changed, start the gateway after "
         "deleting the unit's .health file",
-        named_after=3,
         most_sure=0.9,
     ),
     messages.FAULT_KIND_RANGES_JUMPED: Fault(
