@@ -1,4 +1,4 @@
-"""All that is known of one unit, as a person files it with the unit: its status, its settings, what its sweeps are like."""
+"""All that is known of one unit, to be filed with it: its status, its settings, what its sweeps are like."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
@@ -8,10 +8,19 @@ from statistics import median
 
 from noctule import faults, survey
 from noctule.air import speed_of_sound_m_s
-from noctule.messages_pb2 import ReadingStatus, Sweep, UnitSettings, UnitStatus
+from noctule.messages_pb2 import (
+    READING_STATUS_NO_SENSOR,
+    READING_STATUS_STUCK_HIGH,
+    READING_STATUS_TOO_EARLY,
+    ReadingStatus,
+    Sweep,
+    UnitSettings,
+    UnitStatus,
+)
 
 _ASSUMED_AIR_C = 20.0
 _SAME_BEARING_DEG = 0.5
+_FAILED = (READING_STATUS_TOO_EARLY, READING_STATUS_STUCK_HIGH, READING_STATUS_NO_SENSOR)
 
 
 @dataclass(frozen=True)
@@ -78,8 +87,8 @@ class UnitSummary:
             range_m = "" if one.median_m is None else f"{one.median_m:.3f} m"
             scatter = "" if one.deviation_m is None else f"{1000 * one.deviation_m:.1f} mm"
             failed = ", ".join(f"{count} {name}" for name, count in one.failed.items())
-            line = f"  {one.bearing_deg:7.1f}  {one.readings:8}  {one.echoes / one.readings:6.0%}  {range_m:<8}  {scatter:<8}"
-            yield f"{line}  {failed}".rstrip()
+            counted = f"  {one.bearing_deg:7.1f}  {one.readings:8}  {one.echoes / one.readings:6.0%}"
+            yield f"{counted}  {range_m:<8}  {scatter:<8}  {failed}".rstrip()
 
 
 def bearing_statistics(sweeps: Iterable[Sweep]) -> list[BearingStatistics]:
@@ -106,9 +115,7 @@ def _statistics(group: list[tuple[float, int, list[float | None]]]) -> BearingSt
     middle = median(heard) if heard else None
     failed: dict[str, int] = {}
     for _, status, _ in group:
-        if status in (
-            ReadingStatus.Value(f"READING_STATUS_{name}") for name in ("TOO_EARLY", "STUCK_HIGH", "NO_SENSOR")
-        ):
+        if status in _FAILED:
             name = ReadingStatus.Name(status).removeprefix("READING_STATUS_").lower().replace("_", " ")
             failed[name] = failed.get(name, 0) + 1
     return BearingStatistics(

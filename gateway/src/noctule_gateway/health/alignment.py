@@ -3,8 +3,10 @@
 The likelihood of a reading that looks where the past looked at bearing j: with the share h of the past at j that was
 heard, a range r has h (0.85 c / ((m + 1) 5 cm) + 0.15 / 4 m) where c of the m ranges heard at j lie within 2.5 cm of
 r, and silence has 1 - h. So a wrong reading costs 7 nats at the most, whatever its range, and a door that opens
-changes the likelihood of all offsets alike. The angle that changes is found by dynamic programming over the offsets (Viterbi) in
-the order in which the unit turned; each step of the offset by one bearing costs 4 nats.
+changes the likelihood of all offsets alike.
+
+The angle that changes is found by dynamic programming over the offsets (Viterbi) in the order in which the unit
+turned; each step of the offset by one bearing costs 4 nats.
 """
 
 import math
