@@ -5,29 +5,30 @@ import subprocess
 from pathlib import Path
 
 from rooms import site_file
-from system.processes import PATIENCE_S, free_ports, programs, wait_until
+from system.processes import PATIENCE_S, free_ports, listens, programs, wait_until
 
 from noctule.client import Client
 from noctule.messages_pb2 import FAULT_KIND_SILENT, ServiceStatus, UnitStatus
 
-SPEED = 30
-DEAF_AT_S = 200.0  # simulated: after some eighteen sweeps
+SPEED = 20
+DEAF_AT_S = 400.0  # simulated: after twenty sweeps of 10.5 s, each with a pause of 5 s, and time to connect
 FAULT = f'[[fault]]\nat_s = {DEAF_AT_S}\nkind = "sensor_deaf"\n'
 
 
 def test_a_deaf_sensor_is_told_in_units_report_status_and_map_and_outlives_a_restart(tmp_path: Path) -> None:
     unit_port, bus_port = free_ports(2)
     site, faults, data = tmp_path / "site.toml", tmp_path / "faults.toml", tmp_path / "gateway"
-    site.write_text(f'clock = "unit"\n{only_first_unit(site_file("lounge", unit_port))}')
+    site.write_text(only_first_unit(site_file("lounge", unit_port)))
     faults.write_text(FAULT)
     endpoint = f"tcp/127.0.0.1:{bus_port}"
     simulator = ("noctule-sim", "--room", "lounge", "--units", "1", "--tcp", f"127.0.0.1:{unit_port}")
     gateway = ("noctule-gateway", "run", str(site), "--data", str(data), "--listen", endpoint)
     mapper = ("noctule-mapper", "run", "--site", "lounge", "--data", str(tmp_path / "map"), "--rerun", "none")
     with programs(tmp_path) as running:
-        running.start("simulator", *simulator, "--speed", str(SPEED), "--faults", str(faults))
         running.start("gateway", *gateway)
         running.start("mapper", *mapper, "--connect", endpoint)
+        wait_until(lambda: running.check() or listens(bus_port), "no router")
+        running.start("simulator", *simulator, "--speed", str(SPEED), "--faults", str(faults))
         with Client("lounge", connect=[endpoint]) as client:
 
             def faulty() -> UnitStatus | None:
@@ -63,6 +64,7 @@ def test_a_deaf_sensor_is_told_in_units_report_status_and_map_and_outlives_a_res
 
         running.kill("gateway")
         running.start("gateway", *gateway)
+        wait_until(lambda: running.check() or listens(bus_port), "no router")
         with Client("lounge", connect=[endpoint]) as client:
             since = wait_until(faulty_of(client), "the fault is forgotten").faults[0].since
         assert since == status.faults[0].since
