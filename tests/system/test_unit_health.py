@@ -12,6 +12,7 @@ from noctule.messages_pb2 import FAULT_KIND_SILENT, ServiceStatus, UnitStatus
 
 SPEED = 20
 DEAF_AT_S = 400.0  # simulated: after twenty sweeps of 10.5 s, each with a pause of 5 s, and time to connect
+LEFT_OUT = ("sweeps_unusable", "sweeps_taken_out")  # made while the fault had a name, and just before
 FAULT = f'[[fault]]\nat_s = {DEAF_AT_S}\nkind = "sensor_deaf"\n'
 
 
@@ -47,11 +48,10 @@ def test_a_deaf_sensor_is_told_in_units_report_status_and_map_and_outlives_a_res
 
             def left_out() -> ServiceStatus | None:
                 services = [one for one in client.service_statuses() if one.role == "mapper"]
-                return next((one for one in services if one.counters["sweeps_unusable"]), None)
+                return next((one for one in services if all(map(one.counters.get, LEFT_OUT))), None)
 
             told = wait_until(left_out, "the mapper leaves no sweep out")
             assert "its gateway had found the unit silent" in told.detail
-            assert told.counters["sweeps_taken_out"] >= 1
 
             assert "silent: no echo at 61 bearings" in noctule("units", "lounge", endpoint)
             report = noctule("unit-report", "lounge", endpoint, "u1", "--output", str(tmp_path / "u1.txt"))
