@@ -32,7 +32,9 @@ class DeadBearings:
         """The bearings that have been silent long enough."""
         found = []
         for number in range(1, len(look.range_m) - 1):
-            if past.heard_share[number] < _USUAL_SHARE or not self._between_alike(look, past, number):
+            # A past that has learnt of the first silences must not end the count.
+            usual = self._silent.get(number) or past.heard_share[number] >= _USUAL_SHARE
+            if not usual or not self._between_alike(look, past, number):
                 if not math.isnan(look.range_m[number]):
                     self._silent.pop(number, None)
                 continue
