@@ -11,10 +11,11 @@ from mapper.command import noctule_mapper
 from mapper.room import paper_path, paper_room, survey
 
 from noctule.errors import SurveyError
-from noctule.messages_pb2 import Contour, Sweep
-from noctule.survey import write
+from noctule.messages_pb2 import FAULT_KIND_TURNED, Contour, Sweep
+from noctule.survey import Record, write
+from noctule_mapper.messages import contour_message
 from noctule_mapper.readings.sweep import speed_of_sound_m_s
-from noctule_mapper.survey_fit import fit
+from noctule_mapper.survey_fit import fit, map_survey
 
 PAPER_BIAS_M = 0.0023  # Section V.A
 
@@ -117,3 +118,21 @@ def test_what_each_reading_touched_is_written_with_both_verdicts(file: Path):
     for row in tested:
         below = abs(float(row["r2d_deviation_m"])) < float(row["r2d_threshold_m"])
         assert row["r2d_kind"] == ("wall" if below else "cylinder")
+
+
+def test_sweeps_of_a_faulty_unit_and_those_just_before_are_left_out_and_named() -> None:
+    survey = messages(1)
+    for number, sweep in enumerate(survey, start=1):
+        sweep.log_id, sweep.log_sequence = "log", number
+    for sweep in survey[29:34]:
+        sweep.faults.append(FAULT_KIND_TURNED)
+    survey[29].suspect_before = 3
+    surveyed = map_survey(Record("attic.jsonl", number, sweep) for number, sweep in enumerate(survey, start=1))
+    before, during = surveyed.left_out
+    assert str(before).startswith(
+        "left out 3 sweeps (attic.jsonl: 27-29): sweep 27 of 'log' is of the sweeps just before"
+    )
+    assert str(during).startswith(
+        "left out 5 sweeps (attic.jsonl: 30-34): sweep 30 of 'log' (unit 'u1'): its gateway had"
+    )
+    assert contour_message(surveyed.mapper.contour(), site="paper") == fit(survey[:26] + survey[34:])

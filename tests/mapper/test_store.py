@@ -17,11 +17,12 @@ from mapper.room import paper_path
 from sdk.host_clocks import Host
 
 from noctule.elapsed import Instant
-from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
 from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
+from noctule_mapper.readings.faulty import suspects
 
 LOG = "8c1f"
 
@@ -428,7 +429,7 @@ WRITER = """
 import sys
 from contextlib import closing
 from pathlib import Path
-from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
 from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
@@ -463,7 +464,7 @@ def test_a_killed_writer_leaves_sweeps_and_cursor_that_agree(path: Path) -> None
 SYNCED_WRITER = """
 import os, sys
 from pathlib import Path
-from noctule.messages_pb2 import Cursor, Pose, Sweep
+from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 
@@ -518,3 +519,17 @@ def main_of(arguments: list[str], status: int) -> None:
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     assert (ended.value.code or 0) == status
+
+
+def test_sweeps_that_turn_out_suspect_leave_the_window_once_and_for_all(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(number) for number in range(1, 6)], [cursor(5)])
+    found = Sweep(unit="u1", log_id=LOG, log_sequence=6, faults=[FAULT_KIND_TURNED], suspect_before=2)
+    change = store.commit([], [cursor(6)], suspects([found]))
+    assert (sorted(change.left), sequences(store)) == ([(LOG, 4), (LOG, 5)], [1, 2, 3])
+    store.close()
+    store = SweepStore(path, Window())
+    # The cursor was set back: the sweeps come again, and so does what makes them suspect.
+    change = store.commit([sweep(4), sweep(5)], [cursor(6)], suspects([found]))
+    assert (change.entered, sequences(store)) == ((), [1, 2, 3])
+    store.close()

@@ -4,14 +4,16 @@ from typing import Any
 
 import pytest
 
-from noctule import rerun_paths
+from noctule import faults, rerun_paths
 from noctule.messages_pb2 import (
+    FAULT_KIND_TURNED,
     POSE_STATE_WRONG,
     Contour,
     Point,
     Pose,
     ServiceStatus,
     Sweep,
+    UnitFault,
     UnitPose,
     UnitStatus,
     Wall,
@@ -137,6 +139,20 @@ def test_health_says_since_when_it_is_as_it_is(site: Site) -> None:
     assert site.units()[0].since_s == BEGAN_S + 10
     site.unit("u1")
     assert site.units()[0].since_s == BEGAN_S + 15
+
+
+def test_a_unit_whose_sweeps_show_a_fault_needs_attention_since_the_first_of_them(site: Site) -> None:
+    fault = UnitFault(kind=FAULT_KIND_TURNED, words="it was turned by 5 degrees", advice="turn it back", confidence=0.9)
+    fault.since.FromNanoseconds(round((BEGAN_S - 60) * 1e9))
+    site.state.note_alive("u1", True)
+    detail = faults.sentence(fault)
+    site.state.note_unit(
+        UnitStatus(unit="u1", gateway="g1", state=UnitStatus.STATE_SWEEPING, detail=detail, faults=[fault])
+    )
+    (unit,) = site.units()
+    assert (unit.health, unit.since_s) == (Health.ATTENTION, BEGAN_S - 60)
+    assert unit.words.startswith("sweeping: turned: it was turned by 5 degrees (since 2027-01-15 07:59 UTC, 90% sure)")
+    assert "| fault: turned | turned: it was turned by 5 degrees" in documents.sheet(unit, BEGAN_S)
 
 
 def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Site) -> None:

@@ -2,7 +2,7 @@
 sweeps that can't be mapped are left out, and the map rests on those of the window.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from time import time_ns
 
@@ -14,7 +14,9 @@ from noctule_mapper.config import MapperConfig, SensorConfig, Window
 from noctule_mapper.left_out import LeftOut, because_of_errors, because_of_window
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message
-from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message
+from noctule_mapper.readings import faulty
+from noctule_mapper.readings.faulty import Suspect
+from noctule_mapper.readings.sweep import FaultyUnitError, SweepError, SweepReadings, from_message
 from noctule_mapper.window import Reason, windowed
 
 
@@ -81,13 +83,23 @@ def _usable(
     """The sweeps that can be mapped, and what is wrong with the others."""
     usable: list[_Usable] = []
     failed: list[tuple[Record, NoctuleError]] = []
+    records = list(records)
+    suspects = faulty.suspects(record.sweep for record in records if isinstance(record.sweep, messages_pb2.Sweep))
     for done, record in enumerate(records):
-        progress.at("reading sweeps", done)
+        progress.at("reading sweeps", done, len(records))
         if isinstance(record.sweep, SurveyError):
             failed.append((record, record.sweep))
             continue
         try:
+            _check_not_suspect(record.sweep, suspects)
             usable.append(_Usable(record, record.sweep, from_message(record.sweep, sensor)))
         except SweepError as error:
             failed.append((record, error))
     return usable, failed
+
+
+def _check_not_suspect(sweep: messages_pb2.Sweep, suspects: Sequence[Suspect]) -> None:
+    """Raise FaultyUnitError where a later sweep of the log says so."""
+    for suspect in suspects:
+        if suspect.has(sweep):
+            raise FaultyUnitError(f"sweep {sweep.log_sequence} of {sweep.log_id!r} is {suspect.reason}", suspect.reason)

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from noctule.checksum import checksum
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import Window
+from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.readings.sweep import identity_of
 
 Identity = tuple[str, int]
@@ -92,6 +93,9 @@ DELETE FROM sweep WHERE rowid IN (SELECT id FROM here) AND rowid NOT IN (
     ORDER BY log_sequence DESC LIMIT :sweeps_per_place)
 RETURNING log_id, log_sequence
 """
+_SUSPECT = """
+DELETE FROM sweep WHERE log_id = :log_id AND log_sequence BETWEEN :first AND :last RETURNING log_id, log_sequence
+"""
 _TOO_MANY = """
 DELETE FROM sweep WHERE rowid IN (
     SELECT rowid FROM sweep ORDER BY rowid DESC LIMIT -1 OFFSET :max_sweeps)
@@ -123,6 +127,10 @@ class SweepWindow:
         if self._held is not None:
             self._held += 1
         return self._taken_out(_SUPERSEDED, row)
+
+    def take_out(self, suspect: Suspect) -> list[Identity]:
+        """Take out the sweeps that have turned out to be suspect."""
+        return self._taken_out(_SUSPECT, {"log_id": suspect.log_id, "first": suspect.first, "last": suspect.last})
 
     def too_old(self, elapsed_s: float, now_ns: int) -> list[Identity]:
         """Take out what is too old. ``elapsed_s`` counts the time that passes, as Elapsed does; ``now_ns`` is what the

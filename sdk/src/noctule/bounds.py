@@ -180,6 +180,14 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "clock_drift": Number(-0.5, 0.5, "s/s"),
         "clock_epoch": _ID,
         "life": _NUMBER_32,
+        "faults": Many(16, _ENUM),
+        "suspect_before": Number(0, 1000),
+    },
+    "UnitFault": {
+        "kind": _ENUM,
+        "confidence": _SHARE,
+        "words": _SENTENCES,
+        "advice": _SENTENCES,
     },
     "UnitStatus": {
         "site": _NAME,
@@ -202,6 +210,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "gateway_version": _ID,
         "reset_cause": Text(200),
         "chip_temperature_c": _CHIP_C,
+        "faults": Many(16),
     },
     # ---- Log and commands: wider than a unit takes, for its gateway answers an operator's mistake in words
     "LogRecords": {

@@ -19,6 +19,27 @@ class ReadingStatus(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     READING_STATUS_STUCK_HIGH: _ClassVar[ReadingStatus]
     READING_STATUS_NO_SENSOR: _ClassVar[ReadingStatus]
 
+class FaultKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    FAULT_KIND_UNSPECIFIED: _ClassVar[FaultKind]
+    FAULT_KIND_NO_ECHO_ANYWHERE: _ClassVar[FaultKind]
+    FAULT_KIND_SILENT: _ClassVar[FaultKind]
+    FAULT_KIND_NO_SENSOR: _ClassVar[FaultKind]
+    FAULT_KIND_STUCK_HIGH: _ClassVar[FaultKind]
+    FAULT_KIND_TOO_EARLY: _ClassVar[FaultKind]
+    FAULT_KIND_REPEATS: _ClassVar[FaultKind]
+    FAULT_KIND_BLOCKED: _ClassVar[FaultKind]
+    FAULT_KIND_MOTOR_STUCK: _ClassVar[FaultKind]
+    FAULT_KIND_SLIPPED: _ClassVar[FaultKind]
+    FAULT_KIND_PLAY: _ClassVar[FaultKind]
+    FAULT_KIND_TURNED: _ClassVar[FaultKind]
+    FAULT_KIND_MOVED: _ClassVar[FaultKind]
+    FAULT_KIND_RANGES_JUMPED: _ClassVar[FaultKind]
+    FAULT_KIND_TOO_NOISY: _ClassVar[FaultKind]
+    FAULT_KIND_CLOCK_SLIPS: _ClassVar[FaultKind]
+    FAULT_KIND_ARC_SILENT: _ClassVar[FaultKind]
+    FAULT_KIND_BEARING_SILENT: _ClassVar[FaultKind]
+
 class PoseState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     POSE_STATE_UNSPECIFIED: _ClassVar[PoseState]
@@ -38,6 +59,24 @@ READING_STATUS_NO_ECHO: ReadingStatus
 READING_STATUS_TOO_EARLY: ReadingStatus
 READING_STATUS_STUCK_HIGH: ReadingStatus
 READING_STATUS_NO_SENSOR: ReadingStatus
+FAULT_KIND_UNSPECIFIED: FaultKind
+FAULT_KIND_NO_ECHO_ANYWHERE: FaultKind
+FAULT_KIND_SILENT: FaultKind
+FAULT_KIND_NO_SENSOR: FaultKind
+FAULT_KIND_STUCK_HIGH: FaultKind
+FAULT_KIND_TOO_EARLY: FaultKind
+FAULT_KIND_REPEATS: FaultKind
+FAULT_KIND_BLOCKED: FaultKind
+FAULT_KIND_MOTOR_STUCK: FaultKind
+FAULT_KIND_SLIPPED: FaultKind
+FAULT_KIND_PLAY: FaultKind
+FAULT_KIND_TURNED: FaultKind
+FAULT_KIND_MOVED: FaultKind
+FAULT_KIND_RANGES_JUMPED: FaultKind
+FAULT_KIND_TOO_NOISY: FaultKind
+FAULT_KIND_CLOCK_SLIPS: FaultKind
+FAULT_KIND_ARC_SILENT: FaultKind
+FAULT_KIND_BEARING_SILENT: FaultKind
 POSE_STATE_UNSPECIFIED: PoseState
 POSE_STATE_FITTED: PoseState
 POSE_STATE_OPEN: PoseState
@@ -90,7 +129,7 @@ class Reading(_message.Message):
     def __init__(self, bearing_rad: _Optional[float] = ..., time_offset_s: _Optional[float] = ..., time_of_flight_s: _Optional[float] = ..., status: _Optional[_Union[ReadingStatus, str]] = ...) -> None: ...
 
 class Sweep(_message.Message):
-    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings", "clock_drift", "clock_epoch", "life")
+    __slots__ = ("site", "unit", "log_id", "log_sequence", "boot", "sequence", "start", "clock_error_s", "pose", "waypoint", "air_temperature_c", "sensor", "readings", "clock_drift", "clock_epoch", "life", "faults", "suspect_before")
     SITE_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     LOG_ID_FIELD_NUMBER: _ClassVar[int]
@@ -107,6 +146,8 @@ class Sweep(_message.Message):
     CLOCK_DRIFT_FIELD_NUMBER: _ClassVar[int]
     CLOCK_EPOCH_FIELD_NUMBER: _ClassVar[int]
     LIFE_FIELD_NUMBER: _ClassVar[int]
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
+    SUSPECT_BEFORE_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     log_id: str
@@ -123,10 +164,26 @@ class Sweep(_message.Message):
     clock_drift: float
     clock_epoch: str
     life: int
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ..., clock_drift: _Optional[float] = ..., clock_epoch: _Optional[str] = ..., life: _Optional[int] = ...) -> None: ...
+    faults: _containers.RepeatedScalarFieldContainer[FaultKind]
+    suspect_before: int
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., boot: _Optional[int] = ..., sequence: _Optional[int] = ..., start: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., clock_error_s: _Optional[float] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., waypoint: _Optional[int] = ..., air_temperature_c: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., readings: _Optional[_Iterable[_Union[Reading, _Mapping]]] = ..., clock_drift: _Optional[float] = ..., clock_epoch: _Optional[str] = ..., life: _Optional[int] = ..., faults: _Optional[_Iterable[_Union[FaultKind, str]]] = ..., suspect_before: _Optional[int] = ...) -> None: ...
+
+class UnitFault(_message.Message):
+    __slots__ = ("kind", "since", "confidence", "words", "advice")
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    SINCE_FIELD_NUMBER: _ClassVar[int]
+    CONFIDENCE_FIELD_NUMBER: _ClassVar[int]
+    WORDS_FIELD_NUMBER: _ClassVar[int]
+    ADVICE_FIELD_NUMBER: _ClassVar[int]
+    kind: FaultKind
+    since: _timestamp_pb2.Timestamp
+    confidence: float
+    words: str
+    advice: str
+    def __init__(self, kind: _Optional[_Union[FaultKind, str]] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., confidence: _Optional[float] = ..., words: _Optional[str] = ..., advice: _Optional[str] = ...) -> None: ...
 
 class UnitStatus(_message.Message):
-    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since")
+    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since", "faults")
     class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         STATE_UNSPECIFIED: _ClassVar[UnitStatus.State]
@@ -179,6 +236,7 @@ class UnitStatus(_message.Message):
     LOG_DAMAGED_FIELD_NUMBER: _ClassVar[int]
     GATEWAY_VERSION_FIELD_NUMBER: _ClassVar[int]
     SINCE_FIELD_NUMBER: _ClassVar[int]
+    FAULTS_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     time: _timestamp_pb2.Timestamp
@@ -202,7 +260,8 @@ class UnitStatus(_message.Message):
     log_damaged: int
     gateway_version: str
     since: _timestamp_pb2.Timestamp
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ..., gateway_version: _Optional[str] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
+    faults: _containers.RepeatedCompositeFieldContainer[UnitFault]
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ..., gateway_version: _Optional[str] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., faults: _Optional[_Iterable[_Union[UnitFault, _Mapping]]] = ...) -> None: ...
 
 class LogRecords(_message.Message):
     __slots__ = ("log_id", "head", "tail", "sweeps", "gaps")

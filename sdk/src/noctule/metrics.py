@@ -9,7 +9,7 @@ from prometheus_client import CollectorRegistry, ProcessCollector
 from prometheus_client.core import Metric
 from prometheus_client.registry import Collector
 
-from noctule.messages_pb2 import Contour, ServiceStatus, UnitStatus
+from noctule.messages_pb2 import Contour, FaultKind, ServiceStatus, UnitStatus
 
 Statuses = Callable[[], Iterable[UnitStatus | ServiceStatus | Contour]]
 Labels = Mapping[str, str]
@@ -133,6 +133,10 @@ def _add_unit(families: _Families, status: UnitStatus) -> None:
         state = labels | {"state": name.removeprefix("STATE_").lower()}
         families.gauge("noctule_unit_state", "1 for the state that the unit is in", status.state == number, state)
     families.gauge("noctule_unit_trouble", "1 while the status names a trouble", bool(status.detail), labels)
+    standing = {fault.kind for fault in status.faults}
+    for name, number in FaultKind.items()[1:]:
+        fault = labels | {"fault": name.removeprefix("FAULT_KIND_").lower()}
+        families.gauge("noctule_unit_fault", "1 while its sweeps show the fault", number in standing, fault)
     families.age("noctule_unit_status_age_seconds", "Since the status was made", status.time, labels)
     families.gauge("noctule_unit_firmware_info", "The unit's firmware", 1, labels | {"version": status.firmware})
     families.gauge(

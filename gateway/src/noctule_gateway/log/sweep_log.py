@@ -76,6 +76,11 @@ class SweepLog:
         self._thread.start()
 
     @property
+    def path(self) -> Path:
+        """Of the log's file."""
+        return self._path
+
+    @property
     def state(self) -> LogState:
         """What the log holds now."""
         return self._state

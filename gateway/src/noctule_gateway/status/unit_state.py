@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
+from noctule.messages_pb2 import UnitFault
 from noctule_gateway.log.sweep_log import LogState
 from noctule_gateway.wire.frames import Hello, Loader, Status
 
@@ -21,6 +22,7 @@ class UnitState:
     lost_pose: bool = False  # the last sweep had none
     late: bool = False  # the unit is served later than it should be
     bad_line: bool = False  # much of what the unit sends can't be read
+    faults: tuple[UnitFault, ...] = ()  # what its sweeps show
 
     def line_opened(self) -> "UnitState":
         """The line to the unit is open."""

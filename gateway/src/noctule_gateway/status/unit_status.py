@@ -1,5 +1,6 @@
 """What the bus is told of a unit: its state, a sentence for the operator when something is wrong, the counters."""
 
+from noctule.faults import sentence
 from noctule.messages_pb2 import UnitStatus
 from noctule.site import PoseKey, Unit, WaypointPath
 from noctule_gateway.status import reset_causes
@@ -45,6 +46,8 @@ def detail(known: UnitState, unit: Unit) -> str:
         return _FAULTS.get(status.fault, f"the unit reports fault {status.fault}")
     if status is not None and status.state == State.WAITING:
         return _waiting(known)
+    if known.faults:
+        return "; ".join(map(sentence, known.faults))
     if known.late:
         return _LATE
     if known.bad_line:
@@ -66,6 +69,7 @@ def message(known: UnitState, unit: Unit) -> UnitStatus:
         log_tail=log.tail,
         log_removed=log.removed,
         log_damaged=log.damaged,
+        faults=known.faults,
     )
     if known.loader is not None or known.update:
         result.state = UnitStatus.STATE_LOADER

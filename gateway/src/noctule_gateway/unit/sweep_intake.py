@@ -4,6 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable
 
+from noctule.messages_pb2 import UnitFault
 from noctule_gateway.clock.boot_clocks import Anchor, BootClocks
 from noctule_gateway.clock.regression import Exchange, HostTime
 from noctule_gateway.errors import LogError
@@ -12,6 +13,7 @@ from noctule_gateway.log.log_file import Arrival, Committed
 from noctule_gateway.pose import pose_of_sweep
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status.health import Lateness
+from noctule_gateway.unit.sweep_health import SweepHealth
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import AnySweep
 from noctule_gateway.wire.sweep_message import to_message, waypoint_of
@@ -35,6 +37,7 @@ class SweepIntake:
         self._link, self._publish, self._call = link, publish, call
         self._clocks = BootClocks(served.site.clock == "unit", self._anchor)
         self._lateness = Lateness()
+        self._health = SweepHealth(served.unit, served.site.name, served.log.path)
 
     def begin_boot(self, boot: int) -> None:
         """The unit has said that it runs under ``boot``, a boot_of_life."""
@@ -64,6 +67,16 @@ class SweepIntake:
         """Sweeps are acknowledged later than they should be: the machine can't keep up."""
         return self._lateness.too_late(time.monotonic())
 
+    @property
+    def faults(self) -> list[UnitFault]:
+        """What its sweeps show to be wrong with the unit."""
+        return self._health.faults()
+
+    @property
+    def flagged(self) -> int:
+        """Sweeps that carried a fault."""
+        return self._health.flagged
+
     def take(self, sweep: AnySweep) -> None:
         """A sweep has come from the unit."""
         wall = self._served.clock.look()
@@ -74,12 +87,16 @@ class SweepIntake:
         drift = self._clocks.good_drift(sweep.boot_of_life)
         message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
         message.clock_epoch = wall.epoch
+        self._health.judge(message)
+        memory = self._health.memory()
         arrived_s = time.monotonic()
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
 
         def done(result: Committed | LogError) -> None:
             if isinstance(result, Committed) and result.fresh:
                 self._publish(result.record)
+            if memory is not None:
+                self._health.save(memory)
             self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None))
 
         self._served.log.append(Arrival(digest, sweep.start, message), done)

@@ -42,6 +42,7 @@ class UnitReport:
             lost_pose=self._intake.lost_pose,
             late=self._intake.late,
             bad_line=self._line_quality.bad,
+            faults=tuple(self._intake.faults),
         )
         message = unit_status.message(known, self._served.unit)
         message.site = self._served.site.name
@@ -63,6 +64,7 @@ class UnitReport:
         return {
             "sweeps_committed": intake.committed,
             "sweeps_without_pose": intake.without_pose,
+            "sweeps_flagged": intake.flagged,
             "lines_opened": state.lines_opened,
             "clocks_refused": intake.clocks_refused,
             "poses_refused": self._served.track.refused,

@@ -30,6 +30,8 @@ from noctule_mapper.live.refused import RefusedSweeps
 from noctule_mapper.live.store import Change, SweepStore
 from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.live.troubles import Troubles
+from noctule_mapper.readings import faulty
+from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.no_log import NoLog
 from noctule_mapper.window import Identity
@@ -133,7 +135,7 @@ class LiveMapper:
             FitTurn(settings.fit_turn) if settings.fit_turn else None,
         )
         self._follower = LogFollower(client, self.deliver, store.cursors())
-        self._counts = Counter(sweeps_taken=0, sweeps_set_aside=len(store.sweeps_set_aside()))
+        self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(store.sweeps_set_aside()))
         self._refused = RefusedSweeps(log.show_event)
         self._rivals = Rivals(
             client.session,
@@ -167,7 +169,9 @@ class LiveMapper:
         usable = [(sweep, readings) for sweep in sweeps if (readings := self._readings(sweep)) is not None]
         last = sweeps[-1]
         cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
-        change = self._commit([sweep for sweep, _ in usable], cursor)
+        suspects = faulty.suspects(sweeps)
+        change = self._commit([sweep for sweep, _ in usable], cursor, suspects)
+        self._tell_suspects(last.unit, suspects, change)
         entered = {identity_of(sweep) for sweep in change.entered}
         new = [readings for _, readings in usable if readings.identity in entered]
         self._worker.take(change.left, new)
@@ -175,9 +179,19 @@ class LiveMapper:
         for readings in new:
             self._log.show_sweep(readings)
 
-    def _commit(self, sweeps: Sequence[Sweep], cursor: Cursor) -> Change:
+    def _tell_suspects(self, unit: str, suspects: Sequence[Suspect], change: Change) -> None:
+        """Say which sweeps of the map are taken out of it."""
+        for suspect in suspects:
+            taken = sum(log_id == suspect.log_id and suspect.first <= n <= suspect.last for log_id, n in change.left)
+            self._counts["sweeps_taken_out"] += taken
+            if taken:
+                text = f"{unit}: sweeps {suspect.first} to {suspect.last} are taken out of the map: {suspect.reason}"
+                _log.warning("%s", text)
+                self._log.show_event(text, "WARN")
+
+    def _commit(self, sweeps: Sequence[Sweep], cursor: Cursor, suspects: Sequence[Suspect]) -> Change:
         try:
-            change = self._store.commit(sweeps, [cursor])
+            change = self._store.commit(sweeps, [cursor], suspects)
         except StoreError as error:
             self._troubles.begin("commit", f"{error}; the sweeps wait in the gateways' logs")
             raise

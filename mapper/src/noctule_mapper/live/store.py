@@ -22,6 +22,7 @@ from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
 from noctule_mapper.live import store_file
 from noctule_mapper.live.store_file import SYNCED, UNSYNCED, StoreError, sealed
+from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.readings.sweep import identity_of
 from noctule_mapper.window import Identity, SweepWindow
 
@@ -79,8 +80,10 @@ class SweepStore:
         if self._damaged:
             raise RuntimeError(f"the mapper's store is damaged ({self._damaged}): the next start rebuilds it")
 
-    def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
-        """Take sweeps in and move the cursors in one transaction; a sweep that is already held changes nothing."""
+    def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor], suspects: Iterable[Suspect] = ()) -> Change:
+        """Take sweeps in, ``suspects`` out, and move the cursors in one transaction; a sweep that is already held
+        changes nothing.
+        """
         with self._transaction() as database:
             now, entered, left = self._now(), dict[Identity, Sweep](), set[Identity]()
             elapsed_s = self._count_to(now)
@@ -89,6 +92,8 @@ class SweepStore:
                 if superseded is not None:
                     entered[identity_of(sweep)] = sweep
                     left.update(superseded)
+            for suspect in suspects:
+                left.update(self._rows.take_out(suspect))
             database.executemany(
                 "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?, ?)",
                 [sealed((cursor.unit, cursor.log_id, cursor.log_sequence)) for cursor in cursors],

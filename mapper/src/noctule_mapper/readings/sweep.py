@@ -9,6 +9,7 @@ from noctule import bounds, messages_pb2
 from noctule.air import speed_of_sound_m_s
 from noctule.errors import NoctuleError
 from noctule_mapper.config import LONGEST_RANGE_M, SHORTEST_RANGE_M, SensorConfig
+from noctule_mapper.readings import faulty
 from noctule_mapper.readings.stuck import repeated_ranges_m
 
 # The bounds of a message hold for what is made of it too: the mathematics is right within them, and takes neither time
@@ -39,6 +40,10 @@ class SweepError(NoctuleError):
     def __init__(self, message: str, kind: str) -> None:
         super().__init__(message)
         self.kind = kind
+
+
+class FaultyUnitError(SweepError):
+    """A sweep made while its gateway knew of a fault of the unit."""
 
 
 class StuckSensorError(SweepError):
@@ -115,10 +120,15 @@ def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:
 def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) -> SweepReadings:
     """The sweep's readings as arrays; ``sensor`` stands in for what the sweep does not say of its own.
 
-    Raises SweepError where there is no pose or a number is one that no sweep has, StuckSensorError where the sensor
-    only repeats itself.
+    Raises SweepError where there is no pose or a number is one that no sweep has, FaultyUnitError where the gateway had
+    found a fault, StuckSensorError where the sensor only repeats itself.
     """
     default, name = sensor or SensorConfig(), _name(identity_of(sweep), sweep.unit)
+    if sweep.faults:
+        why = faulty.reason(sweep)
+        raise FaultyUnitError(
+            f"{name}: its gateway had found the unit {why}; see what noctule units advises", f"unit {why}"
+        )
     if not sweep.HasField("pose"):
         raise SweepError(f"{name} has no pose: give the unit a pose, a path or a pose key in the site file", "no pose")
     own = sweep.sensor if sweep.HasField("sensor") else messages_pb2.Sensor()

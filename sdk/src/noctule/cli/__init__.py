@@ -11,7 +11,7 @@ except ModuleNotFoundError as error:
     raise SystemExit("the command noctule needs typer, rich and mcap: install noctule[cli]") from error
 
 from noctule import threads
-from noctule.cli import ask, command, doctor, import_scan, record, replay, show, update
+from noctule.cli import ask, command, doctor, import_scan, record, replay, show, unit_report, update
 from noctule.errors import NoctuleError
 from noctule.logs import TextFormatter
 from noctule.plain_text import plain
@@ -23,6 +23,7 @@ commands = typer.Typer(
 )
 for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, doctor.doctor, update.update):
     commands.command()(each)
+commands.command("unit-report")(unit_report.unit_report)
 commands.command("import")(import_scan.import_)
 commands.add_typer(command.rpc, name="rpc")
 

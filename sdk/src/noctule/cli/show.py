@@ -129,7 +129,7 @@ def _table(rows: list[UnitRow]) -> Table:
     table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
     for row in rows:
         gateway, *others = _cells(row)
-        well = row.status is not None and row.status.state not in _UNWELL
+        well = row.status is not None and row.status.state not in _UNWELL and not row.status.faults
         cells = [Text(plain(cell), style="" if well else "red") for cell in (row.unit, gateway, *others, row.detail)]
         table.add_row(*cells)
     return table

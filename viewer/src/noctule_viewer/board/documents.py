@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from noctule import faults
 from noctule.messages_pb2 import Contour, ServiceStatus
 from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.unit_health import MOST_UNITS, Health, UnitHealth
@@ -48,6 +49,7 @@ def sheet(unit: UnitHealth, now_s: float) -> str:
             "last start": f"{status.reset_cause or 'not known'}, boot {status.boot}",
             "sweeps in the log": f"{status.log_tail} to {status.log_head}",
         }
+        rows |= {f"fault: {faults.word(one.kind)}": faults.sentence(one) for one in status.faults}
         rows |= {name.replace("_", " "): str(value) for name, value in sorted(status.counters.items())}
     return "\n".join([*lines, *(f"| {name} | {_cell(value)} |" for name, value in rows.items())])
 

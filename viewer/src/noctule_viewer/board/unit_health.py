@@ -71,7 +71,9 @@ class UnitsHealth:
         known = self._since.get(unit)
         if known is None or known[0] is not health:
             since_s = None if known is None else now_s
-            if row.since_ns and (health is Health.AWAY or (health is Health.WELL and known is None)):
+            if health is Health.ATTENTION and row.status is not None and row.status.faults:
+                since_s = min(fault.since.ToNanoseconds() for fault in row.status.faults) / 1e9
+            elif row.since_ns and (health is Health.AWAY or (health is Health.WELL and known is None)):
                 since_s = row.since_ns / 1e9
             self._since[unit] = health, since_s
         return self._since[unit][1]

@@ -1,0 +1,56 @@
+"""A sweep as the detectors see it: bearings in rising order, each with a range, silence, or a kind of failure."""
+
+import math
+from dataclasses import dataclass
+
+from noctule.air import speed_of_sound_m_s
+from noctule.messages_pb2 import (
+    READING_STATUS_ECHO,
+    READING_STATUS_UNSPECIFIED,
+    ReadingStatus,
+    Sweep,
+)
+
+_ASSUMED_AIR_C = 20.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """One sweep, n readings by rising bearing; ``range_m`` is counted from the sensor, NaN where there was no echo.
+
+    ``forward`` is whether the unit turned towards larger bearings; ``fixed`` whether it stands where it stood before.
+    """
+
+    bearing_rad: tuple[float, ...]
+    range_m: tuple[float, ...]
+    status: tuple[ReadingStatus, ...]
+    forward: bool
+    fixed: bool
+    start_ns: int  # UTC
+
+    @property
+    def heard(self) -> list[int]:
+        """Which readings are echoes."""
+        return [number for number, one_m in enumerate(self.range_m) if not math.isnan(one_m)]
+
+
+def look_of(sweep: Sweep, fixed: bool) -> Look:
+    """The sweep of the bus as a Look. Without a measured air temperature ranges are those at 20 degrees C."""
+    air_c = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else _ASSUMED_AIR_C
+    metres_a_second = speed_of_sound_m_s(air_c) / 2
+    order = sorted(range(len(sweep.readings)), key=lambda number: sweep.readings[number].bearing_rad)
+    readings = [sweep.readings[number] for number in order]
+    echo = (READING_STATUS_UNSPECIFIED, READING_STATUS_ECHO)
+    return Look(
+        bearing_rad=tuple(one.bearing_rad for one in readings),
+        range_m=tuple(
+            one.time_of_flight_s * metres_a_second
+            if one.status in echo and one.HasField("time_of_flight_s")
+            else math.nan
+            for one in readings
+        ),
+        status=tuple(one.status for one in readings),
+        forward=len(order) < 2 or order[0] < order[-1],
+        fixed=fixed,
+        start_ns=sweep.start.ToNanoseconds(),
+    )

@@ -1,0 +1,44 @@
+"""How much the ranges scatter at the bearings that used to be stable: about their past, among neighbours that hear one
+reflector, and from sweep to sweep.
+
+A sound unit's median deviation is 2 to 3 mm, or 5 with late echoes; its false echoes, one in twenty-five, don't move a
+median. 15 mm at half of the bearings by all three measures is neither the room nor a motion: a motion changes
+neighbours alike, and repeats itself.
+"""
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+from statistics import median
+
+from noctule_gateway.health.look import Look
+from noctule_gateway.health.marks import runs_of
+from noctule_gateway.health.past import Past
+
+NOISY_M = 0.015
+_LEAST_BOTH = 6  # bearings
+_LEAST_PAIRS = 4
+
+
+def scatter_m(look: Look, past: Past) -> float | None:
+    """Median deviation from the past; None where too few bearings answer."""
+    off = [abs(look.range_m[n] - past.median_m[n]) for n in past.stable() if not math.isnan(look.range_m[n])]
+    return median(off) if len(off) >= _LEAST_BOTH else None
+
+
+def disagreement_m(look: Look, past: Past) -> float | None:
+    """Median difference of neighbours that used to hear one reflector; None where too few of them answer."""
+    off = [
+        abs((look.range_m[b] - past.median_m[b]) - (look.range_m[a] - past.median_m[a]))
+        for run in runs_of(past)
+        for a, b in pairwise(run)
+    ]
+    off = [one for one in off if not math.isnan(one)]
+    return median(off) if len(off) >= _LEAST_PAIRS else None
+
+
+def change_m(look: Look, before: Look, at: Iterable[int]) -> float | None:
+    """Median change since the sweep before, at the bearings ``at``; None where too few answer in both."""
+    both = [abs(look.range_m[n] - before.range_m[n]) for n in at]
+    both = [one for one in both if not math.isnan(one)]
+    return median(both) if len(both) >= _LEAST_BOTH else None

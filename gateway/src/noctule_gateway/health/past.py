@@ -1,0 +1,79 @@
+"""What a fixed unit has heard at each of its bearings: the last sweeps that were well, in fixed memory.
+
+Of a bearing the median, the median deviation and the share of silence are wanted, each robust against a share of
+wrong entries of nearly a half. Fifteen entries give a share to 13 % (one standard deviation). Once there are so many,
+one sweep in four enters, so that the past reaches back sixty sweeps: what changes more slowly than that is taken for
+the room's, or the air's.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from statistics import median
+
+from noctule_gateway.health.look import Look
+
+ENOUGH = 6  # entries, from which on the past is asked
+_KEPT = 15
+_EVERY = 4  # so many well sweeps to an entry, once the past is full
+_SAME_BEARING_RAD = math.radians(1.0)  # the motor rests within a half step, 0.09 degrees, of where it should
+_STABLE_SHARE, _STABLE_M = 0.6, 0.02
+
+Row = tuple[float, ...]
+
+
+class Past:
+    """Ranges by bearing (NaN for silence) of up to 15 sweeps of one plan. What it tells is worked out at each entry."""
+
+    def __init__(self, bearing_rad: Sequence[float] = (), rows: Sequence[Row] = (), skipped: int = 0) -> None:
+        self.bearing_rad = tuple(bearing_rad)
+        self.rows: deque[Row] = deque(rows, _KEPT)
+        self.skipped = skipped
+        self._work_out()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def is_enough(self) -> bool:
+        """It may be asked."""
+        return len(self.rows) >= ENOUGH
+
+    def fits_plan(self, look: Look) -> bool:
+        """The sweep was made at the same bearings."""
+        return len(look.bearing_rad) == len(self.bearing_rad) and all(
+            abs(one - other) <= _SAME_BEARING_RAD for one, other in zip(look.bearing_rad, self.bearing_rad, strict=True)
+        )
+
+    def add(self, look: Look) -> bool:
+        """Take in a sweep that is well; False if it is passed over."""
+        if len(self.rows) == _KEPT and self.skipped < _EVERY - 1:
+            self.skipped += 1
+            return False
+        self.skipped = 0
+        self.rows.append(look.range_m)
+        self._work_out()
+        return True
+
+    def stable(self) -> list[int]:
+        """The bearings that mostly answer, and then at one range to within 2 cm."""
+        return self._stable
+
+    def _work_out(self) -> None:
+        self.heard: list[list[float]] = [
+            sorted(row[number] for row in self.rows if not math.isnan(row[number]))
+            for number in range(len(self.bearing_rad))
+        ]
+        entries = len(self.rows)
+        self.heard_share = [(len(each) + 0.5) / (entries + 1) for each in self.heard]
+        """By bearing, never 0 or 1: of n entries half a one more of each kind is assumed."""
+        self.median_m = [median(each) if each else math.nan for each in self.heard]
+        self._stable = [
+            number
+            for number, each in enumerate(self.heard)
+            if len(each) >= _STABLE_SHARE * entries and each and _deviation(each, self.median_m[number]) <= _STABLE_M
+        ]
+
+
+def _deviation(values: Sequence[float], middle: float) -> float:
+    return median(abs(one - middle) for one in values)

@@ -1,0 +1,77 @@
+"""No echo where there used to be: at no bearing, or over a wide arc.
+
+Of a bearing that answered in a share h of the past the next reading is silent with chance 1 - h, independently: the
+chance of the whole is the product, and its logarithm the evidence. 12 nats, twice in a row, come by chance once in
+e^24 = 2.6e10 sweeps. A door that opens, or a wardrobe that leaves, silences up to some 60 degrees: an arc is wider.
+"""
+
+import math
+from collections.abc import Sequence
+
+from noctule import messages_pb2 as messages
+from noctule.messages_pb2 import READING_STATUS_NO_ECHO, READING_STATUS_UNSPECIFIED
+from noctule_gateway.health.look import Look
+from noctule_gateway.health.past import Past
+from noctule_gateway.health.suspicion import Suspicion
+
+_LEAST_NATS = 12.0
+_ARC_RAD = math.radians(90.0)
+_LEAST_USUAL = 8  # bearings of an arc that usually answer
+_USUAL_SHARE = 0.7
+_MOST_FALSE = 0.04  # of readings: a deaf sensor may still pick up noise
+_LEAST_READINGS = 4
+
+
+def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
+    """``past`` is None where none can be asked."""
+    listened = [n for n, one in enumerate(look.status) if _listened(one) or not math.isnan(look.range_m[n])]
+    if len(listened) < _LEAST_READINGS:
+        return []
+    echoes = len(look.heard)
+    if past is None:
+        words = f"no echo at any of {len(listened)} bearings"
+        return [] if echoes else [Suspicion(messages.FAULT_KIND_NO_ECHO_ANYWHERE, _LEAST_NATS, words)]
+    silent = [n for n in listened if math.isnan(look.range_m[n])]
+    nats = _nats(past, silent)
+    usual = sum(share >= _USUAL_SHARE for share in past.heard_share)
+    if echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS:
+        words = f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer"
+        return [Suspicion(messages.FAULT_KIND_SILENT, nats, words)]
+    if not echoes:
+        words = f"no echo at any of {len(listened)} bearings"
+        return [Suspicion(messages.FAULT_KIND_NO_ECHO_ANYWHERE, nats, words)]
+    return _arc(look, past)
+
+
+def _arc(look: Look, past: Past) -> list[Suspicion]:
+    """The widest arc without any echo, if it used to answer."""
+    runs: list[list[int]] = [[]]
+    for number, range_m in enumerate(look.range_m):
+        if math.isnan(range_m):
+            runs[-1].append(number)
+        elif runs[-1]:
+            runs.append([])
+    widest = max(runs, key=len)
+    if not widest or look.bearing_rad[widest[-1]] - look.bearing_rad[widest[0]] < _ARC_RAD:
+        return []
+    usual = [n for n in widest if past.heard_share[n] >= _USUAL_SHARE]
+    nats = _nats(past, usual)
+    if len(usual) < _LEAST_USUAL or nats < _LEAST_NATS:
+        return []
+    if look.bearing_rad[usual[-1]] - look.bearing_rad[usual[0]] < _ARC_RAD:
+        return []
+    first, last = (round(math.degrees(look.bearing_rad[n])) for n in (widest[0], widest[-1]))
+    return [Suspicion(messages.FAULT_KIND_ARC_SILENT, nats, f"no echo any more from {first} to {last} degrees")]
+
+
+def _nats(past: Past, silent: Sequence[int]) -> float:
+    """Minus the logarithm of the chance of this silence."""
+    return -sum(math.log1p(-past.heard_share[n]) for n in silent)
+
+
+def _listened(status: int) -> bool:
+    return status in (READING_STATUS_NO_ECHO, READING_STATUS_UNSPECIFIED)
+
+
+def _echoes(count: int) -> str:
+    return {0: "no echo", 1: "one echo"}.get(count, f"{count} echoes")

@@ -1,0 +1,160 @@
+"""What goes wrong with a fixed unit, as its sweeps show it: one function a fault, each giving the ranges of a sweep."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from gateway.health_rooms import Noise, Stand, noisy, shifted, stand_of
+
+from noctule import messages_pb2 as messages
+
+Sweeps = Callable[[int], np.ndarray]  # the n-th sweep with the fault: ranges (61,)
+Make = Callable[[Stand, np.random.Generator], Sweeps]
+
+PERIOD_DEG = 8 * 360 / 4075.77  # a half step that is lost costs a magnetic period (firmware/simulator/README.md)
+HALF_STEPS_PER_BEARING = 51  # 4.5 degrees
+COUNTER_TURN_M = 16.384e-3 * 343.42 / 2  # 2^16 ticks of 0.25 us, at 20 degrees C
+
+
+def repeats(*values_m: float) -> Make:
+    return lambda stand, _rng: lambda _number: np.resize(np.array(values_m), len(stand.bearings_rad))
+
+
+def silent(stand: Stand, _rng: np.random.Generator) -> Sweeps:
+    return lambda _number: np.full(len(stand.bearings_rad), math.nan)
+
+
+def covered(stand: Stand, rng: np.random.Generator) -> Sweeps:
+    return lambda _number: noisy(np.full(len(stand.bearings_rad), 0.08), rng, Noise())
+
+
+def box_before_it(stand: Stand, rng: np.random.Generator) -> Sweeps:
+    first = int(rng.integers(0, 40))
+
+    def sweep(_number: int) -> np.ndarray:
+        range_m = stand.hears(rng)
+        range_m[first : first + 20] = noisy(np.full(20, 0.12), rng, Noise())
+        return range_m
+
+    return sweep
+
+
+def motor_stuck(stand: Stand, rng: np.random.Generator) -> Sweeps:
+    """At a bearing that answers: at one that does not, it is as good as deaf."""
+    answers = np.nonzero(np.ptp(stand.clear_m, axis=0) < 0.01)[0]
+    range_m = stand.clear_m[0, rng.choice(answers)]
+    return lambda _number: noisy(np.full(len(stand.bearings_rad), range_m), rng, Noise())
+
+
+def turned(degrees: float) -> Make:
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        wrong = stand.turned(degrees)
+        return lambda _number: wrong.hears(rng)
+
+    return make
+
+
+def moved(distance_m: float, degrees: float = 0.0) -> Make:
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        way = rng.uniform(0, 2 * math.pi)
+        wrong = stand.moved(distance_m * math.cos(way), distance_m * math.sin(way)).turned(degrees)
+        return lambda _number: wrong.hears(rng)
+
+    return make
+
+
+def elsewhere(_stand: Stand, rng: np.random.Generator) -> Sweeps:
+    other = stand_of(5000 + int(rng.integers(100)))
+    return lambda _number: other.hears(rng)
+
+
+def slips(probability: float) -> Make:
+    """Each half step slips a period with that probability, against the sense of turning."""
+
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        off_deg = 0.0
+
+        def sweep(number: int) -> np.ndarray:
+            nonlocal off_deg
+            sense, each_deg = (1 if number % 2 == 0 else -1), np.zeros(len(stand.bearings_rad))
+            for bearing in range(len(each_deg))[::sense]:
+                each_deg[bearing] = off_deg
+                off_deg -= sense * PERIOD_DEG * rng.binomial(HALF_STEPS_PER_BEARING, probability)
+            return shifted(stand, each_deg, rng)
+
+        return sweep
+
+    return make
+
+
+def play(forward_deg: float, backward_deg: float) -> Make:
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        senses = stand.turned(forward_deg), stand.turned(backward_deg)
+        return lambda number: senses[number % 2].hears(rng)
+
+    return make
+
+
+def ranges(scale: float = 1.0, longer_m: float = 0.0) -> Make:
+    return lambda stand, rng: lambda _number: scale * stand.hears(rng) + longer_m
+
+
+def noise(sigma_m: float = 0.0032, false: float = 0.04) -> Make:
+    return lambda stand, rng: lambda _number: stand.hears(rng, Noise(sigma_m=sigma_m, false=false))
+
+
+def clock_slips(stand: Stand, rng: np.random.Generator) -> Sweeps:
+    def sweep(_number: int) -> np.ndarray:
+        range_m = stand.hears(rng)
+        slipped = np.where(range_m > COUNTER_TURN_M, range_m - COUNTER_TURN_M, range_m + COUNTER_TURN_M)
+        return np.where(rng.random(len(range_m)) < 0.25, slipped, range_m)
+
+    return sweep
+
+
+def arc_silent(stand: Stand, rng: np.random.Generator) -> Sweeps:
+    """The side of the sweep with more echoes, over 180 degrees."""
+    heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
+    dead = slice(0, 41) if heard[:41].sum() >= heard[20:].sum() else slice(20, None)
+
+    def sweep(_number: int) -> np.ndarray:
+        range_m = stand.hears(rng)
+        range_m[dead] = math.nan
+        return range_m
+
+    return sweep
+
+
+THREE, FIVE = 3, 5  # sweeps
+
+# name: what happens, its name, and by which sweep it must be named
+FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
+    "deaf": (silent, messages.FAULT_KIND_SILENT, THREE),
+    "repeats one value": (repeats(1.234), messages.FAULT_KIND_REPEATS, THREE),
+    "repeats zero": (repeats(0.0), messages.FAULT_KIND_REPEATS, THREE),
+    "repeats its longest value": (repeats(6.5), messages.FAULT_KIND_REPEATS, THREE),
+    "repeats two values": (repeats(0.45, 1.2), messages.FAULT_KIND_REPEATS, THREE),
+    "covered by a cloth": (covered, messages.FAULT_KIND_BLOCKED, THREE),
+    "a box before it": (box_before_it, messages.FAULT_KIND_BLOCKED, THREE),
+    "motor stuck": (motor_stuck, messages.FAULT_KIND_MOTOR_STUCK, THREE),
+    "slips 1 in 100": (slips(0.01), messages.FAULT_KIND_SLIPPED, THREE),
+    "slips 1 in 50": (slips(0.02), messages.FAULT_KIND_SLIPPED, THREE),
+    "play of 9 degrees": (play(4.5, -4.5), messages.FAULT_KIND_PLAY, THREE),
+    "play of 9 degrees in one sense": (play(9.0, 0.0), messages.FAULT_KIND_PLAY, THREE),
+    "ranges 3 % longer": (ranges(1.03), messages.FAULT_KIND_RANGES_JUMPED, THREE),
+    "ranges 3 % shorter": (ranges(0.97), messages.FAULT_KIND_RANGES_JUMPED, THREE),
+    "ranges 6 cm longer": (ranges(longer_m=0.06), messages.FAULT_KIND_RANGES_JUMPED, THREE),
+    "noise of 10 cm": (noise(sigma_m=0.1), messages.FAULT_KIND_TOO_NOISY, THREE),
+    "noise of 20 cm": (noise(sigma_m=0.2), messages.FAULT_KIND_TOO_NOISY, THREE),
+    "clock slips": (clock_slips, messages.FAULT_KIND_CLOCK_SLIPS, THREE),
+    "an arc falls silent": (arc_silent, messages.FAULT_KIND_ARC_SILENT, THREE),
+    "turned 5 degrees": (turned(5.0), messages.FAULT_KIND_TURNED, FIVE),
+    "turned 5 degrees back": (turned(-5.0), messages.FAULT_KIND_TURNED, FIVE),
+    "turned 25 degrees": (turned(25.0), messages.FAULT_KIND_TURNED, FIVE),
+    "turned 60 degrees back": (turned(-60.0), messages.FAULT_KIND_TURNED, FIVE),
+    "carried into another room": (elsewhere, messages.FAULT_KIND_MOVED, FIVE),
+    "moved 5 cm": (moved(0.05), messages.FAULT_KIND_MOVED, FIVE),
+    "moved 20 cm": (moved(0.2), messages.FAULT_KIND_MOVED, FIVE),
+    "moved 20 cm and turned 20 degrees": (moved(0.2, 20.0), messages.FAULT_KIND_MOVED, FIVE),
+}
+FROM_A_SWEEPS_BEGINNING = frozenset(name for name in FAULTS if name.startswith(("slips", "play")))

@@ -1,0 +1,136 @@
+"""What a judge remembers, forgets and lets be: over restarts, recoveries, other poses, sweeps that come twice."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gateway.health_rooms import Stand, look, stand_of
+from gateway.serving import FIXED, site_file
+
+from noctule import messages_pb2 as messages
+from noctule.messages_pb2 import Sweep
+from noctule.site import Unit, load
+from noctule_gateway.health import memory_file
+from noctule_gateway.health.dead_bearing import NAMED_AFTER
+from noctule_gateway.health.judge import Judge, Memory
+from noctule_gateway.unit.sweep_health import SweepHealth
+
+PLACE = (1.0, 2.0, 0.5)
+LEARNT_AFTER = 16
+SILENCE = np.full(61, math.nan)
+
+
+@pytest.fixture
+def stand() -> Stand:
+    return stand_of(1)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(1)
+
+
+@pytest.fixture
+def judge(stand: Stand, rng: np.random.Generator) -> Judge:
+    """It has learnt what the unit hears."""
+    judge = Judge()
+    for number in range(LEARNT_AFTER):
+        assert not judge.judge(look(stand.hears(rng), number), PLACE).findings
+    return judge
+
+
+def kinds(judge: Judge) -> list[messages.FaultKind]:
+    return [one.kind for one in judge.findings]
+
+
+def test_a_fault_is_over_after_three_well_sweeps_and_those_meanwhile_are_still_flagged(
+    judge: Judge, stand: Stand, rng: np.random.Generator
+) -> None:
+    for number in range(3):
+        judge.judge(look(SILENCE, number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_SILENT]
+    flagged = [bool(judge.judge(look(stand.hears(rng), number), PLACE).spoiled_by) for number in range(4)]
+    assert flagged == [True, True, False, False]
+
+
+def test_the_sweep_that_names_a_fault_says_which_before_it_are_suspect(judge: Judge) -> None:
+    verdicts = [judge.judge(look(SILENCE, number), PLACE) for number in range(3)]
+    assert [one.suspect_before for one in verdicts] == [
+        0,
+        2,
+        0,
+    ]  # and the one in whose midst it may have begun
+    assert verdicts[1].findings[0].since_ns == look(SILENCE, 0).start_ns
+
+
+def test_a_restart_forgets_neither_the_fault_nor_the_past(judge: Judge, stand: Stand, rng: np.random.Generator) -> None:
+    turned = stand.turned(9.0)
+    for number in range(4):
+        judge.judge(look(turned.hears(rng), number), PLACE)
+    again = Judge(memory_file.from_json(memory_file.to_json(judge.memory)))
+    assert again.findings == judge.findings != ()
+    again.judge(look(turned.hears(rng), 4), PLACE)
+    assert kinds(again) == [messages.FAULT_KIND_TURNED]
+
+
+def test_at_another_pose_of_the_site_file_the_past_begins_anew(
+    judge: Judge, stand: Stand, rng: np.random.Generator
+) -> None:
+    turned = stand.turned(9.0)
+    for number in range(4):
+        judge.judge(look(turned.hears(rng), number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    for number in range(LEARNT_AFTER):
+        assert not judge.judge(look(turned.hears(rng), number), (1.0, 2.0, 0.7)).findings
+
+
+def test_one_bearing_that_never_answers_again_is_named_and_spoils_no_sweep(
+    judge: Judge, stand: Stand, rng: np.random.Generator
+) -> None:
+    heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
+    between = [n for n in range(1, 60) if heard[n - 1 : n + 2].all() and np.ptp(stand.clear_m[:, n - 1 : n + 2]) < 0.02]
+    for number in range(3 * NAMED_AFTER):
+        range_m = stand.hears(rng)
+        range_m[between[0]] = math.nan
+        verdict = judge.judge(look(range_m, number), PLACE)
+        if verdict.findings:
+            break
+    assert number + 1 >= NAMED_AFTER
+    assert (kinds(judge), verdict.spoiled_by) == ([messages.FAULT_KIND_BEARING_SILENT], ())
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[1]", '{"version": 2}', '{"version": 1, "rows": [[1]], "bearing_rad": []}']
+)
+def test_a_file_that_is_no_memory_is_begun_anew(tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "u1.health").write_text(text)
+    with pytest.raises(ValueError):
+        memory_file.read(tmp_path / "u1.health")
+    health = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite")
+    assert health.faults() == []
+    assert "can't be read and is begun anew" in caplog.text
+
+
+def test_where_there_is_no_file_nothing_is_known(tmp_path: Path) -> None:
+    assert len(memory_file.read(tmp_path / "u1.health").past) == len(Memory().past) == 0
+
+
+def test_a_sweep_that_comes_again_is_judged_as_it_was_and_counts_once(tmp_path: Path) -> None:
+    health = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite")
+    for sequence in (1, 2, 2, 2, 3, 3, 4):
+        message = Sweep(unit="u1", boot=1, sequence=sequence, readings=[no_sensor(n) for n in range(13)])
+        health.judge(message)
+        assert list(message.faults) == ([messages.FAULT_KIND_NO_SENSOR] if sequence >= 2 else [])
+        assert message.suspect_before == (2 if sequence == 2 else 0)
+    assert health.flagged == 3
+    (fault,) = health.faults()
+    assert fault.kind == messages.FAULT_KIND_NO_SENSOR
+
+
+def no_sensor(number: int) -> messages.Reading:
+    return messages.Reading(bearing_rad=0.1 * number, status=messages.READING_STATUS_NO_SENSOR)
+
+
+def unit(folder: Path) -> Unit:
+    return load(site_file(folder, ("u1", 1, "socket://127.0.0.1:1", FIXED))).unit("u1")

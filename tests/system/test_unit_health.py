@@ -1,0 +1,95 @@
+"""A sensor goes deaf while a site is mapped: everybody who looks at the site is told, and the map rests on what was."""
+
+import json
+import subprocess
+from pathlib import Path
+
+from rooms import site_file
+from system.processes import PATIENCE_S, free_ports, listens, programs, wait_until
+
+from noctule.client import Client
+from noctule.messages_pb2 import FAULT_KIND_SILENT, ServiceStatus, UnitStatus
+
+SPEED = 20
+DEAF_AT_S = 400.0  # simulated: after twenty sweeps of 10.5 s, each with a pause of 5 s, and time to connect
+LEFT_OUT = ("sweeps_unusable", "sweeps_taken_out")  # made while the fault had a name, and just before
+FAULT = f'[[fault]]\nat_s = {DEAF_AT_S}\nkind = "sensor_deaf"\n'
+
+
+def test_a_deaf_sensor_is_told_in_units_report_status_and_map_and_outlives_a_restart(tmp_path: Path) -> None:
+    unit_port, bus_port = free_ports(2)
+    site, faults, data = tmp_path / "site.toml", tmp_path / "faults.toml", tmp_path / "gateway"
+    site.write_text(only_first_unit(site_file("lounge", unit_port)))
+    faults.write_text(FAULT)
+    endpoint = f"tcp/127.0.0.1:{bus_port}"
+    simulator = ("noctule-sim", "--room", "lounge", "--units", "1", "--tcp", f"127.0.0.1:{unit_port}")
+    gateway = ("noctule-gateway", "run", str(site), "--data", str(data), "--listen", endpoint)
+    mapper = ("noctule-mapper", "run", "--site", "lounge", "--data", str(tmp_path / "map"), "--rerun", "none")
+    with programs(tmp_path) as running:
+        running.start("gateway", *gateway)
+        running.start("mapper", *mapper, "--connect", endpoint)
+        wait_until(lambda: running.check() or listens(bus_port), "no router")
+        running.start("simulator", *simulator, "--speed", str(SPEED), "--faults", str(faults))
+        with Client("lounge", connect=[endpoint]) as client:
+
+            def faulty() -> UnitStatus | None:
+                running.check()
+                return next((one for one in client.unit_statuses() if one.faults), None)
+
+            status = wait_until(faulty, "no fault is named")
+            assert [fault.kind for fault in status.faults] == [FAULT_KIND_SILENT]
+            assert status.detail.startswith("silent: ")
+
+            sweeps = list(client.history("u1"))
+            named = next(sweep for sweep in sweeps if sweep.faults)
+            first = named.log_sequence - named.suspect_before
+            assert len([one for one in sweeps if heard_nothing(one) and one.log_sequence <= named.log_sequence]) <= 3
+            assert all(first <= one.log_sequence for one in sweeps if heard_nothing(one))
+
+            def left_out() -> ServiceStatus | None:
+                services = [one for one in client.service_statuses() if one.role == "mapper"]
+                return next((one for one in services if all(map(one.counters.get, LEFT_OUT))), None)
+
+            told = wait_until(left_out, "the mapper leaves no sweep out")
+            assert "its gateway had found the unit silent" in told.detail
+
+            assert "silent: no echo at 61 bearings" in noctule("units", "lounge", endpoint)
+            report = noctule("unit-report", "lounge", endpoint, "u1", "--output", str(tmp_path / "u1.txt"))
+            assert (tmp_path / "u1.txt").read_text() == report
+            for text in ("silent: no echo at 61 bearings", "half steps per turn", "  bearing  readings  echoes"):
+                assert text in report
+            found = json.loads(noctule("unit-report", "lounge", endpoint, "u1", "--json"))
+            assert found["status"]["faults"][0]["kind"] == "FAULT_KIND_SILENT"
+            assert len(found["bearings"]) == 61
+
+        running.kill("gateway")
+        running.start("gateway", *gateway)
+        wait_until(lambda: running.check() or listens(bus_port), "no router")
+        with Client("lounge", connect=[endpoint]) as client:
+            since = wait_until(faulty_of(client), "the fault is forgotten").faults[0].since
+        assert since == status.faults[0].since
+
+
+def faulty_of(client: Client):
+    return lambda: next((one for one in client.unit_statuses() if one.faults), None)
+
+
+def heard_nothing(sweep) -> bool:
+    return not any(reading.HasField("time_of_flight_s") for reading in sweep.readings)
+
+
+def noctule(command: str, site: str, endpoint: str, *more: str) -> str:
+    run = subprocess.run(
+        ["noctule", command, site, *more, "--connect", endpoint],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    return run.stdout
+
+
+def only_first_unit(text: str) -> str:
+    """The site file without its other units."""
+    head, first, *_ = text.split("[[unit]]")
+    return f"{head}[[unit]]{first}"
