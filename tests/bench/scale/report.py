@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 from bench.scale.fleet import Fleet, Size, fleet
-from bench.scale.gateways import RING_SWEEPS
+from bench.scale.gateway import RING_SWEEPS
 from system.processes import wait_until
 
 _START_WITHIN_S = 600.0
