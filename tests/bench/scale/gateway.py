@@ -76,9 +76,7 @@ class StreamedUnit:
             self._on_bus.publish(result.record)
 
 
-def open_units(
-    data: Path, name: str, count: int, router: str, closing: contextlib.ExitStack
-) -> list[StreamedUnit]:
+def open_units(data: Path, name: str, count: int, router: str, closing: contextlib.ExitStack) -> list[StreamedUnit]:
     """The units of one site, with the session, the outbox and the readers of a gateway."""
     rng = np.random.default_rng(41)
     places = [message(made) for made in survey(paper_room(), paper_path(), rng)]

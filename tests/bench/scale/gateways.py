@@ -11,7 +11,6 @@ out by threads that can run: that one process has one, and 50 mappers have 50.
 import json
 import multiprocessing
 import sys
-from collections.abc import Sequence
 from contextlib import ExitStack
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
@@ -26,8 +25,8 @@ def main(data: str, units: str, sites: str, sweep_s: str, *routers: str) -> None
     context.set_forkserver_preload(["bench.scale.gateway", __name__])
     with ExitStack() as closing:
         told = [
-            _start(context, closing, Path(data), f"site-{number}", count, float(sweep_s), routers[number % len(routers)])
-            for number, count in enumerate(_shared_out(int(units), int(sites)))
+            _start(context, closing, Path(data), f"site-{n}", count, float(sweep_s), routers[n % len(routers)])
+            for n, count in enumerate(_shared_out(int(units), int(sites)))
         ]
         for each in told:
             each.recv()

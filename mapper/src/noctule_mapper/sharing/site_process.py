@@ -32,7 +32,7 @@ def forking_context() -> ForkServerContext:
     """Where the processes come from."""
     context = multiprocessing.get_context("forkserver")
     # A process loads the main module again (spawn.prepare): what that imports is there already.
-    context.set_forkserver_preload(["noctule_mapper.sharing.preload", __name__, "noctule_mapper.cli"])
+    context.set_forkserver_preload([__name__, "noctule_mapper.cli", "noctule_mapper.sharing.preload"])
     return context
 
 
