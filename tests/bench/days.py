@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
-from bench.scale.gateways import StreamedUnit, open_units
+from bench.scale.gateway import StreamedUnit, open_units
 from system.processes import ROOT, Programs, free_port_range, free_ports, listens, programs, wait_until
 
 from noctule.client import Client
@@ -72,7 +72,7 @@ def streamed(folder: Path, days: float) -> Iterator[Scene]:
         running.start("router", sys.executable, "-m", "bench.scale.router", endpoint, env=environment)
         wait_until(lambda: listens(bus_port), "no router", within_s=60)
         relay = _start_relay(running)
-        units = open_units(folder, UNITS, 1, [endpoint], closing)
+        units = open_units(folder, "site-0", UNITS, endpoint, closing)
         _start_mapper(running, folder, "site-0", endpoint, relay)
         taken = dict[str, int]()
 

@@ -461,6 +461,37 @@ def test_a_killed_writer_leaves_sweeps_and_cursor_that_agree(path: Path) -> None
         store.close()
 
 
+def test_a_power_cut_takes_the_newest_sweeps_and_their_cursor_goes_back_with_them(path: Path, tmp_path: Path) -> None:
+    store, random = SweepStore(path, Window()), Random(12)
+    for number in range(1, 161):
+        store.commit([sweep(number)], [cursor(number)])
+        if number == 60:
+            store.checkpoint()  # these are in the database; the others begin the -wal again
+    database, wal = path.read_bytes(), Path(f"{path}-wal").read_bytes()
+    store.close()
+    reached = set[int]()
+    for cut in range(30):
+        left = tmp_path / str(cut) / path.name
+        left.parent.mkdir()
+        left.write_bytes(database)
+        unwritten = bytearray(wal)
+        at = random.randrange(len(wal))
+        if cut % 2:
+            del unwritten[at:]  # the end never came to the disk
+        else:
+            block = at - at % 4096
+            unwritten[block : block + 4096] = bytes(4096)  # what came after this block did, and the block did not
+        Path(f"{left}-wal").write_bytes(unwritten)
+        after = SweepStore(left, Window())
+        assert after.damage == ""
+        kept = after.cursors()["u1"].log_sequence if after.cursors() else 0
+        assert sequences(after) == list(range(1, kept + 1))
+        assert 60 <= kept <= 160
+        reached.add(kept)
+        after.close()
+    assert len(reached) > 10, "the cuts were not at different places"
+
+
 SYNCED_WRITER = """
 import os, sys
 from pathlib import Path

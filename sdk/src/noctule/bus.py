@@ -1,8 +1,9 @@
 """The bus as Noctule uses it: sessions, states that a late joiner can ask for, and the messages' schemas."""
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
@@ -192,15 +193,20 @@ class StatesPublisher:
                 query.reply(key, known[key], encoding=self._encoding)
 
 
-def declare_schemas(session: zenoh.Session) -> zenoh.Queryable:
-    """Answer queries for any message's schema (FileDescriptorSet) until the result is undeclared."""
-    replies = {
-        keys.schema(message.full_name): file_descriptor_set(message.file).SerializeToString()
-        for message in messages_pb2.DESCRIPTOR.message_types_by_name.values()
+@cache
+def schemas() -> Mapping[str, bytes]:
+    """By key, each message's schema (FileDescriptorSet). All messages are of one file, so all schemas are alike."""
+    schema = file_descriptor_set(messages_pb2.DESCRIPTOR).SerializeToString()
+    return {
+        keys.schema(message.full_name): schema for message in messages_pb2.DESCRIPTOR.message_types_by_name.values()
     }
 
+
+def declare_schemas(session: zenoh.Session) -> zenoh.Queryable:
+    """Answer queries for any message's schema until the result is undeclared."""
+
     def answer(query: zenoh.Query) -> None:
-        for key, reply in replies.items():
+        for key, reply in schemas().items():
             if query.key_expr.intersects(zenoh.KeyExpr(key)):
                 query.reply(key, reply, encoding=encoding(FileDescriptorSet))
 

@@ -1,170 +1,66 @@
-"""Many gateways' logs and publishing in one process, fed with sweeps at their cadence in the place of serial lines.
+"""The gateways of the bench, each a process of its own as in a fleet: ``python -m bench.scale.gateways DATA UNITS
+SITES SWEEP_S ROUTER...``.
 
-``python -m bench.scale.gateways DATA UNITS SITES SWEEP_S ROUTER...`` prints a line when all are on the bus. It then
-takes lines from its input: ``burst`` (each unit hands over a full ring), ``stop`` (no more sweeps; prints each log's
-head as JSON), until its input ends. A sweep's start is the moment at which its last byte would have come over the line.
+It prints a line when all are on the bus. It then takes lines from its input: ``burst`` (each unit hands over a full
+ring), ``stop`` (no more sweeps; prints each log's head as JSON), until its input ends.
+
+In one process 50 gateways would share one interpreter lock and Zenoh's few threads. The kernel shares a busy machine
+out by threads that can run: that one process has one, and 50 mappers have 50.
 """
 
-import contextlib
 import json
+import multiprocessing
 import sys
-import threading
-import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from contextlib import ExitStack
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
-import numpy as np
-from mapper.live_site import message
-from mapper.room import paper_path, paper_room, survey
-
-from noctule import bus, site
-from noctule.caller import Callers, Who
-from noctule.messages_pb2 import CommandReply, CommandRequest, Sweep, UnitStatus
-from noctule.newer_fields import NewerFields
-from noctule_gateway.bus.log_readers import LogReaders
-from noctule_gateway.bus.outbox import Outbox
-from noctule_gateway.bus.unit_on_bus import UnitOnBus
-from noctule_gateway.clock.clock_watch import ClockWatch
-from noctule_gateway.limits import allow_files
-from noctule_gateway.log.log_file import Arrival, Committed, Retention
-from noctule_gateway.log.sweep_log import SweepLog
-from noctule_gateway.pose import PoseTrack
-from noctule_gateway.served_unit import ServedUnit
-
-RING_SWEEPS = 21  # a full ring of 13 readings each: firmware/README.md
-STATUS_EVERY_S = 1.0
-FLIGHT_NOISE_S = 1e-5
-
-
-class StreamedUnit:
-    """One unit: its log, what it has on the bus, and the ``made`` sweeps that it has sent so far."""
-
-    def __init__(self, kept: ServedUnit, on_bus: UnitOnBus, seen: Sweep, rng: np.random.Generator) -> None:
-        self.name, self.log = f"{kept.site.name}/{kept.unit.name}", kept.log
-        self._kept, self._on_bus, self._seen, self._rng = kept, on_bus, seen, rng
-        self.made = 0
-
-    def sweep(self, start_ns: int | None = None) -> None:
-        """Hand one sweep over, which began at ``start_ns`` (UTC) or, for all that is measured here, now."""
-        self.made += 1
-        sweep = Sweep()
-        sweep.CopyFrom(self._seen)
-        sweep.site, sweep.unit = self._kept.site.name, self._kept.unit.name
-        sweep.boot, sweep.sequence = 1, self.made
-        for reading, late_s in zip(
-            sweep.readings, self._rng.normal(0, FLIGHT_NOISE_S, len(sweep.readings)), strict=True
-        ):
-            if reading.HasField("time_of_flight_s"):
-                reading.time_of_flight_s += late_s
-        sweep.start.FromNanoseconds(time.time_ns() if start_ns is None else start_ns)
-        self.log.append(Arrival(self.made.to_bytes(16, "big"), self.made, sweep), self._done)
-
-    def report(self) -> None:
-        """Publish a status, as a gateway does each second."""
-        status = UnitStatus(
-            site=self._kept.site.name,
-            unit=self._kept.unit.name,
-            state=UnitStatus.STATE_SWEEPING,
-            gateway="gateway",
-            log_id=self.log.state.log_id,
-            log_head=self.log.state.head,
-            log_tail=self.log.state.tail,
-        )
-        status.time.GetCurrentTime()
-        self._on_bus.report(status)
-
-    def _done(self, result: object) -> None:
-        if isinstance(result, Committed):
-            self._on_bus.publish(result.record)
-
-
-def open_units(
-    data: Path, units: int, sites: int, routers: Sequence[str], closing: contextlib.ExitStack
-) -> list[StreamedUnit]:
-    """The units of all sites, each site with a session and an outbox as a gateway has them."""
-    rng = np.random.default_rng(41)
-    places = [message(made) for made in survey(paper_room(), paper_path(), rng)]
-    opened = []
-    for number in range(sites):
-        count = units // sites + (number < units % sites)
-        known = _site(data, f"site-{number}", count)
-        session = closing.enter_context(bus.open_session([routers[number % len(routers)]]))
-        outbox, readers = Outbox(), LogReaders()
-        closing.callback(outbox.close)
-        closing.callback(readers.close)
-        for index, unit in enumerate(known.units):
-            log = SweepLog(data / f"{known.name}.{unit.name}.sqlite", Retention())
-            closing.callback(log.close)
-            kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / "clock-epoch"))
-            on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers(), lambda *_: None)
-            opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng))
-    return opened
-
-
-def _site(data: Path, name: str, units: int) -> site.Site:
-    file = data / f"{name}.toml"
-    listed = (
-        f'[[unit]]\nname = "u{number}"\nserial = {number}\naddress = "socket://127.0.0.1:{number}"\n'
-        "pose = { x_m = 0.0, y_m = 0.0, heading_deg = 0.0 }\n"
-        for number in range(1, units + 1)
-    )
-    file.write_text(f'site = "{name}"\nair_temperature_c = 21.0\n' + "".join(listed))
-    return site.load(file)
-
-
-def _refuse(_name: str, _request: CommandRequest, _who: Who) -> Future[CommandReply]:
-    raise AssertionError("nobody commands the units of this bench")
-
-
-def sweep_on(units: Sequence[StreamedUnit], sweep_s: float, stop: threading.Event) -> None:
-    """Each unit's sweeps at their cadence, spread evenly, until ``stop``."""
-    _in_turn(units, sweep_s, stop, StreamedUnit.sweep)
-
-
-def report_on(units: Sequence[StreamedUnit], stop: threading.Event) -> None:
-    """Each unit's statuses, likewise."""
-    _in_turn(units, STATUS_EVERY_S, stop, StreamedUnit.report)
-
-
-def _in_turn(
-    units: Sequence[StreamedUnit], every_s: float, stop: threading.Event, act: Callable[[StreamedUnit], None]
-) -> None:
-    due_s = time.monotonic()
-    while True:
-        for unit in units:
-            due_s += every_s / len(units)
-            if stop.wait(max(0.0, due_s - time.monotonic())):
-                return
-            act(unit)
+from bench.scale import gateway
 
 
 def main(data: str, units: str, sites: str, sweep_s: str, *routers: str) -> None:
-    """Stream until the input ends."""
-    allow_files(int(units))
-    with contextlib.ExitStack() as closing:
-        streamed = open_units(Path(data), int(units), int(sites), routers, closing)
-        stop_sweeps, stop_statuses = threading.Event(), threading.Event()
-        workers = [
-            threading.Thread(target=sweep_on, args=(streamed, float(sweep_s), stop_sweeps)),
-            threading.Thread(target=report_on, args=(streamed, stop_statuses)),
+    """Run all gateways until the input ends."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["bench.scale.gateway", __name__])
+    with ExitStack() as closing:
+        told = [
+            _start(context, closing, Path(data), f"site-{n}", count, float(sweep_s), routers[n % len(routers)])
+            for n, count in enumerate(_shared_out(int(units), int(sites)))
         ]
-        for worker in workers:
-            worker.start()
+        for each in told:
+            each.recv()
         print("ready", flush=True)
         for line in sys.stdin:
-            if line == "burst\n":
-                for _ in range(RING_SWEEPS):
-                    for unit in streamed:
-                        unit.sweep()
-            elif line == "stop\n":
-                stop_sweeps.set()
-                workers[0].join()
-                print(json.dumps({unit.name: unit.made for unit in streamed}), flush=True)
-        stop_sweeps.set()
-        stop_statuses.set()
-        for worker in workers:
-            worker.join()
+            word = line.strip()
+            for each in told:
+                each.send(word)
+            if word == "stop":
+                print(json.dumps({unit: made for each in told for unit, made in each.recv().items()}), flush=True)
+
+
+def _shared_out(units: int, sites: int) -> list[int]:
+    """How many units each site has."""
+    return [units // sites + (number < units % sites) for number in range(sites)]
+
+
+def _start(
+    context: ForkServerContext,
+    closing: ExitStack,
+    data: Path,
+    site: str,
+    units: int,
+    sweep_s: float,
+    router: str,
+) -> Connection:
+    """The end of a pipe to a new gateway, which ends when the pipe is closed."""
+    near, far = context.Pipe()
+    process = context.Process(target=gateway.run, args=(far, data, site, units, sweep_s, router), name=site)
+    process.start()
+    far.close()
+    closing.callback(process.join)
+    closing.callback(near.close)
+    return near
 
 
 if __name__ == "__main__":

@@ -9,9 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import psutil
+import zenoh
 from bench.scale.fleet import Fleet, Size, fleet
-from bench.scale.gateways import RING_SWEEPS
+from bench.scale.gateway import RING_SWEEPS
 from system.processes import wait_until
+
+from noctule_mapper.sharing.rendezvous import owner_of
 
 _START_WITHIN_S = 600.0
 
@@ -21,7 +24,7 @@ def main(arguments: Sequence[str]) -> None:
     parser = argparse.ArgumentParser(prog="run.py scale")
     parser.add_argument("--units", type=int, default=1000)
     parser.add_argument("--sites", type=int, default=50)
-    parser.add_argument("--sweep-s", type=float, default=3.0, help="from a unit's sweep to its next one")
+    parser.add_argument("--sweep-s", type=float, default=16.0, help="from a unit's sweep to its next one")
     parser.add_argument("--seconds", type=float, default=30.0, help="how long each scene is watched")
     parser.add_argument("--one-gateway", type=int, default=64, help="units on the one gateway of the second scene")
     given = parser.parse_args(arguments)
@@ -41,12 +44,22 @@ def _many_sites(size: Size, seconds: float) -> None:
             "s until every site was mapped, from a cold start",
         )
         _at_cadence(made, seconds)
-        made.running.kill(made.names[0])
-        _say(
-            made.wait_for_owners(session, made.names[1:], _START_WITHIN_S),
-            "s until the killed mapper's sites were mapped",
-        )
+        _kill_one(made, session)
         _nothing_lost(made)
+
+
+def _kill_one(made: Fleet, session: zenoh.Session) -> None:
+    killed, began_s = made.names[0], time.time()
+    moved = {site for site in made.sites if owner_of(site, made.names) == killed}
+    made.running.kill(killed)
+    made.wait_for_owners(session, made.names[1:], _START_WITHIN_S)
+    _say(time.time() - began_s, f"s until the {len(moved)} sites of a killed mapper were mapped")
+
+    def stored_again() -> dict[str, float]:
+        return made.times().stored_again_s(moved, began_s)
+
+    wait_until(lambda: stored_again().keys() == moved, "a site of the killed mapper stores nothing", _START_WITHIN_S)
+    _say(max(stored_again().values()) - began_s, "s until each of them had stored a sweep")
 
 
 def _one_gateway(size: Size, seconds: float) -> None:

@@ -1,7 +1,7 @@
 """What the sites' mappers have noted of each sweep: see timed_share.py."""
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ class Times:
     shown_s: np.ndarray
     shown_start_s: np.ndarray
     stored_by: dict[str, Counter[tuple[str, int]]]  # file to (SITE/UNIT, log_sequence)
+    first_stored_s: dict[str, float]  # file to when its process stored its first sweep
 
     def to_store_ms(self, span: Span) -> np.ndarray:
         """From the last byte to the store, of sweeps handed over within ``span``."""
@@ -36,6 +37,15 @@ class Times:
                 found[unit].add(sequence)
         return found
 
+    def stored_again_s(self, sites: Collection[str], after_s: float) -> dict[str, float]:
+        """Of ``sites``, when a process that began after ``after_s`` (UTC) stored its first sweep; those that have."""
+        found = dict[str, float]()
+        for name, at_s in self.first_stored_s.items():
+            site = name.rsplit(".", 1)[0]
+            if site in sites and at_s > after_s:
+                found[site] = min(at_s, found.get(site, at_s))
+        return found
+
     def doubled(self) -> int:
         """Sweeps that one process has stored more than once."""
         return sum(count - 1 for counted in self.stored_by.values() for count in counted.values())
@@ -43,7 +53,7 @@ class Times:
 
 def read(folder: Path) -> Times:
     """All that has been noted so far."""
-    stored, shown, by_file = [], [], {}
+    stored, shown, by_file, first_s = [], [], {}, dict[str, float]()
     for file in folder.iterdir():
         site = file.name.rsplit(".", 1)[0]
         counted = by_file[file.name] = Counter[tuple[str, int]]()
@@ -51,10 +61,11 @@ def read(folder: Path) -> Times:
             match line.split():
                 case ["s", at, unit, sequence, start]:
                     stored.append((int(at), int(start)))
+                    first_s.setdefault(file.name, int(at) * 1e-9)
                     counted[f"{site}/{unit}", int(sequence)] += 1
                 case ["c", at, start]:
                     shown.append((int(at), int(start)))
-    return Times(*_columns(stored), *_columns(shown), by_file)
+    return Times(*_columns(stored), *_columns(shown), by_file, first_s)
 
 
 def _columns(pairs: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:

@@ -86,11 +86,11 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
         closing.callback(session.close)
         client = closing.enter_context(Client(settings.site, session=session))
         mapper = LiveMapper(settings, store, log, client)
-        mapper.start()
         closing.callback(mapper.close)
         closing.callback(manager.stopping)
-        shown.mapper = mapper
         mapper.report()  # at once: mappers that share this site wait for it to be mapped
+        mapper.start()
+        shown.mapper = mapper
         (settings.data / f"{settings.site}.config.toml").write_text(to_toml(settings.config))
         while not stop.wait(_STATUS_INTERVAL_S):
             mapper.report()
@@ -157,10 +157,11 @@ class LiveMapper:
         for readings in held:
             self._log.recall_sweep(readings)
         self._worker.take((), held)  # before the worker's first fit, so that no poorer contour is seen
-        self._worker.start()
-        self._client.on_unit_status(self._log.show_unit_status)
-        self._client.on_alive(self._tell_alive)
         self._follower.start()
+        self._worker.start()
+        if self._settings.rerun_url:  # else every status would be decoded for nobody
+            self._client.on_unit_status(self._log.show_unit_status)
+            self._client.on_alive(self._tell_alive)
         self._watch.begin(lambda: [self._publisher.status])
         self._log.show_event(f"mapper started with {len(held)} sweeps from its store")
 

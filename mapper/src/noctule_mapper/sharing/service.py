@@ -4,6 +4,7 @@ import os
 import threading
 import time
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from noctule_mapper.sharing.site_process import SiteProcess, forking_context
 from noctule_mapper.sharing.unshared import UnsharedSites
 
 _STEP_S = 0.2
+_STARTS_AT_ONCE = 8
 _QUERY_TIMEOUT_S = 1.0
 # Of a mapper that is stopped or lost its host the sites move after this. Zenoh sends a sign of life four times in it.
 LEASE_S = 3.0
@@ -62,12 +64,13 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         closing.callback(offers.close)
         closing.callback(shown.close)
         mapped = [SiteProcess(each, shared.log_format, context) for each in settings]
+        starts = closing.enter_context(ThreadPoolExecutor(_STARTS_AT_ONCE, thread_name_prefix="start"))
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
         unshared = UnsharedSites()
         while not stop.wait(_STEP_S):
             if offers.are_settled():
-                _step(mapped, offers, session, name)
+                _step(mapped, offers, session, name, starts)
             if offers.are_quiet():
                 unshared.note(offers.unshared())
             pids = {each.site: each.pid for each in mapped if each.pid is not None}
@@ -106,14 +109,21 @@ def _counters(mapped: Sequence[SiteProcess], unshared: UnsharedSites) -> dict[st
     }
 
 
-def _step(mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str) -> None:
-    """Start what is to start, and end what is to end."""
+def _step(mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str, starts: Executor) -> None:
+    """Start what is to start, several at a time, and end what is to end."""
     now_s = time.monotonic()
     mine = {each.site: owner_of(each.site, offers.members(each.site)) == name for each in mapped}
     due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
     others = other_mappers(session, due, but=name)
-    for each in mapped:
+
+    def step(each: SiteProcess) -> None:
         each.step(mine[each.site], others.get(each.site), now_s)
+
+    for each in mapped:
+        if each.site not in due:
+            step(each)
+    # A start goes to and fro between processes, and on a busy host each of them waits for its turn.
+    list(starts.map(step, (each for each in mapped if each.site in due)))
 
 
 def other_mappers(session: zenoh.Session, sites: Sequence[str], but: str) -> dict[str, str]:

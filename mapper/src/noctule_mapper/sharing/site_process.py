@@ -10,6 +10,7 @@ import os
 import threading
 import time
 from functools import partial
+from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 
@@ -29,10 +30,11 @@ _log = logging.getLogger(__name__)
 
 
 def forking_context() -> ForkServerContext:
-    """Where the processes come from."""
+    """Where the processes come from. It loads what they need from now on, and not when a site is to be taken over."""
     context = multiprocessing.get_context("forkserver")
     # A process loads the main module again (spawn.prepare): what that imports is there already.
-    context.set_forkserver_preload(["noctule_mapper.sharing.preload", __name__, "noctule_mapper.cli"])
+    context.set_forkserver_preload([__name__, "noctule_mapper.cli", "noctule_mapper.sharing.preload"])
+    forkserver.ensure_running()
     return context
 
 
