@@ -35,7 +35,7 @@ def caddyfile(viewer: Viewer, web: Web) -> str:
 			path /
 			not query url=*
 		}}
-		redir @bare /?url={relay}&theme=dark
+		redir @bare /?url={relay}&theme=dark&hide_welcome_screen
 		@data path {_DATA}
 		reverse_proxy @data h2c://127.0.0.1:{viewer.port} {{
 			flush_interval -1
