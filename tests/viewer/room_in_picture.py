@@ -4,12 +4,13 @@ import numpy as np
 from mapper.room import Room
 from scipy.signal import fftconvolve
 
+WALLS = (236, 240, 245)  # as the mapper draws them
 _COARSE = 2  # pixels of the picture to one of the search
 _NEAR_PX = 1  # of the search, to either side of a line
 _STEP_PX = 1.0  # along a wall, of the search
 
 
-def shown_share(picture: np.ndarray, room: Room, colour: tuple[int, int, int]) -> float:
+def shown_share(picture: np.ndarray, room: Room, colour: tuple[int, int, int] = WALLS) -> float:
     """The share of the walls' length that has pixels nearly of ``colour`` on it, where the room fits best.
 
     ``picture`` is (height, width, 3) bytes; y points up in the room. The room is at least a fifth of the picture wide.
