@@ -8,9 +8,9 @@ writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
 import re
 import sys
 import tempfile
-import time
 from pathlib import Path
 
+import numpy as np
 from mapper.room import paper_room
 from PIL import Image
 from playwright.sync_api import Browser
@@ -22,7 +22,8 @@ from viewer.watched_site import ALL_OF_IT, watched_site
 SIZE_PX = (1280, 760)
 MOST_BYTES = 300_000
 WITHIN_S = 900.0  # a loaded machine without a graphics card takes its time
-SETTLE_S = 5.0  # for labels and tables that come after the walls
+LOOK_EVERY_S, SAME_LOOKS = 5.0, 3  # rays and labels come after the walls
+MAP = (slice(120, 720), slice(0, 700))  # of the picture: what stands still once all has come
 
 
 def main() -> None:
@@ -42,7 +43,7 @@ def demo(browser: Browser, folder: Path, path: Path) -> None:
         (address,) = wait_until(lambda: re.findall(r"Watch the map at (\S+)", running.log("demo")), "no address")
         with screen(browser, size_px=SIZE_PX) as shown:
             shown.open(address)
-            wait_for_room(shown, running)
+            wait_until(lambda: shows_room(shown, running), "the room is not shown", within_s=WITHIN_S, every_s=2.0)
             save(shown, path)
         running.end("demo")
 
@@ -53,22 +54,30 @@ def board(browser: Browser, folder: Path, path: Path) -> None:
         site.sweep_as(20)
         shown.open(site.relay.page)
         wait_until(lambda: site.shows_room(shown), "the room is not shown", within_s=WITHIN_S, every_s=2.0)
-        time.sleep(SETTLE_S)
         save(shown, path)
 
 
-def wait_for_room(shown: Screen, running: Programs) -> None:
-    def complete() -> bool:
-        running.check()
-        return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
+def shows_room(shown: Screen, running: Programs) -> bool:
+    running.check()
+    return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
 
-    wait_until(complete, "the room is not shown", within_s=WITHIN_S, every_s=2.0)
-    time.sleep(SETTLE_S)
+
+def still(shown: Screen) -> np.ndarray:
+    """The picture once its map has been the same for a while."""
+    pictures = [shown.picture()]
+
+    def is_still() -> bool:
+        pictures.append(shown.picture())
+        last = pictures[-SAME_LOOKS:]
+        return len(last) == SAME_LOOKS and all(np.array_equal(each[MAP], last[0][MAP]) for each in last)
+
+    wait_until(is_still, "the map does not stand still", within_s=WITHIN_S, every_s=LOOK_EVERY_S)
+    return pictures[-1]
 
 
 def save(shown: Screen, path: Path) -> None:
     """The picture in 256 colours, which is small and looks the same."""
-    Image.fromarray(shown.picture()).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.fromarray(still(shown)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
     size = path.stat().st_size
     assert size < MOST_BYTES, f"{path.name} has {size} bytes"
     print(f"{path.relative_to(ROOT)}: {size / 1e3:.0f} kB")

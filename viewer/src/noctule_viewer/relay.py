@@ -201,6 +201,7 @@ def _status(pulse: Pulse) -> ServiceStatus:
         name="viewer",
         role="viewer",
         version=version("noctule-viewer"),
+        rerun=version("rerun-sdk"),
         detail="" if pulse.beats else "the relay does not answer: start it again",
         counters={"relay_looks": pulse.looks, "relay_looks_failed": pulse.failed},
     )
