@@ -1,4 +1,4 @@
-"""A dot on the map whose colour is the second at which it was drawn: by it a picture says how old it is."""
+"""A bar on the map whose colour is the second at which it was drawn: by it a picture says how old it is."""
 
 import threading
 import time
@@ -20,21 +20,25 @@ _COLOURS = [
     for blue in _LEVELS
     if max(red, green, blue) - min(red, green, blue) > 80  # no grey, as text and lines are
 ][:AROUND_S]
+_HALF_LENGTH_M = 0.2
 _LEAST_PX = 300
 
 
 @contextmanager
 def second_hand(url: str, site: str, at_m: tuple[float, float]) -> Iterator[None]:
-    """Draw the dot each second on the relay at ``url``."""
+    """Draw the bar each second on the relay at ``url``."""
     ended = threading.Event()
+    x_m, y_m = at_m
+    strip_m = [(x_m - _HALF_LENGTH_M, y_m), (x_m + _HALF_LENGTH_M, y_m)]
 
     def draw() -> None:
         recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=site)
         recording.connect_grpc(url)
         while not ended.is_set():
             colour = _COLOURS[int(time.time()) % AROUND_S]
-            dot = rr.Points2D([at_m], colors=[colour], radii=rr.Radius.ui_points(20), draw_order=100.0)
-            recording.log(PATH, dot)
+            # A line, because points are drawn darker than their colour.
+            bar = rr.LineStrips2D([strip_m], colors=[colour], radii=rr.Radius.ui_points(12), draw_order=100.0)
+            recording.log(PATH, bar)
             ended.wait(1.0 - time.time() % 1.0)
         recording.disconnect()
 
@@ -48,7 +52,7 @@ def second_hand(url: str, site: str, at_m: tuple[float, float]) -> Iterator[None
 
 
 def age_s(picture: np.ndarray, taken_s: float) -> int | None:
-    """How many seconds before ``taken_s`` the dot in the picture was drawn, below AROUND_S; None without a dot."""
+    """How many seconds before ``taken_s`` the bar in the picture was drawn, below AROUND_S; None without a bar."""
     for age in range(AROUND_S):
         colour = _COLOURS[(int(taken_s) - age) % AROUND_S]
         if (np.abs(picture.astype(int) - colour).max(axis=-1) < 6).sum() > _LEAST_PX:
