@@ -11,7 +11,9 @@ from system.processes import PATIENCE_S
 
 CHROMIUM = "/usr/bin/chromium"
 SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-WIDTH_PX, HEIGHT_PX = 960, 600
+WIDTH_PX, HEIGHT_PX = 640, 400  # little to draw
+SHOWN_WITHIN_S = 300.0
+"""How long a test waits for what a page shows: to load one takes some 20 s of a processor that may be shared."""
 _HERE = ("http://127.0.0.1:", "https://localhost:", "data:", "blob:")
 
 
@@ -64,7 +66,7 @@ def screen(
         ignore_https_errors=login is not None,
     )
     try:
-        context.set_default_timeout(1e3 * PATIENCE_S)
+        context.set_default_timeout(1e3 * SHOWN_WITHIN_S)
         context.route(lambda url: not url.startswith(_HERE), _refuse)
         yield Screen(context.new_page())
     finally:
