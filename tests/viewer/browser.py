@@ -11,7 +11,7 @@ from system.processes import PATIENCE_S
 
 CHROMIUM = "/usr/bin/chromium"
 SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-WIDTH_PX, HEIGHT_PX = 640, 400  # little to draw
+WIDTH_PX, HEIGHT_PX = 960, 600
 SHOWN_WITHIN_S = 300.0
 """How long a test waits for what a page shows: to load one takes some 20 s of a processor that may be shared."""
 _HERE = ("http://127.0.0.1:", "https://localhost:", "data:", "blob:")

@@ -14,7 +14,7 @@ from viewer.browser import SHOWN_WITHIN_S, Screen, chromium, screen
 from viewer.second_hand import age_s, second_hand
 from viewer.watched_site import WatchedSite, survey_by, watched_site
 
-HEADING_ROWS = 50  # of the picture, with the line on top
+HEADING_ROWS = 60  # of the picture, with the line on top
 IN_THE_CYLINDER_M = (1.384, 0.480)  # of the paper's room
 FRESH_S = 30  # what a page may lag behind on a machine that does much else
 SWEEP_EACH_S = 16.0  # of a unit of the fleet, as the bench has it
