@@ -1,11 +1,12 @@
-# make demo | test | soak | bench | lint | docs | wheels: each does the set-up it needs, and is quick the second time.
+# make demo | test | soak | bench | lint | docs | screenshots | wheels: each does the set-up it needs, and is quick the
+# second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint docs wheels setup packages-run packages-test firmware clean
+.PHONY: demo test soak bench lint docs screenshots wheels setup packages-run packages-test firmware clean
 
 # The demo needs a third of what the tests need; what is there already stays.
 demo: SYNC := --inexact --no-default-groups --group demo
@@ -48,6 +49,10 @@ wheels: $(UV)
 	@for package in $(WHEELS); do $(UV) build --quiet --wheel --package $$package --out-dir dist || exit 1; done
 	@$(UV) export --quiet --locked --no-dev --all-packages --no-emit-workspace --no-hashes --output-file dist/constraints.txt
 	@ls dist
+
+# The pictures of the pages, made anew.
+screenshots: packages-test setup firmware
+	PYTHONPATH=tests python tests/viewer/screenshots.py
 
 packages-run packages-test:
 	@sh deploy/packages.sh $(@:packages-%=%)

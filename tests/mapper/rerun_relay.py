@@ -65,8 +65,16 @@ def relay(memory_limit: str = "64MB") -> Iterator[Relay]:
 class Viewer:
     """What a viewer has been sent since it came: chunks by entity path."""
 
-    def __init__(self, file: Path) -> None:
-        self._file = file
+    def __init__(self, file: Path, process: subprocess.Popen[bytes]) -> None:
+        self._file, self._process = file, process
+
+    def freeze(self) -> None:
+        """Take nothing any more, and leave the line open."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        """Go on after freeze()."""
+        self._process.send_signal(signal.SIGCONT)
 
     def seen(self) -> dict[str, list[rerun.chunk.Chunk]]:
         chunks = defaultdict(list)
@@ -133,8 +141,9 @@ def viewer(url: str, folder: Path) -> Iterator[Viewer]:
     file = folder / f"seen-{len(list(folder.iterdir()))}.rrd"
     process = subprocess.Popen([RERUN, url, "--bind", "127.0.0.1", "--port", "0", "--save", file], env=ENVIRONMENT)
     try:
-        yield Viewer(file)
+        yield Viewer(file, process)
     finally:
+        process.send_signal(signal.SIGCONT)
         process.terminate()
         process.wait()
 

@@ -41,8 +41,9 @@ def running(tmp_path: Path) -> Iterator[Programs]:
         yield made
 
 
-def start_relay(running: Programs, *options: str) -> Relay:
-    port, web_port = free_ports(2)
+def start_relay(running: Programs, *options: str, again: Relay | None = None) -> Relay:
+    """A relay with its page, on new ports or, ``again``, on those of one that has ended."""
+    port, web_port = (again.port, again.web_port) if again else free_ports(2)
     relay = Relay("127.0.0.1", port, web_port, "64MB")
     running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *options)
     wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen")
@@ -119,7 +120,7 @@ def test_one_address_is_printed_and_opens_the_page(running: Programs) -> None:
     assert not listens(relay.web_port)
 
 
-def test_the_relay_shows_its_status_on_the_bus_of_a_site_where_it_is_given_one(running: Programs) -> None:
+def test_the_relay_shows_on_the_bus_of_its_site_how_it_is_and_which_mapper_has_another_rerun(running: Programs) -> None:
     (port,) = free_ports(1)
     endpoint = f"tcp/127.0.0.1:{port}"
     start_relay(running, "--site", "house", "--connect", endpoint)  # it does not wait for the router
@@ -128,6 +129,16 @@ def test_the_relay_shows_its_status_on_the_bus_of_a_site_where_it_is_given_one(r
         client.on_service_status(got.append)
         wait_until(lambda: got, "no status came")
         assert (got[0].site, got[0].name, got[0].role, got[0].detail) == ("house", "viewer", "viewer", "")
+        publisher = bus.StatePublisher(session, keys.service_status("house", "old"), ServiceStatus)
+
+        def told() -> bool:
+            publisher.put(ServiceStatus(site="house", name="old", role="mapper", rerun="0.40.2"))
+            return got[-1].detail.startswith(f"old draws with 0.40.2, and this relay is Rerun {got[0].rerun}: install")
+
+        wait_until(told, "a mapper with another Rerun is not told", every_s=0.5)
+        publisher.put(ServiceStatus(site="house", name="old", role="mapper", rerun=got[0].rerun))
+        wait_until(lambda: got[-1].detail == "", "a mapper with the same Rerun is told")
+        publisher.close()
         running.end("viewer")
 
 

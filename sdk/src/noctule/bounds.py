@@ -276,6 +276,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "detail": _SENTENCES,
         "counters": Counts(200, _ID, _NUMBER_53),
         "cursors": Many(MAX_UNITS),
+        "rerun": _ID,
     },
     # ---- Map
     "Point": {

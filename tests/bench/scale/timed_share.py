@@ -17,6 +17,7 @@ from noctule_mapper.cli import app
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.service import LiveSettings
 from noctule_mapper.live.store import Change, SweepStore
+from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.sharing import site_process
 
 _map_site = site_process.map_site
@@ -34,9 +35,11 @@ def _note_times(file: TextIO) -> None:
     commit, publish = SweepStore.commit, MapPublisher.publish_map
     lock, waiting = threading.Lock(), set[int]()  # starts of sweeps that no contour rests on yet
 
-    def timed_commit(self: SweepStore, sweeps: Iterable[Sweep], cursors: Iterable[Cursor]) -> Change:
+    def timed_commit(
+        self: SweepStore, sweeps: Iterable[Sweep], cursors: Iterable[Cursor], suspects: Iterable[Suspect] = ()
+    ) -> Change:
         sweeps = list(sweeps)
-        change = commit(self, sweeps, cursors)
+        change = commit(self, sweeps, cursors, suspects)
         now_ns = time.time_ns()
         starts = [sweep.start.ToNanoseconds() for sweep in sweeps]
         with lock:

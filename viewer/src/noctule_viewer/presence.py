@@ -6,6 +6,7 @@ The relay itself needs no bus, so it does not wait for one: all of this is on a 
 import logging
 import threading
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Self
 
@@ -16,10 +17,12 @@ from noctule.bus_watch import BusWatch
 from noctule.client import Client
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import ServiceStatus
+from noctule_viewer import rerun_versions
 from noctule_viewer.board.site_state import SiteState
 
 _PUBLISH_EVERY_S = 1.0
 _END_WITHIN_S = 2.0
+_GONE_AFTER_S = 60.0
 
 _log = logging.getLogger(__name__)
 
@@ -84,16 +87,23 @@ class Presence:
         try:
             self._listen(client)
             while not self._closed.wait(_PUBLISH_EVERY_S):
-                self._state.note_own_trouble(watch.detail())
+                trouble = self._trouble(watch)
+                self._state.note_own_trouble(trouble)
                 if (status := self._latest) is not None:
                     message = ServiceStatus()
                     message.CopyFrom(status)
                     message.site, message.name = self._site, self._name
-                    message.detail = "; ".join(filter(None, (watch.detail(), status.detail)))
+                    message.detail = "; ".join(filter(None, (trouble, status.detail)))
                     publisher.put(message)
         finally:
             watch.close()
             publisher.close()
+
+    def _trouble(self, watch: BusWatch) -> str:
+        """What is wrong with the way over the bus, or with the versions of those who draw."""
+        heard = self._state.heard()
+        present = (each for name, each in heard.services.items() if heard.service_silent_s[name] < _GONE_AFTER_S)
+        return "; ".join(filter(None, (watch.detail(), rerun_versions.trouble(version("rerun-sdk"), present))))
 
     def _listen(self, client: Client) -> None:
         client.on_alive(self._state.note_alive)

@@ -310,6 +310,8 @@ class LiveMapper:
 def _empty_status(settings: LiveSettings) -> ServiceStatus:
     """A status of now that says no more than who and of which version the mapper is."""
     status = ServiceStatus(site=settings.site, name=settings.service, role="mapper", version=version("noctule-mapper"))
+    if settings.rerun_url is not None:
+        status.rerun = version("rerun-sdk")
     status.time.GetCurrentTime()
     return status
 
