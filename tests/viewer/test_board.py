@@ -172,8 +172,13 @@ def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> No
     layout = Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0)).blueprint()
     _, tabs = views(layout.root_container)
     assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures"]
-    maps = [views(tab)[0] for tab in views(tabs)[:3]]
-    assert [map_view.name for map_view in maps] == ["Map", "Last sweep", "Last sweep"]
+    site, *units, _ = views(tabs)
+    pictures = [views(views(unit)[0]) for unit in units]  # of sweeps, beside what is said in words
+    assert [[view.name for view in views(row)] for row, _ in pictures] == 2 * [
+        ["Last sweep from the unit", "Last sweep in the room"]
+    ]
+    assert [history.name for _, history in pictures] == 2 * ["Echoes by bearing and time"]
+    maps = [views(site)[0], *(views(row)[1] for row, _ in pictures)]
     for map_view in maps:  # Rerun's y points down
         (bounds,) = map_view.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()
         assert (bounds["x_range"], bounds["y_range"]) == ([-1.0, 3.0], [-4.0, 2.0])

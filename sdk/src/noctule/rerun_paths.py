@@ -78,3 +78,23 @@ def unit_sheet(unit: str) -> str:
 def unit_temperature(unit: str) -> str:
     """The temperature of the unit's chip over time."""
     return f"board/temperatures/{unit}"
+
+
+def unit_polar(unit: str) -> str:
+    """The unit's last sweep as the unit itself sees it: straight ahead is up."""
+    return f"board/polar/{unit}"
+
+
+def unit_rings(unit: str) -> str:
+    """Circles of equal range and the bearings, under unit_polar()."""
+    return f"board/polar/{unit}/rings"
+
+
+def unit_echo_history(unit: str) -> str:
+    """What the unit has heard at each bearing, sweep by sweep."""
+    return f"board/echoes/{unit}"
+
+
+def unit_echo_axes(unit: str) -> str:
+    """Bearings, hours and the meaning of colours, beside unit_echo_history()."""
+    return f"board/echoes/{unit}/axes"

@@ -14,7 +14,7 @@ from noctule import rerun_paths
 
 # Rerun's own time of logging: in it a site, a simulated one that runs faster and a replayed survey are all live.
 _WATCHED = "log_time"
-_CALM = [17, 21, 28]
+CALM = [17, 21, 28]
 _MAP_SHARE, _SIDE_SHARE = 5, 2
 _RECENT_S = 600.0
 
@@ -47,7 +47,7 @@ def arranged(views: rrb.Container) -> rrb.Blueprint:
 def map_view(contents: Sequence[str], name: str, bounds: rrb.VisualBounds2D | None) -> rrb.Spatial2DView:
     """Without ``bounds`` the view shows all there is at the time."""
     # The origin is the parent of the entity that turns y upwards: a view does not apply its own origin's transform.
-    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=_CALM, visual_bounds=bounds)
+    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=CALM, visual_bounds=bounds)
 
 
 def figure_views() -> list[rrb.View]:

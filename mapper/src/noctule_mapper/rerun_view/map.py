@@ -19,13 +19,12 @@ from noctule.messages_pb2 import (
     GridTile,
     UnitPose,
 )
+from noctule.unit_colours import Colour, unit_colour
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.drawing import Entries
 from noctule_mapper.rerun_view.labels import labels
 from noctule_mapper.rerun_view.sight import Sight
-
-Colour = tuple[int, int, int]
 
 _WALL: Colour = (236, 240, 245)
 _CYLINDER: Colour = (255, 140, 66)
@@ -41,7 +40,6 @@ _KINDS = {
     CONTACT_KIND_CORNER: _CORNER,
 }
 _LABELS = {"unit": _WALL, "wall": _WALL, "cylinder": _CYLINDER, "touch": _TOUCH}
-_UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (244, 114, 182), (242, 201, 76))
 
 _NO_ECHO_LENGTH_M = 0.25
 _ARROW_LENGTH_M = 0.2
@@ -134,11 +132,6 @@ def draw_tile(tile: GridTile, seen: Sight | None = None) -> Entries:
         contents=_png(tile, seen), media_type="image/png", opacity=_GRID_OPACITY, draw_order=_GRID_ORDER
     )
     yield path, image
-
-
-def unit_colour(unit: str) -> Colour:
-    """The same colour for a unit in every run, and different ones for u1, u2, u3 and so on."""
-    return _UNITS[sum(unit.encode()) % len(_UNITS)]
 
 
 def _rays(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:

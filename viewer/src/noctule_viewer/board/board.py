@@ -9,17 +9,19 @@ from typing import Self
 import rerun as rr
 
 from noctule import rerun_paths
-from noctule_viewer.board import drawing, map_box
+from noctule_viewer.board import drawing, echo_history, map_box, polar
 from noctule_viewer.board.drawing import Entries
 from noctule_viewer.board.layout import MOST_TABS, Layout
 from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard, SiteState
+from noctule_viewer.board.turns import Turns
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
 
 _ALARMS_EVERY_S = 1.0
 _UNITS_EVERY_S = 3.0
 _SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
+_RINGS_EVERY_S, _POLAR_EVERY_S, _HISTORY_EVERY_S = 1.0, 1.5, 4.0  # one unit after the other
 _FLUSH_TIMEOUT_S = 5.0
 _END_WITHIN_S = 0.5
 
@@ -37,6 +39,8 @@ class Board:
         self._budget = LayoutBudget()
         self._due_s: dict[str, float] = {}
         self._sheets: dict[str, tuple[Health, float]] = {}  # by unit: the health on it, and when it is due again
+        self._rings_turns = Turns(_RINGS_EVERY_S)
+        self._polar_turns, self._history_turns = Turns(_POLAR_EVERY_S), Turns(_HISTORY_EVERY_S)
         self._told = ""
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
@@ -92,7 +96,20 @@ class Board:
         )
         for unit in self._take_due_sheets(with_tabs):
             _log_entries(recording, drawing.draw_sheet(unit, heard))
+        self._draw_looks(recording, with_tabs, heard)
         self._lay_out(recording, units, heard)
+
+    def _draw_looks(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
+        looks = {unit.unit: heard.looks[unit.unit] for unit in units if unit.unit in heard.looks}
+        outermost_m = {unit: polar.outermost_m(of_unit) for unit, of_unit in looks.items()}
+        newest_s = {unit: of_unit[-1].time_s for unit, of_unit in looks.items()}
+        if (unit := self._rings_turns.take(outermost_m)) is not None:
+            _log_entries(recording, polar.draw_rings(unit, outermost_m[unit], looks[unit][-1].beam_width_rad))
+        if (unit := self._polar_turns.take(newest_s)) is not None:
+            _log_entries(recording, polar.draw_polar(unit, looks[unit][-1], outermost_m[unit]))
+        if (unit := self._history_turns.take(newest_s)) is not None:
+            entries = echo_history.draw_echo_history(unit, looks[unit], outermost_m[unit], heard.now_s)
+            _log_entries(recording, entries)
 
     def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
         self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)

@@ -6,6 +6,7 @@ import rerun.blueprint as rrb
 
 from noctule import rerun_paths
 from noctule_viewer import blueprint
+from noctule_viewer.board import echo_history, polar
 from noctule_viewer.board.map_box import MapBox
 
 MOST_TABS = 30  # a layout takes about 50 kB of the relay for each
@@ -42,9 +43,10 @@ class Layout:
             blueprint.figures_view(f"/{rerun_paths.unit_temperature(unit)}", "Chip, °C"),
         )
         events = blueprint.events_view(f"/{rerun_paths.unit_log(unit)}", "Events of the unit")
-        sweep = self._map([own[0], *(f"/{path}" for path in around)], "Last sweep")
+        room = self._map([own[0], *(f"/{path}" for path in around)], "Last sweep in the room")
+        sweeps = rrb.Vertical(rrb.Horizontal(_polar(unit), room), _history(unit), row_shares=[4, 3])
         beside = rrb.Vertical(sheet, figures, events, row_shares=[4, 2, 2])
-        return rrb.Horizontal(sweep, beside, column_shares=[3, 2], name=unit)
+        return rrb.Horizontal(sweeps, beside, column_shares=[3, 2], name=unit)
 
     def _map(self, contents: list[str], name: str) -> rrb.Spatial2DView:
         return blueprint.map_view(contents, name, self._bounds())
@@ -60,3 +62,16 @@ class Layout:
 
 def _figures() -> rrb.Vertical:
     return rrb.Vertical(*blueprint.figure_views(), name="Figures")
+
+
+def _polar(unit: str) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(x_range=[-polar.EDGE, polar.EDGE], y_range=[-polar.EDGE, polar.LOWER_EDGE])
+    return blueprint.map_view([f"/{rerun_paths.unit_polar(unit)}/**"], "Last sweep from the unit", bounds)
+
+
+def _history(unit: str) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(
+        x_range=[-echo_history.LEFT, echo_history.COLUMNS + echo_history.RIGHT],
+        y_range=[-echo_history.ABOVE, echo_history.ROWS + echo_history.BELOW],
+    )
+    return blueprint.map_view([f"/{rerun_paths.unit_echo_history(unit)}/**"], "Echoes by bearing and time", bounds)
