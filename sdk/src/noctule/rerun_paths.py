@@ -15,6 +15,7 @@ WALLS = "world/walls"
 CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
 TOUCHES = "world/touches"
+ERRORS = "world/errors"  # of walls, corners and cylinders
 POSES = "world/poses"  # of the units, as the contour has them
 LABELS = "world/labels"
 UNITS = "world/units"

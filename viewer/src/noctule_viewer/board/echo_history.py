@@ -1,5 +1,5 @@
-"""What a unit has heard, as a picture: a row for each sweep, the newest on top, a column for each bearing, and the range
-as a colour.
+"""What a unit has heard, as a picture: a row for each sweep, the newest on top, a column for each bearing, a colour for
+each range.
 """
 
 import io

@@ -75,15 +75,16 @@ def draw_polar(unit: str, look: Look, outermost_m: float) -> Entries:
     ]
     path = rerun_paths.unit_polar(unit)
     yield path, rr.LineStrips2D(arcs, colors=[unit_colour(unit)], radii=rr.Radius.ui_points(1.6), draw_order=10.0)
-    nearest = heard[np.argmin(look.range_m[heard])] if len(heard) else None
     edge = [*look.bearing_rad[look.silent], *look.bearing_rad[look.faulty]]
     colours = [SILENT] * int(look.silent.sum()) + [FAULTY] * int(look.faulty.sum())
     places = [_place(bearing_rad, 1.0) for bearing_rad in edge]
     labels = [""] * len(edge)
-    if nearest is not None:
-        places.append(_place(look.bearing_rad[nearest], look.range_m[nearest] / outermost_m))
+    if len(heard):
+        nearest = heard[np.argmin(look.range_m[heard])]
+        range_m, bearing_rad = float(look.range_m[nearest]), float(look.bearing_rad[nearest])
+        places.append(_place(bearing_rad, range_m / outermost_m))
         colours.append(unit_colour(unit))
-        labels.append(f"nearest {look.range_m[nearest]:.2f} m, {bearings.words(look.bearing_rad[nearest])}")
+        labels.append(f"nearest {range_m:.2f} m, {bearings.words(bearing_rad)}")
     dots = rr.Points2D(
         places, colors=colours, labels=labels, show_labels=True, radii=rr.Radius.ui_points(3.5), draw_order=11.0
     )
