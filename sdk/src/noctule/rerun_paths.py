@@ -29,6 +29,10 @@ ALARMS = "board/alarms"
 UNITS_TABLE = "board/units"
 SCALE = "world/scale"
 HEALTH = "world/health"  # of the units, where the map has them
+CHANGES = "world/changes"  # what is new on the map, and what is gone
+FLOOR_PLAN = "world/floor_plan"
+MAP_ERRORS = "board/errors"  # that the contour states, by kind, over time
+MAP_FIT = "board/fit"  # how well the contour explains what units hear, over time
 
 
 def grid_tile(tile: str) -> str:
@@ -99,3 +103,18 @@ def unit_echo_history(unit: str) -> str:
 def unit_echo_axes(unit: str) -> str:
     """Bearings, hours and the meaning of colours, beside unit_echo_history()."""
     return f"board/echoes/{unit}/axes"
+
+
+def planned_path(unit: str) -> str:
+    """The stops that a carried unit is to make."""
+    return f"world/paths/{unit}"
+
+
+def map_error(kind: str) -> str:
+    """What the contour states of its errors of that kind, over time."""
+    return f"{MAP_ERRORS}/{kind.replace(' ', '_')}"
+
+
+def map_fit(figure: str) -> str:
+    """One of the figures of how well the contour explains what units hear, over time."""
+    return f"{MAP_FIT}/{figure}"

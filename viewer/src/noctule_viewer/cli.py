@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -17,9 +17,10 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
 from noctule_viewer import memory_limit as memory_limits
-from noctule_viewer.board.site_state import SiteState
-from noctule_viewer.presence import Presence
 from noctule_viewer.relay import RERUN, Relay, environment
+
+if TYPE_CHECKING:
+    from noctule_viewer.board.site_plan import SitePlan
 
 _log = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
@@ -48,7 +49,23 @@ def run(
         str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.3 times as much.")
     ] = _DEFAULT.memory_limit,
     site: Annotated[
-        str | None, typer.Option(help="Watch this site on the bus: alarms and a table of its units, beside the map.")
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Watch this site on the bus: alarms and a table of its units, beside the map. "
+            "From its site file, if you give that, the map also has the planned paths of carried units.",
+        ),
+    ] = None,
+    floor_plan: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="With --site: a drawing under the map, DXF or GeoJSON.")
+    ] = None,
+    floor_plan_at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,DEGREES[,SCALE]",
+            help="Where the drawing's origin lies on the map, in metres, how far it is turned anticlockwise, "
+            "and how many metres its unit is (default: as the drawing says).",
+        ),
     ] = None,
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
@@ -83,9 +100,14 @@ def run(
         relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
         if site is None:
+            if floor_plan is not None:
+                _fail("a floor plan belongs to a site: give --site too", 2)
             status = relay.run(announced, metrics, ending)
         else:
-            status = _run_watching(site, connect or [], tls_folder, relay, announced, metrics, ending)
+            from noctule_viewer.board import site_plan  # Numpy takes a while to import, and only a site needs it
+
+            plan = site_plan.read(site, floor_plan, floor_plan_at)
+            status = _run_watching(plan, connect or [], tls_folder, relay, announced, metrics, ending)
     except NoctuleError as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -113,7 +135,7 @@ def open_(
 
 
 def _run_watching(
-    site: str,
+    plan: "SitePlan",
     connect: Sequence[str],
     tls_folder: Path | None,
     relay: Relay,
@@ -121,17 +143,19 @@ def _run_watching(
     metrics: str | None,
     ending: Ending,
 ) -> int:
-    """Run the relay, on the bus of ``site``, with a board of how the site fares. Returns the relay's exit status."""
+    """Run the relay on the bus of a site, with a board of how it fares. Returns the relay's exit status."""
     from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import, and only this needs it
+    from noctule_viewer.board.site_state import SiteState
+    from noctule_viewer.presence import Presence
 
     state = SiteState()
 
     @contextmanager
     def shown() -> Iterator[None]:
-        with announced(), Board(relay.url, site, state):
+        with announced(), Board(relay.url, plan, state):
             yield
 
-    with Presence(site, state, connect, tls_folder) as presence:
+    with Presence(plan.site, state, connect, tls_folder) as presence:
         return relay.run(shown, metrics, ending, presence.put)
 
 

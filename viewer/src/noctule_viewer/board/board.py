@@ -13,7 +13,9 @@ from noctule_viewer.board import drawing, echo_history, map_box, polar
 from noctule_viewer.board.drawing import Entries
 from noctule_viewer.board.layout import MOST_TABS, Layout
 from noctule_viewer.board.layout_budget import LayoutBudget
+from noctule_viewer.board.map_board import MapBoard
 from noctule_viewer.board.map_box import MapBox
+from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import Heard, SiteState
 from noctule_viewer.board.turns import Turns
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
@@ -31,8 +33,9 @@ _log = logging.getLogger(__name__)
 class Board:
     """Shows ``state`` on the relay at ``url`` from its making until close()."""
 
-    def __init__(self, url: str, site: str, state: SiteState) -> None:
-        self._url, self._site, self._state = url, site, state
+    def __init__(self, url: str, plan: SitePlan, state: SiteState) -> None:
+        self._url, self._site, self._state = url, plan.site, state
+        self._map = MapBoard(plan)
         self._health = UnitsHealth()
         self._box: MapBox | None = None
         self._layout: Layout | None = None
@@ -60,6 +63,7 @@ class Board:
     def _run(self) -> None:
         recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=self._site)
         recording.connect_grpc(self._url)
+        _log_entries(recording, self._map.statics(), static=True)
         while not self._closed.is_set():
             try:
                 self._draw(recording)
@@ -97,6 +101,7 @@ class Board:
         for unit in self._take_due_sheets(with_tabs):
             _log_entries(recording, drawing.draw_sheet(unit, heard))
         self._draw_looks(recording, with_tabs, heard)
+        _log_entries(recording, self._map.entries(heard))
         self._lay_out(recording, units, heard)
 
     def _draw_looks(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:

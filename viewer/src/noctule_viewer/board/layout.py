@@ -61,7 +61,12 @@ class Layout:
 
 
 def _figures() -> rrb.Vertical:
-    return rrb.Vertical(*blueprint.figure_views(), name="Figures")
+    units, clocks, contour = blueprint.figure_views()
+    errors = blueprint.figures_view(f"/{rerun_paths.MAP_ERRORS}/**", "Errors that the map states, mm")
+    explained = blueprint.figures_view(f"/{rerun_paths.map_fit('explained')}", "Echoes that the map explains, %")
+    distance = blueprint.figures_view(f"/{rerun_paths.map_fit('distance')}", "Their distance from the map, mm")
+    of_map = rrb.Horizontal(errors, explained, distance)
+    return rrb.Vertical(units, of_map, rrb.Horizontal(clocks, contour), name="Figures")
 
 
 def _polar(unit: str) -> rrb.Spatial2DView:

@@ -7,6 +7,7 @@ from math import radians
 
 import numpy as np
 
+from noctule import poses
 from noctule.air import speed_of_sound_m_s
 from noctule.messages_pb2 import (
     READING_STATUS_ECHO,
@@ -34,6 +35,7 @@ class Look:
     range_m: np.ndarray
     silent: np.ndarray  # bool: the sensor listened and heard nothing
     beam_width_rad: float
+    pose: tuple[float, float, float] | None  # x_m, y_m, heading_rad in the site's frame; None: not known
 
     @property
     def faulty(self) -> np.ndarray:
@@ -53,6 +55,7 @@ def look(sweep: Sweep) -> Look:
         range_m=np.where((range_m > 0) & (range_m <= _FARTHEST_M), range_m, np.nan),
         silent=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
         beam_width_rad=sensor.beam_width_rad if sensor.HasField("beam_width_rad") else _BEAM_RAD,
+        pose=_pose(sweep),
     )
 
 
@@ -73,6 +76,12 @@ class Looks:
     def all(self) -> dict[str, Sequence[Look]]:
         """By unit."""
         return {unit: tuple(looks) for unit, looks in self._looks.items()}
+
+
+def _pose(sweep: Sweep) -> tuple[float, float, float] | None:
+    pose = sweep.pose
+    stated = sweep.HasField("pose") and not poses.is_unknown(pose)
+    return (pose.x_m, pose.y_m, pose.heading_rad) if stated else None
 
 
 def _flight_s(reading: Reading) -> float:
