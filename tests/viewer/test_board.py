@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from viewer.test_unit_pictures import components
 
 from noctule import rerun_paths
 from noctule.messages_pb2 import (
@@ -266,9 +267,8 @@ def test_the_scale_has_at_most_a_dozen_lines_of_a_round_distance(side_m: float, 
 
 
 def test_the_scales_labels_keep_clear_of_the_edges_that_would_cut_them_off() -> None:
-    _, (_, names) = drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0))
-    batches = {batch.component_descriptor().component: batch.as_arrow_array() for batch in names.as_component_batches()}
-    assert batches["Points2D:labels"].to_pylist() == [
+    drawn = components(drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0)), rerun_paths.SCALE)
+    assert drawn["Points2D:labels"] == [
         *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m", "2 m", "2.5 m"),
         *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m"),
     ]

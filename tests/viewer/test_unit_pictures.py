@@ -40,7 +40,8 @@ def looks(*sweeps: Sweep) -> list[Look]:
 
 def components(entries: Iterable[tuple[str, Any]], path: str) -> dict[str, list]:
     """The components of an entity as they are logged."""
-    batches = [batch for at, what in entries if at == path for batch in what.as_component_batches()]
+    logged = [what for at, what in entries if at == path]
+    batches = [batch for what in logged for batch in (what if isinstance(what, list) else what.as_component_batches())]
     return {batch.component_descriptor().component: batch.as_arrow_array().to_pylist() for batch in batches}
 
 

@@ -14,6 +14,7 @@ from noctule_mapper.rerun_view.drawing import Entries
 ARROW_LENGTH_M = 0.2
 # What is drawn later lies on top.
 CONTOUR_ORDER, UNIT_ORDER = 30.0, 40.0
+_ERROR_ORDER = 29.0  # an error that is smaller than the line of what it is about is not seen
 
 _SHOWN_SIGMAS = 2.0  # of two coordinates: 86 % of such ellipses hold what they are about
 _ELLIPSE_CORNERS = 32
@@ -29,7 +30,7 @@ def draw_object_errors(contour: Contour) -> Entries:
     """
     strips_m = [*_of_corners(contour), *_of_cylinders(contour)]
     strips_m += [strip_m for wall in contour.walls for strip_m in wall_band_m(wall)]
-    errors = rr.LineStrips2D(strips_m, colors=[_ERROR], radii=rr.Radius.ui_points(1.0), draw_order=CONTOUR_ORDER)
+    errors = rr.LineStrips2D(strips_m, colors=[_ERROR], radii=rr.Radius.ui_points(1.0), draw_order=_ERROR_ORDER)
     yield rerun_paths.ERRORS, errors
 
 

@@ -10,7 +10,7 @@ import rerun as rr
 
 from noctule import rerun_paths
 from noctule_viewer.board import drawing, echo_history, map_box, polar
-from noctule_viewer.board.drawing import Entries
+from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.layout import MOST_TABS, Layout
 from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_board import MapBoard

@@ -3,7 +3,7 @@ each range.
 """
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import ceil, floor, radians
 from typing import TypeVar
 
@@ -14,11 +14,10 @@ from PIL import Image
 from noctule import rerun_paths
 from noctule_viewer import blueprint
 from noctule_viewer.board import bearings
+from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.looks import MOST_LOOKS, Look
 from noctule_viewer.board.polar import FAULTY, SILENT
 from noctule_viewer.board.words import hour
-
-Entries = Iterable[tuple[str, rr.AsComponents]]
 
 Bearings = TypeVar("Bearings", float, np.ndarray)
 

@@ -8,7 +8,7 @@ import rerun as rr
 from noctule import rerun_paths
 from noctule_viewer.board import fit_figures, plan_marks
 from noctule_viewer.board.changes import Changes
-from noctule_viewer.board.plan_marks import Entries
+from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.turns import Turns

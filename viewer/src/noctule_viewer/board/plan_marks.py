@@ -1,6 +1,6 @@
 """On the map: what is new or gone, and the paths that units are carried along."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import hypot
 
@@ -10,9 +10,8 @@ from noctule import rerun_paths
 from noctule.site import Pose2
 from noctule.unit_colours import unit_colour
 from noctule_viewer.board.changes import Change, Point, outline_m
+from noctule_viewer.board.entries import Entries, together
 from noctule_viewer.board.words import age
-
-Entries = Iterable[tuple[str, rr.AsComponents]]
 
 _NEW, _GONE = (120, 255, 130), (255, 110, 200)
 _ORDER, _LABEL_ORDER = 25.0, 45.0  # under the contour, and on top of all
@@ -31,7 +30,7 @@ def draw_changes(changes: Sequence[Change], now_s: float) -> Entries:
         strips += parts
         colours += [_GONE if change.gone else _NEW] * len(parts)
     radii = rr.Radius.ui_points(6.0)
-    yield rerun_paths.CHANGES, rr.LineStrips2D(strips, colors=colours, radii=radii, draw_order=_ORDER)
+    lines = rr.LineStrips2D(strips, colors=colours, radii=radii, draw_order=_ORDER)
     labelled = changes[:_MOST_LABELS]
     labels = rr.Points2D(
         [change.object.middle for change in labelled],
@@ -41,7 +40,7 @@ def draw_changes(changes: Sequence[Change], now_s: float) -> Entries:
         show_labels=True,
         draw_order=_LABEL_ORDER,
     )
-    yield rerun_paths.CHANGES, labels
+    yield rerun_paths.CHANGES, together(lines, labels)
 
 
 def draw_path(unit: str, stops: Sequence[Pose2], waypoint: int | None) -> Entries:
@@ -52,10 +51,9 @@ def draw_path(unit: str, stops: Sequence[Pose2], waypoint: int | None) -> Entrie
     ways = [done] if len(done) > 1 else []
     strips = [*ways, *_dashes(coming)]
     colours = [(*colour, _DONE_ALPHA)] * len(ways) + [(*colour, _AHEAD_ALPHA)] * (len(strips) - len(ways))
-    path = rerun_paths.planned_path(unit)
-    yield path, rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(1.0), draw_order=_ORDER)
+    lines = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points(1.0), draw_order=_ORDER)
     every = max(1, len(places) // _STOPS_LABELLED)
-    labels = [str(number) if number > ahead and number % every == 0 else "" for number in range(len(places))]
+    labels = [str(number) if number - ahead >= every and number % every == 0 else "" for number in range(len(places))]
     if ahead < len(places):
         labels[ahead] = f"{unit}: next stop {ahead}"
     alphas = [_DONE_ALPHA if number < ahead else _AHEAD_ALPHA for number in range(len(places))]
@@ -67,7 +65,7 @@ def draw_path(unit: str, stops: Sequence[Pose2], waypoint: int | None) -> Entrie
         show_labels=True,
         draw_order=_ORDER,
     )
-    yield path, dots
+    yield rerun_paths.planned_path(unit), together(lines, dots)
 
 
 def _dashes(line: Sequence[Point]) -> list[list[Point]]:

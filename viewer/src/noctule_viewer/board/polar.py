@@ -3,7 +3,7 @@
 The outermost circle has the radius 1 whatever its range, so that one layout holds every range.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import ceil, cos, degrees, radians, sin
 
 import numpy as np
@@ -12,9 +12,8 @@ import rerun as rr
 from noctule import rerun_paths
 from noctule.unit_colours import unit_colour
 from noctule_viewer.board import bearings
+from noctule_viewer.board.entries import Entries, together
 from noctule_viewer.board.looks import Look
-
-Entries = Iterable[tuple[str, rr.AsComponents]]
 
 EDGE, LOWER_EDGE = 1.2, 1.35  # of the view, with room for the bearings' labels, each of which hangs below its place
 SILENT, FAULTY = (96, 108, 126), (235, 64, 64)
@@ -43,8 +42,7 @@ def draw_rings(unit: str, outermost_m: float, beam_width_rad: float) -> Entries:
     colours = [_RING] * len(strips)
     half_rad = beam_width_rad / 2
     strips.append(_places(np.array([half_rad, 0.0, -half_rad]), np.array([1.0, 0.0, 1.0])))
-    path = rerun_paths.unit_rings(unit)
-    yield path, rr.LineStrips2D(strips, colors=[*colours, _LOBE], radii=rr.Radius.ui_points(0.7), draw_order=1.0)
+    lines = rr.LineStrips2D(strips, colors=[*colours, _LOBE], radii=rr.Radius.ui_points(0.7), draw_order=1.0)
     ranges = [_place(_RING_LABELS_AT_RAD, range_m / outermost_m) for range_m in ranges_m]
     around = [_place(turned_rad, 1.1) for turned_rad in _LABELLED_RAD]
     beam = _place(half_rad + radians(8), 0.86)
@@ -60,7 +58,7 @@ def draw_rings(unit: str, outermost_m: float, beam_width_rad: float) -> Entries:
         show_labels=True,
         draw_order=1.0,
     )
-    yield path, labels
+    yield rerun_paths.unit_rings(unit), together(lines, labels)
 
 
 def draw_polar(unit: str, look: Look, outermost_m: float) -> Entries:
@@ -73,8 +71,7 @@ def draw_polar(unit: str, look: Look, outermost_m: float) -> Entries:
         _places(look.bearing_rad[each] + across_rad, np.full(_ARC_POINTS, look.range_m[each] / outermost_m))
         for each in heard
     ]
-    path = rerun_paths.unit_polar(unit)
-    yield path, rr.LineStrips2D(arcs, colors=[unit_colour(unit)], radii=rr.Radius.ui_points(1.6), draw_order=10.0)
+    lines = rr.LineStrips2D(arcs, colors=[unit_colour(unit)], radii=rr.Radius.ui_points(1.6), draw_order=10.0)
     edge = [*look.bearing_rad[look.silent], *look.bearing_rad[look.faulty]]
     colours = [SILENT] * int(look.silent.sum()) + [FAULTY] * int(look.faulty.sum())
     places = [_place(bearing_rad, 1.0) for bearing_rad in edge]
@@ -88,7 +85,7 @@ def draw_polar(unit: str, look: Look, outermost_m: float) -> Entries:
     dots = rr.Points2D(
         places, colors=colours, labels=labels, show_labels=True, radii=rr.Radius.ui_points(3.5), draw_order=11.0
     )
-    yield path, dots
+    yield rerun_paths.unit_polar(unit), together(lines, dots)
 
 
 def _step_m(farthest_m: float) -> float:
