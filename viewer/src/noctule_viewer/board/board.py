@@ -23,7 +23,7 @@ from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
 _ALARMS_EVERY_S = 1.0
 _UNITS_EVERY_S = 3.0
 _SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
-_RINGS_EVERY_S, _POLAR_EVERY_S, _HISTORY_EVERY_S = 1.0, 1.5, 4.0  # one unit after the other
+_RINGS_EVERY_S, _POLAR_EVERY_S, _HISTORY_EVERY_S = 1.0, 2.0, 8.0  # one unit after the other
 _FLUSH_TIMEOUT_S = 5.0
 _END_WITHIN_S = 0.5
 
