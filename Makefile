@@ -1,11 +1,11 @@
-# make demo | test | soak | bench | lint | wheels: each does the set-up it needs, and is quick the second time.
+# make demo | test | soak | bench | lint | wheels | screenshots: each does the set-up it needs, and is quick the second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint wheels setup packages-run packages-test firmware clean
+.PHONY: demo test soak bench lint wheels screenshots setup packages-run packages-test firmware clean
 
 demo: packages-run setup firmware
 	@python deploy/demo/run.py
@@ -42,6 +42,10 @@ wheels: $(UV)
 	@for package in $(WHEELS); do $(UV) build --quiet --wheel --package $$package --out-dir dist || exit 1; done
 	@$(UV) export --quiet --locked --no-dev --all-packages --no-emit-workspace --no-hashes --output-file dist/constraints.txt
 	@ls dist
+
+# The pictures of the pages, made anew.
+screenshots: packages-test setup firmware
+	PYTHONPATH=tests python tests/viewer/screenshots.py
 
 packages-run packages-test:
 	@sh deploy/packages.sh $(@:packages-%=%)

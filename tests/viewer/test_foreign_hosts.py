@@ -14,14 +14,13 @@ from mapper.rerun_relay import relay as grpc_relay
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
+from viewer.browser import CHROMIUM, SOFTWARE_GL
 from viewer.far_hosts import asked, refusing_proxy, traced
 from viewer.test_viewer import CYLINDER, log_room, middle_row, start_relay
 
 from noctule_viewer.relay import RERUN, environment
 
 WATCHED_S = 5.0  # Rerun's analytics ask for their host within a second of the second start
-CHROMIUM = "/usr/bin/chromium"
-SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 # Chromium would ask this host on behalf of the page's context, whatever the page is.
 NO_AUTOFILL = "--disable-features=AutofillServerCommunication"
 DRAWING = """

@@ -41,8 +41,9 @@ def running(tmp_path: Path) -> Iterator[Programs]:
         yield made
 
 
-def start_relay(running: Programs, *options: str) -> Relay:
-    port, web_port = free_ports(2)
+def start_relay(running: Programs, *options: str, again: Relay | None = None) -> Relay:
+    """A relay with its page, on new ports or, ``again``, on those of one that has ended."""
+    port, web_port = (again.port, again.web_port) if again else free_ports(2)
     relay = Relay("127.0.0.1", port, web_port, "64MB")
     running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *options)
     wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen")

@@ -4,8 +4,9 @@ from urllib.parse import quote
 
 from noctule_deploy.fleet import Viewer, Web, bracketed
 
-_DATA = "/rerun.sdk_comms.v1alpha1.*"
-_WRITES = "/rerun.sdk_comms.v1alpha1.MessageProxyService/Write*"
+_SERVICE = "/rerun.sdk_comms.v1alpha1.MessageProxyService"
+_READS = f"{_SERVICE}/ReadMessages {_SERVICE}/ReadTables"
+_ALL_CALLS = "/rerun.*"  # writing ones, and those of other services that a relay may have
 
 
 def caddyfile(viewer: Viewer, web: Web) -> str:
@@ -29,17 +30,17 @@ def caddyfile(viewer: Viewer, web: Web) -> str:
 		basicauth {{
 {users}\
 		}}
-		@writes path {_WRITES}
-		respond @writes "Who watches may not write." 403
 		@bare {{
 			path /
 			not query url=*
 		}}
-		redir @bare /?url={relay}&theme=dark
-		@data path {_DATA}
-		reverse_proxy @data h2c://127.0.0.1:{viewer.port} {{
+		redir @bare /?url={relay}&theme=dark&hide_welcome_screen
+		@reads path {_READS}
+		reverse_proxy @reads h2c://127.0.0.1:{viewer.port} {{
 			flush_interval -1
 		}}
+		@calls path {_ALL_CALLS}
+		respond @calls "Who watches may not write." 403
 		reverse_proxy 127.0.0.1:{viewer.web_port}
 	}}
 }}

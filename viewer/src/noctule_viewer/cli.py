@@ -3,10 +3,9 @@
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -17,10 +16,8 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
 from noctule_viewer import memory_limit as memory_limits
+from noctule_viewer.recordings import days
 from noctule_viewer.relay import RERUN, Relay, environment
-
-if TYPE_CHECKING:
-    from noctule_viewer.board.site_plan import SitePlan
 
 _log = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
@@ -79,6 +76,16 @@ def run(
             help="With --site: certificate and key, a folder that noctule-deploy render made.",
         ),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Record what is shown, by days, and show the past hours after a restart.",
+        ),
+    ] = None,
+    keep_days: Annotated[
+        int, typer.Option(min=1, help="With --record: delete all but so many of the days that were recorded last.")
+    ] = 7,
     metrics: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")] = None,
     log_format: Annotated[
         LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
@@ -88,26 +95,23 @@ def run(
     logs.set_up(log_format)
     ending = Ending()
 
-    @contextmanager
-    def announced() -> Iterator[None]:
+    def announce() -> None:
         if log_format is LogFormat.JSON:
             _log.info("Watch the map at %s", relay.page)
         else:
             print(f"Watch the map at {relay.page}", flush=True)
-        yield
+
+    if site is None and floor_plan is not None:
+        _fail("a floor plan belongs to a site: give --site too", 2)
+    from noctule_viewer.board.site_plan import read  # Numpy and Zenoh take a while to import
+    from noctule_viewer.serve import Recorded, Watched, serve
 
     try:
         relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
-        if site is None:
-            if floor_plan is not None:
-                _fail("a floor plan belongs to a site: give --site too", 2)
-            status = relay.run(announced, metrics, ending)
-        else:
-            from noctule_viewer.board import site_plan  # Numpy takes a while to import, and only a site needs it
-
-            plan = site_plan.read(site, floor_plan, floor_plan_at)
-            status = _run_watching(plan, connect or [], tls_folder, relay, announced, metrics, ending)
+        watched = Watched(read(site, floor_plan, floor_plan_at), connect or [], tls_folder) if site else None
+        recorded = Recorded(record, keep_days) if record else None
+        status = serve(relay, announce, watched, recorded, metrics, ending)
     except NoctuleError as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error
@@ -117,51 +121,56 @@ def run(
 
 @app.command(name="open")
 def open_(
-    recording: Annotated[
-        Path | None, typer.Argument(metavar="[FILE.rrd]", help="A recording in place of the relay.")
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[FILE.rrd ...|FOLDER]", help="Recordings in place of the relay, or the folder of a recorder."
+        ),
+    ] = None,
+    day: Annotated[
+        str | None, typer.Option(metavar="YYYY-MM-DD", help="Of a folder: this day, in place of the last.")
     ] = None,
     url: Annotated[str, typer.Option(help="The relay, as printed by the mapper's --rerun.")] = _DEFAULT.url,
 ) -> None:
     """Open the native viewer, or, where there is no screen, print the address for a browser."""
     if not url.startswith(_RELAY_SCHEMES):
         _fail(f"{url} is no relay: give {_DEFAULT.url}, with your relay's host and port")
-    if recording and not recording.is_file():
-        _fail(f"there is no file {recording}: give a recording, as noctule-mapper fit --rrd writes it")
+    try:
+        files = _files(recordings or [], day)
+    except NoctuleError as error:
+        _fail(str(error))
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        print(_without_screen(recording, url))
+        print(_without_screen(files, url))
         return
-    shown = str(recording.resolve()) if recording else url
-    os.execve(RERUN, [str(RERUN), shown, "--bind", "127.0.0.1", "--port", "0"], environment())
+    shown = [str(file.resolve()) for file in files] or [url]
+    os.execve(RERUN, [str(RERUN), *shown, "--bind", "127.0.0.1", "--port", "0"], environment())
 
 
-def _run_watching(
-    plan: "SitePlan",
-    connect: Sequence[str],
-    tls_folder: Path | None,
-    relay: Relay,
-    announced: Callable[[], AbstractContextManager[object]],
-    metrics: str | None,
-    ending: Ending,
-) -> int:
-    """Run the relay on the bus of a site, with a board of how it fares. Returns the relay's exit status."""
-    from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import, and only this needs it
-    from noctule_viewer.board.site_state import SiteState
-    from noctule_viewer.presence import Presence
-
-    state = SiteState()
-
-    @contextmanager
-    def shown() -> Iterator[None]:
-        with announced(), Board(relay.url, plan, state):
-            yield
-
-    with Presence(plan.site, state, connect, tls_folder) as presence:
-        return relay.run(shown, metrics, ending, presence.put)
+@app.command(name="days")
+def days_(
+    folder: Annotated[Path, typer.Argument(help="Where noctule-viewer run --record has recorded.")],
+) -> None:
+    """List the days that were recorded, and how large they are."""
+    for day in days.days(folder):
+        print(f"{day.name} {day.size_bytes / 1e6:8.1f} MB")
 
 
-def _without_screen(recording: Path | None, url: str) -> str:
-    if recording:
-        return f"There is no screen here. Copy {recording} to where there is one: noctule-viewer open {recording.name}"
+def _files(recordings: Sequence[Path], day: str | None) -> list[Path]:
+    """The files to open, none for the relay. Raises RecordingsError."""
+    if len(recordings) == 1 and recordings[0].is_dir():
+        return list(days.chosen(recordings[0], day).files)
+    if day is not None:
+        raise days.RecordingsError("--day needs the folder that noctule-viewer run --record writes to")
+    for each in recordings:
+        if not each.is_file():
+            raise days.RecordingsError(f"there is no file {each}: give a recording, or a folder of them")
+    return list(recordings)
+
+
+def _without_screen(recordings: Sequence[Path], url: str) -> str:
+    if recordings:
+        files, names = " ".join(map(str, recordings)), " ".join(file.name for file in recordings)
+        return f"There is no screen here. Copy {files} to where there is one: noctule-viewer open {names}"
     return f"There is no screen here. Connect a Rerun viewer to {url}, or open {_DEFAULT.page} in a browser."
 
 

@@ -27,9 +27,14 @@ def checked(limit: str) -> str:
 
     With less than that a relay would forget the map of a room before the mapper draws it again.
     """
+    if in_bytes(limit) < LEAST_MB * 1e6:
+        raise MemoryLimitError(f"--memory-limit {limit} is too little to keep a map: at least {LEAST_MB:g}MB")
+    return limit
+
+
+def in_bytes(limit: str) -> float:
+    """How much that is; raises MemoryLimitError unless it is like ``64MB``."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?) ?([kKMG]i?B)", limit.strip())
     if match is None:
         raise MemoryLimitError(f"--memory-limit {limit!r} is no amount of memory: write it like {DEFAULT} or 1GB")
-    if float(match[1]) * _IN_MB[match[2]] < LEAST_MB:
-        raise MemoryLimitError(f"--memory-limit {limit} is too little to keep a map: at least {LEAST_MB:g}MB")
-    return limit
+    return float(match[1]) * _IN_MB[match[2]] * 1e6

@@ -19,6 +19,8 @@ from typing import cast
 _SOURCE_TIMEOUT_S = 10.0
 _ALIVE = "/noctule/alive"
 _SCRIPT = b"<script>" + Path(__file__).with_name("stale_page.js").read_bytes() + b"</script>"
+# Rerun writes twenty thousand lines to the console while it compiles its shaders, which takes seconds of the processor.
+_FIRST_SCRIPT = b"<head><script>console.debug = () => {};</script>"
 # A policy does not hold for the connections that a page opens ahead of its requests.
 _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
@@ -54,6 +56,12 @@ def _policy(relay: str) -> str:
             "form-action 'none'",
         )
     )
+
+
+def _ours(html: bytes) -> bytes:
+    """Rerun's page with our scripts and without its links to foreign hosts."""
+    html = _FOREIGN_LINK.sub(b"", html)
+    return html.replace(b"<head>", _FIRST_SCRIPT, 1).replace(b"</body>", _SCRIPT + b"</body>")
 
 
 class _Server(ThreadingTCPServer):
@@ -92,7 +100,7 @@ class _Handler(BaseHTTPRequestHandler):
             with suppress(ConnectionError):  # the browser went away
                 self.end_headers()
                 if kind.startswith("text/html"):
-                    self.wfile.write(_FOREIGN_LINK.sub(b"", response.read()).replace(b"</body>", _SCRIPT + b"</body>"))
+                    self.wfile.write(_ours(response.read()))
                 else:
                     copyfileobj(response, self.wfile)
 

@@ -65,7 +65,7 @@ class Relay:
     @property
     def page(self) -> str:
         """What to open in a browser."""
-        return f"http://{self.bind}:{self.web_port}/?url={quote(self.url, safe='')}&theme=dark"
+        return f"http://{self.bind}:{self.web_port}/?url={quote(self.url, safe='')}&theme=dark&hide_welcome_screen"
 
     def check_ports(self) -> None:
         """Raises RelayError if one of the ports can't be had."""
@@ -130,7 +130,9 @@ class Relay:
     def _command(self, files_port: int) -> list[str]:
         # Without a source such as a layout file: with one, Rerun 0.41 keeps a core busy after the source has ended.
         ports = ["--port", str(self.port), "--web-viewer-port", str(files_port)]
-        return [str(RERUN), "--serve-web", "--bind", self.bind, *ports, "--server-memory-limit", self.memory_limit]
+        # Who comes late gets the present first, and the past after it.
+        kept = ["--server-memory-limit", self.memory_limit, "--newest-first"]
+        return [str(RERUN), "--serve-web", "--bind", self.bind, *ports, *kept]
 
     def _send_layout(self) -> None:
         """Give the relay the layout, which it keeps for viewers that come later."""
@@ -151,12 +153,17 @@ def environment() -> dict[str, str]:
     return {"RUST_LOG": "warn"} | os.environ | quiet
 
 
+def start(command: list[str], stderr: int | None = None) -> subprocess.Popen[bytes]:
+    """A process that ends when this one is killed, where the system has ``setpriv``."""
+    setpriv = shutil.which("setpriv")
+    bound_to_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
+    return subprocess.Popen([*bound_to_us, *command], env=environment(), stdin=subprocess.DEVNULL, stderr=stderr)
+
+
 @contextmanager
 def _process(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     """The relay's process, which ends with this one, however this one ends."""
-    setpriv = shutil.which("setpriv")
-    bound_to_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
-    process = subprocess.Popen([*bound_to_us, *command], env=environment(), stdin=subprocess.DEVNULL)
+    process = start(command)
     try:
         yield process
     finally:

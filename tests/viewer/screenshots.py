@@ -1,0 +1,78 @@
+"""The pictures of the pages: the demo after its walk through the paper's room, and a board of twenty units.
+
+    PYTHONPATH=tests python tests/viewer/screenshots.py
+
+writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
+"""
+
+import re
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from mapper.room import paper_room
+from PIL import Image
+from playwright.sync_api import Browser
+from system.processes import ROOT, Programs, free_ports, programs, wait_until
+from viewer.browser import Screen, chromium, screen
+from viewer.room_in_picture import shown_share
+from viewer.watched_site import ALL_OF_IT, watched_site
+
+SIZE_PX = (1280, 760)
+MOST_BYTES = 300_000
+WITHIN_S = 900.0  # a loaded machine without a graphics card takes its time
+SETTLE_S = 5.0  # for labels and tables that come after the walls
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        for name, take in (("demo", demo), ("board", board)):
+            made = Path(folder) / name
+            made.mkdir()
+            take(browser, made, ROOT / "viewer" / f"{name}.png")
+
+
+def demo(browser: Browser, folder: Path, path: Path) -> None:
+    """The demo as `make demo` shows it, once the whole room is drawn."""
+    ports = dict(zip(("UNIT", "ZENOH", "RERUN", "WEB"), map(str, free_ports(4)), strict=True))
+    settings = {f"DEMO_{name}_PORT": port for name, port in ports.items()} | {"DEMO_DATA": str(folder / "data")}
+    with programs(folder) as running:
+        running.start("demo", sys.executable, "deploy/demo/run.py", env=settings)
+        (address,) = wait_until(lambda: re.findall(r"Watch the map at (\S+)", running.log("demo")), "no address")
+        with screen(browser, size_px=SIZE_PX) as shown:
+            shown.open(address)
+            wait_for_room(shown, running)
+            save(shown, path)
+        running.end("demo")
+
+
+def board(browser: Browser, folder: Path, path: Path) -> None:
+    """Twenty units at one site."""
+    with watched_site(folder) as site, screen(browser, size_px=SIZE_PX) as shown:
+        site.sweep_as(20)
+        shown.open(site.relay.page)
+        wait_until(lambda: site.shows_room(shown), "the room is not shown", within_s=WITHIN_S, every_s=2.0)
+        time.sleep(SETTLE_S)
+        save(shown, path)
+
+
+def wait_for_room(shown: Screen, running: Programs) -> None:
+    def complete() -> bool:
+        running.check()
+        return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
+
+    wait_until(complete, "the room is not shown", within_s=WITHIN_S, every_s=2.0)
+    time.sleep(SETTLE_S)
+
+
+def save(shown: Screen, path: Path) -> None:
+    """The picture in 256 colours, which is small and looks the same."""
+    Image.fromarray(shown.picture()).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    size = path.stat().st_size
+    assert size < MOST_BYTES, f"{path.name} has {size} bytes"
+    print(f"{path.relative_to(ROOT)}: {size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()

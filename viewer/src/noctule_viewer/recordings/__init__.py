@@ -1,0 +1,1 @@
+"""Recordings of what the relay passes on, by day, on disk."""

@@ -1,0 +1,75 @@
+"""What runs around a relay: the board of the site it watches, and the recorder of what it shows."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from noctule.ending import Ending
+from noctule.messages_pb2 import ServiceStatus
+from noctule_viewer.board.site_plan import SitePlan
+from noctule_viewer.board.site_state import SiteState
+from noctule_viewer.presence import Presence
+from noctule_viewer.recordings.of_relay import recording
+from noctule_viewer.recordings.recorder import Recorder, folder_of_recordings
+from noctule_viewer.relay import Relay
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A site and the way to it."""
+
+    plan: SitePlan
+    connect: Sequence[str]
+    tls_folder: Path | None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Where to record, and how many days of it to keep."""
+
+    folder: Path
+    keep_days: int
+
+
+def serve(
+    relay: Relay,
+    announce: Callable[[], None],
+    watched: Watched | None,
+    recorded: Recorded | None,
+    metrics: str | None,
+    ending: Ending,
+) -> int:
+    """Run the relay with all that belongs to it, ``announce()`` once it answers. Returns the relay's exit status.
+
+    Raises NoctuleError where something can't be had.
+    """
+    state = SiteState()
+    recorders: list[Recorder] = []
+    with ExitStack() as around:
+        last = around.enter_context(folder_of_recordings(recorded.folder)) if recorded else None
+        presence = (
+            around.enter_context(Presence(watched.plan.site, state, watched.connect, watched.tls_folder))
+            if watched
+            else None
+        )
+
+        @contextmanager
+        def shown() -> Iterator[None]:
+            announce()
+            with ExitStack() as beside:
+                if watched:
+                    from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import
+
+                    beside.enter_context(Board(relay.url, watched.plan, state))
+                if recorded:
+                    recorders.append(beside.enter_context(recording(relay, recorded.folder, recorded.keep_days, last)))
+                yield
+
+        def show(status: ServiceStatus) -> None:
+            troubles = [status.detail, *(recorder.trouble for recorder in recorders)]
+            status.detail = "; ".join(filter(None, troubles))
+            if presence:
+                presence.put(status)
+
+        return relay.run(shown, metrics, ending, show)
