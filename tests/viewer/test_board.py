@@ -18,7 +18,7 @@ from noctule.messages_pb2 import (
     Wall,
 )
 from noctule_viewer.board import documents, drawing, map_box
-from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout import Layout, blueprint_of
 from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import SiteState
@@ -170,7 +170,7 @@ def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Si
 
 
 def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:
-    layout = Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0)).blueprint()
+    layout = blueprint_of([Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0))])
     _, tabs = views(layout.root_container)
     assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures"]
     site, *units, _ = views(tabs)
@@ -186,7 +186,7 @@ def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> No
 
 
 def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -> None:
-    layout = Layout(tuple(f"u{number}" for number in range(1, 41)), None).blueprint()
+    layout = blueprint_of([Layout(tuple(f"u{number}" for number in range(1, 41)), None)])
     _, tabs = views(layout.root_container)
     names = [tab.name for tab in views(tabs)]
     assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures"]
@@ -207,6 +207,19 @@ def test_a_service_that_names_thousands_of_units_neither_fills_the_table_nor_hid
     table = documents.table(site.units(), BEGAN_S)
     assert len(table.splitlines()) == 303
     assert table.endswith("| | No more than 300 units are shown. | | |")
+
+
+def test_several_sites_have_a_tab_each_with_their_own_alarms_units_and_map() -> None:
+    attic = Layout(("u1",), MapBox(-1.0, -2.0, 3.0, 4.0), "attic", rerun_paths.under("attic"))
+    cellar = Layout(("u1", "u2"), None, "cellar", rerun_paths.under("cellar"))
+    sites = views(blueprint_of([attic, cellar]).root_container)
+    assert [site.name for site in sites] == ["attic", "cellar"]
+    for site, of_site in zip(sites, ("attic", "cellar"), strict=True):
+        alarms, tabs = views(site)
+        assert alarms.origin == f"/{of_site}/board/alarms"
+        world = views(views(tabs)[0])[0]
+        assert (world.origin, world.contents) == (f"/{of_site}", [f"/{of_site}/world/**"])
+    assert [tab.name for tab in views(views(sites[1])[1])] == ["Site", "u1", "u2", "Figures"]
 
 
 def views(container: Any) -> list[Any]:

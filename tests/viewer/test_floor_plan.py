@@ -16,6 +16,7 @@ from noctule_mapper.export.dxf import dxf
 from noctule_mapper.export.geojson import geojson
 from noctule_viewer import floor_plan
 from noctule_viewer.board import site_plan
+from noctule_viewer.board.site_plan import SitePlanError
 from noctule_viewer.floor_plan import FloorPlanError, Placing
 
 HERE = Placing()
@@ -134,9 +135,33 @@ def test_a_site_file_names_the_site_and_has_the_paths_of_carried_units(tmp_path:
         'site = "attic"\n[[unit]]\nname = "u1"\nserial = 1\naddress = "socket://127.0.0.1:7101"\n'
         "path = { corners_m = [[0, 0], [1, 0]], spacing_m = 0.5 }\n"
     )
-    plan = site_plan.read(str(path))
+    (plan,) = site_plan.read([str(path)])
     assert plan.site == "attic"
     assert [stop.x_m for stop in plan.paths["u1"]] == pytest.approx([0.0, 0.5, 1.0])
-    assert site_plan.read("attic").paths == {}
-    with pytest.raises(FloorPlanError, match="give --floor-plan too"):
-        site_plan.read("attic", at="1,2,3")
+    (plan,) = site_plan.read(["attic"])
+    assert plan.paths == {}
+
+
+def test_of_several_sites_each_has_its_own_floor_plan(tmp_path: Path) -> None:
+    path = drawing(tmp_path / "plan.dxf", lambda space: space.add_line((0, 0), (4_000, 0)))
+    attic, cellar = site_plan.read(["attic", "cellar"], [f"cellar={path}"], ["cellar=0,1,0"])
+    assert attic.floor_plan_m == ()
+    (line,) = cellar.floor_plan_m
+    assert line == pytest.approx(np.array([[0.0, 1.0], [4.0, 1.0]]))
+    (alone,) = site_plan.read(["attic"], [str(path)])
+    assert len(alone.floor_plan_m) == 1
+
+
+@pytest.mark.parametrize(
+    ("sites", "drawings", "at", "told"),
+    [
+        (["attic"], [], ["1,2,3"], "give --floor-plan too"),
+        (["attic", "cellar"], ["plan.dxf"], [], "of which site"),
+        (["attic", "attic"], [], [], "named twice"),
+    ],
+)
+def test_options_that_do_not_go_together_are_told(
+    sites: list[str], drawings: list[str], at: list[str], told: str
+) -> None:
+    with pytest.raises(SitePlanError, match=told):
+        site_plan.read(sites, drawings, at)

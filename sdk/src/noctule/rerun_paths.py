@@ -2,6 +2,9 @@
 
 APPLICATION_ID = "noctule"
 DEFAULT_RELAY = "rerun+http://127.0.0.1:9876/proxy"
+# Behind a relay's address: it shows several sites, in one recording, each site's entities under its name.
+SEVERAL_SITES = "#sites"
+ALL_SITES = "sites"  # that recording; otherwise each site has one of its own name
 
 # Timelines. Time is that of the data (a sweep's start), not of the logging.
 TIME = "time"
@@ -118,3 +121,8 @@ def map_error(kind: str) -> str:
 def map_fit(figure: str) -> str:
     """One of the figures of how well the contour explains what units hear, over time."""
     return f"{MAP_FIT}/{figure}"
+
+
+def under(site: str) -> str:
+    """What the paths of a site begin with where a relay shows several."""
+    return f"{site}/"

@@ -46,20 +46,25 @@ def run(
         str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.3 times as much.")
     ] = _DEFAULT.memory_limit,
     site: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             metavar="NAME|FILE",
             help="Watch this site on the bus: alarms and a table of its units, beside the map. "
-            "From its site file, if you give that, the map also has the planned paths of carried units.",
+            "From its site file, if you give that, the map also has the planned paths of carried units. "
+            "Give several for a tab each; their mappers then need --rerun ADDRESS#sites.",
         ),
     ] = None,
     floor_plan: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="With --site: a drawing under the map, DXF or GeoJSON.")
+        list[str] | None,
+        typer.Option(
+            metavar="[SITE=]FILE",
+            help="With --site: a drawing under the map, DXF or GeoJSON; SITE= if there are several.",
+        ),
     ] = None,
     floor_plan_at: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
-            metavar="X,Y,DEGREES[,SCALE]",
+            metavar="[SITE=]X,Y,DEGREES[,SCALE]",
             help="Where the drawing's origin lies on the map, in metres, how far it is turned anticlockwise, "
             "and how many metres its unit is (default: as the drawing says).",
         ),
@@ -101,7 +106,7 @@ def run(
         else:
             print(f"Watch the map at {relay.page}", flush=True)
 
-    if site is None and floor_plan is not None:
+    if floor_plan and not site:
         _fail("a floor plan belongs to a site: give --site too", 2)
     from noctule_viewer.board.site_plan import read  # Numpy and Zenoh take a while to import
     from noctule_viewer.serve import Recorded, Watched, serve
@@ -109,7 +114,9 @@ def run(
     try:
         relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
-        watched = Watched(read(site, floor_plan, floor_plan_at), connect or [], tls_folder) if site else None
+        watched = (
+            Watched(read(site, floor_plan or [], floor_plan_at or []), connect or [], tls_folder) if site else None
+        )
         recorded = Recorded(record, keep_days) if record else None
         status = serve(relay, announce, watched, recorded, metrics, ending)
     except NoctuleError as error:
