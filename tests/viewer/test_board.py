@@ -88,6 +88,18 @@ def test_a_site_that_no_mapper_maps_is_told(site: Site) -> None:
     assert "no mapper maps this site" in site.alarms().splitlines()[0]
 
 
+def test_trouble_at_another_site_is_told_on_every_tab(site: Site) -> None:
+    site.unit("u1")
+    worst = documents.worst("attic", site.units(), site.state.heard())
+    assert worst == "attic — no mapper maps this site"
+    cellar = Site()
+    cellar.mapper()
+    assert documents.worst("cellar", cellar.units(), cellar.state.heard()) == ""
+    told = documents.alarms("cellar", cellar.units(), cellar.state.heard(), [worst]).splitlines()
+    assert told[0].startswith("### cellar — all is well — ")
+    assert told[2] == "**Other sites: attic — no mapper maps this site**"
+
+
 def test_another_mapper_that_took_the_site_over_ends_the_alarm(site: Site) -> None:
     site.mapper()
     site.passed_s = 60.0

@@ -82,7 +82,8 @@ class Board:
         for site in self._sites:
             heard = site.heard()
             recording.set_time(rerun_paths.TIME, timestamp=heard.now_s)
-            _log_entries(recording, site.under, site.entries(heard))
+            elsewhere = [other.worst for other in self._sites if other is not site and other.worst]
+            _log_entries(recording, site.under, site.entries(heard, elsewhere))
         self._lay_out(recording, tuple(site.layout() for site in self._sites))
 
     def _lay_out(self, recording: rr.RecordingStream, wanted: tuple[Layout, ...]) -> None:

@@ -19,9 +19,9 @@ _LABEL_INSET = 0.03  # of the map's larger side
 _SCALE_ORDER, _MARK_ORDER = 1.0, 39.0  # above the grid's tiles; below the units' own dots
 
 
-def draw_alarms(site: str, units: Sequence[UnitHealth], heard: Heard) -> Entries:
+def draw_alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequence[str]) -> Entries:
     """What is wrong and what time it is, each second: a page on which the time stands still shows the past."""
-    yield rerun_paths.ALARMS, _markdown(documents.alarms(site, units, heard))
+    yield rerun_paths.ALARMS, _markdown(documents.alarms(site, units, heard, elsewhere))
 
 
 def draw_units(units: Sequence[UnitHealth], heard: Heard) -> Entries:

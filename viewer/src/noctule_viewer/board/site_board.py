@@ -1,8 +1,9 @@
 """All that is drawn of one site that is watched, each thing when it is due."""
 
+from collections.abc import Sequence
 from time import monotonic
 
-from noctule_viewer.board import drawing, echo_history, map_box, polar
+from noctule_viewer.board import documents, drawing, echo_history, map_box, polar
 from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.layout import MOST_TABS, Layout
 from noctule_viewer.board.map_board import MapBoard
@@ -22,6 +23,7 @@ class SiteBoard:
 
     def __init__(self, plan: SitePlan, state: SiteState, under: str = "") -> None:
         self.site, self.under = plan.site, under
+        self.worst = ""  # trouble, by what was drawn last
         self._state = state
         self._map = MapBoard(plan)
         self._health = UnitsHealth()
@@ -44,13 +46,14 @@ class SiteBoard:
         """What the site has said until now."""
         return self._state.heard()
 
-    def entries(self, heard: Heard) -> Entries:
-        """What is due now."""
+    def entries(self, heard: Heard, elsewhere: Sequence[str] = ()) -> Entries:
+        """What is due now; ``elsewhere`` are the troubles of the other sites."""
         units = self._health.of(heard)
         with_tabs = units[:MOST_TABS]
         self._units = tuple(unit.unit for unit in units)
         self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
-        yield from drawing.draw_alarms(self.site, units, heard)
+        self.worst = documents.worst(self.site, units, heard)
+        yield from drawing.draw_alarms(self.site, units, heard, elsewhere)
         if self._is_due(_UNITS_EVERY_S, "units"):
             yield from drawing.draw_units(units, heard)
         if self._is_due(_TEMPERATURES_EVERY_S, "temperatures"):
