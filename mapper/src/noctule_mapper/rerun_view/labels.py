@@ -17,6 +17,7 @@ _MAP_SIDE_PX = 650.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
 _LEAST_SIDE_M = 1.0
+_TOLD_FROM_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Label:
 def labels(contour: Contour, units_m: Mapping[str, Place]) -> list[Label]:
     """Names of units, then radii of cylinders, lengths of walls, the longest first, and what touches may be.
 
-    Where there is room the standard deviation stands beside them: of a radius, and across a wall.
+    Where there is room a standard deviation from a centimetre on stands beside them: of a radius, and across a wall.
     """
     px_m = _side_m(contour, units_m) / _MAP_SIDE_PX
     placed: list[Label] = []
@@ -77,8 +78,8 @@ def _longest_first(text: str, error: str) -> list[str]:
 
 
 def _error(sigma_m: float) -> str:
-    """``±4 mm`` or ``±3 cm``: one standard deviation, rounded up."""
-    return f"±{max(1, ceil(1e3 * sigma_m))} mm" if sigma_m < 0.01 else f"±{ceil(1e2 * sigma_m)} cm"
+    """``±3 cm``: one standard deviation, rounded up; empty below a centimetre, which is no wider than the line."""
+    return f"±{ceil(1e2 * sigma_m)} cm" if sigma_m >= _TOLD_FROM_M else ""
 
 
 def _sigma_m(wall: Wall) -> float:
