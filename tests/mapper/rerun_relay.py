@@ -89,6 +89,11 @@ class Viewer:
                         chunks[chunk.entity_path.strip("/")].append(chunk)
         return chunks
 
+    def recordings(self) -> set[str]:
+        """The names of the recordings it has been sent."""
+        with warnings.catch_warnings(action="ignore"):  # as in seen()
+            return {store.recording_id for store in rerun.chunk.RrdReader(self._file).recordings()}
+
     def layouts(self) -> list[str]:
         """The applications whose layouts it has been sent."""
         if not self._file.exists() or self._file.stat().st_size == 0:

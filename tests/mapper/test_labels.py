@@ -34,6 +34,24 @@ def test_a_room_has_the_lengths_of_its_walls_at_their_middles() -> None:
     assert [label.place_m for label in found[1:]] == [(2.0, 0.0), (2.0, 3.0), (4.0, 1.5), (0.0, 1.5)]
 
 
+def test_walls_and_cylinders_bear_errors_from_a_centimetre_on_where_there_is_room() -> None:
+    contour = room()
+    contour.walls[0].covariance[:] = [0.0, 0.0, 0.0, 0.032**2]
+    contour.walls[1].covariance[:] = [0.0, 0.0, 0.0, 0.009**2]
+    contour.cylinders[0].covariance[:] = [0.0] * 8 + [0.015**2]
+    assert [label.text for label in labels(contour, {})] == [
+        "r 0.30 m ±2 cm",
+        "4.00 m ±4 cm",
+        "4.00 m",
+        "3.00 m",
+        "3.00 m",
+    ]
+    crowd = {f"u{number}": (0.5 + 0.6 * number, 20 * PX_M) for number in range(6)}  # their names lie on the wall
+    texts = [label.text for label in labels(contour, crowd)]
+    assert "4.00 m ±4 cm" not in texts
+    assert "4.00 m" in texts
+
+
 def test_no_label_lies_on_another_however_close_units_stand_to_a_walls_middle() -> None:
     units = {f"u{number}": (0.1 + 0.2 * number, 0.1) for number in range(20)}
     found = labels(room(), units)

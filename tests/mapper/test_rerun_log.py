@@ -255,3 +255,21 @@ def test_a_relay_that_was_started_again_is_given_the_figures_that_no_longer_chan
             assert values == [[3.0]]
         finally:
             log.close()
+
+
+def test_two_sites_of_one_relay_are_drawn_in_one_recording_each_under_its_name(tmp_path: Path) -> None:
+    with relay() as far_end:
+        far_end.start()
+        logs = [RerunLog(f"{far_end.url}#sites", site) for site in ("attic", "cellar")]
+        try:
+            with viewer(far_end.url, tmp_path) as watching:
+                for number, log in enumerate(logs):
+                    log.show_contour(Contour(walls=[Wall(end=Point(x_m=1.0 + number))]))
+                for number, site in enumerate(("attic", "cellar")):
+                    path = f"{rerun_paths.under(site)}{rerun_paths.WALLS}"
+                    assert watching.values(path, "LineStrips2D:strips") == [[[[0.0, 0.0], [1.0 + number, 0.0]]]]
+                    watching.wait_for(f"{rerun_paths.under(site)}{rerun_paths.WORLD}")
+                assert watching.recordings() == {rerun_paths.ALL_SITES}
+        finally:
+            for log in logs:
+                log.close()

@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from viewer.test_unit_pictures import components
 
 from noctule import faults, rerun_paths
 from noctule.messages_pb2 import (
@@ -19,7 +20,7 @@ from noctule.messages_pb2 import (
     Wall,
 )
 from noctule_viewer.board import documents, drawing, map_box
-from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout import Layout, blueprint_of
 from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import SiteState
@@ -87,6 +88,18 @@ def test_a_mapper_that_falls_silent_is_told_however_lively_the_units_are(site: S
 def test_a_site_that_no_mapper_maps_is_told(site: Site) -> None:
     site.unit("u1")
     assert "no mapper maps this site" in site.alarms().splitlines()[0]
+
+
+def test_trouble_at_another_site_is_told_on_every_tab(site: Site) -> None:
+    site.unit("u1")
+    worst = documents.worst("attic", site.units(), site.state.heard())
+    assert worst == "attic — no mapper maps this site"
+    cellar = Site()
+    cellar.mapper()
+    assert documents.worst("cellar", cellar.units(), cellar.state.heard()) == ""
+    told = documents.alarms("cellar", cellar.units(), cellar.state.heard(), [worst]).splitlines()
+    assert told[0].startswith("### cellar — all is well — ")
+    assert told[2] == "**Other sites: attic — no mapper maps this site**"
 
 
 def test_another_mapper_that_took_the_site_over_ends_the_alarm(site: Site) -> None:
@@ -185,18 +198,23 @@ def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Si
 
 
 def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:
-    layout = Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0)).blueprint()
+    layout = blueprint_of([Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0))])
     _, tabs = views(layout.root_container)
     assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures"]
-    maps = [views(tab)[0] for tab in views(tabs)[:3]]
-    assert [map_view.name for map_view in maps] == ["Map", "Last sweep", "Last sweep"]
+    site, *units, _ = views(tabs)
+    pictures = [views(views(unit)[0]) for unit in units]  # of sweeps, beside what is said in words
+    assert [[view.name for view in views(row)] for row, _ in pictures] == 2 * [
+        ["Last sweep from the unit", "Last sweep in the room"]
+    ]
+    assert [history.name for _, history in pictures] == 2 * ["Echoes by bearing and time"]
+    maps = [views(site)[0], *(views(row)[1] for row, _ in pictures)]
     for map_view in maps:  # Rerun's y points down
         (bounds,) = map_view.properties["VisualBounds2D"].range.as_arrow_array().to_pylist()
         assert (bounds["x_range"], bounds["y_range"]) == ([-1.0, 3.0], [-4.0, 2.0])
 
 
 def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -> None:
-    layout = Layout(tuple(f"u{number}" for number in range(1, 41)), None).blueprint()
+    layout = blueprint_of([Layout(tuple(f"u{number}" for number in range(1, 41)), None)])
     _, tabs = views(layout.root_container)
     names = [tab.name for tab in views(tabs)]
     assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures"]
@@ -217,6 +235,19 @@ def test_a_service_that_names_thousands_of_units_neither_fills_the_table_nor_hid
     table = documents.table(site.units(), BEGAN_S)
     assert len(table.splitlines()) == 303
     assert table.endswith("| | No more than 300 units are shown. | | |")
+
+
+def test_several_sites_have_a_tab_each_with_their_own_alarms_units_and_map() -> None:
+    attic = Layout(("u1",), MapBox(-1.0, -2.0, 3.0, 4.0), "attic", rerun_paths.under("attic"))
+    cellar = Layout(("u1", "u2"), None, "cellar", rerun_paths.under("cellar"))
+    sites = views(blueprint_of([attic, cellar]).root_container)
+    assert [site.name for site in sites] == ["attic", "cellar"]
+    for site, of_site in zip(sites, ("attic", "cellar"), strict=True):
+        alarms, tabs = views(site)
+        assert alarms.origin == f"/{of_site}/board/alarms"
+        world = views(views(tabs)[0])[0]
+        assert (world.origin, world.contents) == (f"/{of_site}", [f"/{of_site}/world/**"])
+    assert [tab.name for tab in views(views(sites[1])[1])] == ["Site", "u1", "u2", "Figures"]
 
 
 def views(container: Any) -> list[Any]:
@@ -277,9 +308,8 @@ def test_the_scale_has_at_most_a_dozen_lines_of_a_round_distance(side_m: float, 
 
 
 def test_the_scales_labels_keep_clear_of_the_edges_that_would_cut_them_off() -> None:
-    _, (_, names) = drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0))
-    batches = {batch.component_descriptor().component: batch.as_arrow_array() for batch in names.as_component_batches()}
-    assert batches["Points2D:labels"].to_pylist() == [
+    drawn = components(drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0)), rerun_paths.SCALE)
+    assert drawn["Points2D:labels"] == [
         *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m", "2 m", "2.5 m"),
         *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m"),
     ]

@@ -27,7 +27,7 @@ from noctule.client import Client
 from noctule.messages_pb2 import GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer import memory_limit
-from noctule_viewer.board.layout import Layout
+from noctule_viewer.board.layout import Layout, blueprint_of
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.memory_limit import MemoryLimitError
 from noctule_viewer.relay import RERUN, Relay
@@ -198,7 +198,8 @@ def test_time_travel_does_not_move_the_map_of_a_watched_site(running: Programs) 
     before_s = time.time()
     recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="paper-room")
     recording.connect_grpc(relay.url)
-    recording.send_blueprint(Layout((), MapBox(-1.0, -1.0, 4.0, 3.0)).blueprint(), make_active=True, make_default=True)
+    layout = blueprint_of([Layout((), MapBox(-1.0, -1.0, 4.0, 3.0))])
+    recording.send_blueprint(layout, make_active=True, make_default=True)
     # What shows all there is would shrink the room to a spot for the far point, which comes with a mark in the room.
     far_away = rr.Points2D([[90, 90], [2.5, 0.5]], colors=[WALL, MARK], radii=rr.Radius.ui_points(12))
     recording.log(rerun_paths.CORNERS, far_away)

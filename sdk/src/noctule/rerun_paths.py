@@ -2,6 +2,9 @@
 
 APPLICATION_ID = "noctule"
 DEFAULT_RELAY = "rerun+http://127.0.0.1:9876/proxy"
+# Behind a relay's address: it shows several sites, in one recording, each site's entities under its name.
+SEVERAL_SITES = "#sites"
+ALL_SITES = "sites"  # that recording; otherwise each site has one of its own name
 
 # Timelines. Time is that of the data (a sweep's start), not of the logging.
 TIME = "time"
@@ -15,6 +18,7 @@ WALLS = "world/walls"
 CORNERS = "world/corners"
 CYLINDERS = "world/cylinders"
 TOUCHES = "world/touches"
+ERRORS = "world/errors"  # of walls, corners and cylinders
 POSES = "world/poses"  # of the units, as the contour has them
 LABELS = "world/labels"
 UNITS = "world/units"
@@ -28,6 +32,10 @@ ALARMS = "board/alarms"
 UNITS_TABLE = "board/units"
 SCALE = "world/scale"
 HEALTH = "world/health"  # of the units, where the map has them
+CHANGES = "world/changes"  # what is new on the map, and what is gone
+FLOOR_PLAN = "world/floor_plan"
+MAP_ERRORS = "board/errors"  # that the contour states, by kind, over time
+MAP_FIT = "board/fit"  # how well the contour explains what units hear, over time
 
 
 def grid_tile(tile: str) -> str:
@@ -78,3 +86,43 @@ def unit_sheet(unit: str) -> str:
 def unit_temperature(unit: str) -> str:
     """The temperature of the unit's chip over time."""
     return f"board/temperatures/{unit}"
+
+
+def unit_polar(unit: str) -> str:
+    """The unit's last sweep as the unit itself sees it: straight ahead is up."""
+    return f"board/polar/{unit}"
+
+
+def unit_rings(unit: str) -> str:
+    """Circles of equal range and the bearings, under unit_polar()."""
+    return f"board/polar/{unit}/rings"
+
+
+def unit_echo_history(unit: str) -> str:
+    """What the unit has heard at each bearing, sweep by sweep."""
+    return f"board/echoes/{unit}"
+
+
+def unit_echo_axes(unit: str) -> str:
+    """Bearings, hours and the meaning of colours, beside unit_echo_history()."""
+    return f"board/echoes/{unit}/axes"
+
+
+def planned_path(unit: str) -> str:
+    """The stops that a carried unit is to make."""
+    return f"world/paths/{unit}"
+
+
+def map_error(kind: str) -> str:
+    """What the contour states of its errors of that kind, over time."""
+    return f"{MAP_ERRORS}/{kind.replace(' ', '_')}"
+
+
+def map_fit(figure: str) -> str:
+    """One of the figures of how well the contour explains what units hear, over time."""
+    return f"{MAP_FIT}/{figure}"
+
+
+def under(site: str) -> str:
+    """What the paths of a site begin with where a relay shows several."""
+    return f"{site}/"

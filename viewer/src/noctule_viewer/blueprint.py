@@ -14,7 +14,7 @@ from noctule import rerun_paths
 
 # Rerun's own time of logging: in it a site, a simulated one that runs faster and a replayed survey are all live.
 _WATCHED = "log_time"
-_CALM = [17, 21, 28]
+CALM = [17, 21, 28]
 _MAP_SHARE, _SIDE_SHARE = 5, 2
 _RECENT_S = 600.0
 
@@ -44,17 +44,22 @@ def arranged(views: rrb.Container) -> rrb.Blueprint:
     )
 
 
-def map_view(contents: Sequence[str], name: str, bounds: rrb.VisualBounds2D | None) -> rrb.Spatial2DView:
-    """Without ``bounds`` the view shows all there is at the time."""
+def map_view(
+    contents: Sequence[str], name: str, bounds: rrb.VisualBounds2D | None, origin: str = "/"
+) -> rrb.Spatial2DView:
+    """Without ``bounds`` the view shows all there is at the time. ``origin`` is where all entities of the site are."""
     # The origin is the parent of the entity that turns y upwards: a view does not apply its own origin's transform.
-    return rrb.Spatial2DView(origin="/", contents=list(contents), name=name, background=_CALM, visual_bounds=bounds)
+    return rrb.Spatial2DView(origin=origin, contents=list(contents), name=name, background=CALM, visual_bounds=bounds)
 
 
-def figure_views() -> list[rrb.View]:
-    """States of all units, their clocks, and the mapper's pace, over the last minutes."""
-    states = rrb.StateTimelineView(origin="/", contents=["/units/**"], name="Units", time_ranges=_recent())
-    pace = [f"/{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
-    return [states, figures_view("/units/**", "Clock error, ms"), figures_view(pace, "Contour, ms")]
+def figure_views(under: str = "") -> list[rrb.View]:
+    """States of all units, their clocks, and the mapper's pace, over the last minutes; ``under`` as in Layout."""
+    units = f"/{under}units/**"
+    states = rrb.StateTimelineView(
+        origin=f"/{under.rstrip('/')}", contents=[units], name="Units", time_ranges=_recent()
+    )
+    pace = [f"/{under}{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
+    return [states, figures_view(units, "Clock error, ms"), figures_view(pace, "Contour, ms")]
 
 
 def figures_view(contents: str | Sequence[str], name: str) -> rrb.TimeSeriesView:

@@ -18,7 +18,6 @@ from noctule.version_option import version_option
 from noctule_viewer import memory_limit as memory_limits
 from noctule_viewer.recordings import days
 from noctule_viewer.relay import RERUN, Relay, environment
-from noctule_viewer.serve import Recorded, Watched, serve
 
 _log = logging.getLogger(__name__)
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
@@ -47,7 +46,28 @@ def run(
         str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.3 times as much.")
     ] = _DEFAULT.memory_limit,
     site: Annotated[
-        str | None, typer.Option(help="Watch this site on the bus: alarms and a table of its units, beside the map.")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Watch this site on the bus: alarms and a table of its units, beside the map. "
+            "From its site file, if you give that, the map also has the planned paths of carried units. "
+            "Give several for a tab each; their mappers then need --rerun ADDRESS#sites.",
+        ),
+    ] = None,
+    floor_plan: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[SITE=]FILE",
+            help="With --site: a drawing under the map, DXF or GeoJSON; SITE= if there are several.",
+        ),
+    ] = None,
+    floor_plan_at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[SITE=]X,Y,DEGREES[,SCALE]",
+            help="Where the drawing's origin lies on the map, in metres, how far it is turned anticlockwise, "
+            "and how many metres its unit is (default: as the drawing says).",
+        ),
     ] = None,
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
@@ -86,10 +106,17 @@ def run(
         else:
             print(f"Watch the map at {relay.page}", flush=True)
 
+    if floor_plan and not site:
+        _fail("a floor plan belongs to a site: give --site too", 2)
+    from noctule_viewer.board.site_plan import read  # Numpy and Zenoh take a while to import
+    from noctule_viewer.serve import Recorded, Watched, serve
+
     try:
         relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
         relay.check_ports()
-        watched = Watched(site, connect or [], tls_folder) if site else None
+        watched = (
+            Watched(read(site, floor_plan or [], floor_plan_at or []), connect or [], tls_folder) if site else None
+        )
         recorded = Recorded(record, keep_days) if record else None
         status = serve(relay, announce, watched, recorded, metrics, ending)
     except NoctuleError as error:

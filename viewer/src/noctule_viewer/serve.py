@@ -1,4 +1,4 @@
-"""What runs around a relay: the board of the site it watches, and the recorder of what it shows."""
+"""What runs around a relay: the board of the sites it watches, and the recorder of what it shows."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from noctule.ending import Ending
 from noctule.messages_pb2 import ServiceStatus
+from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.presence import Presence
 from noctule_viewer.recordings.of_relay import recording
@@ -16,9 +17,9 @@ from noctule_viewer.relay import Relay
 
 @dataclass(frozen=True)
 class Watched:
-    """A site and the way to it."""
+    """Sites and the way to them."""
 
-    site: str
+    plans: Sequence[SitePlan]
     connect: Sequence[str]
     tls_folder: Path | None
 
@@ -43,24 +44,24 @@ def serve(
 
     Raises NoctuleError where something can't be had.
     """
-    state = SiteState()
+    sites = [(plan, SiteState()) for plan in watched.plans] if watched else []
     recorders: list[Recorder] = []
     with ExitStack() as around:
         last = around.enter_context(folder_of_recordings(recorded.folder)) if recorded else None
-        presence = (
-            around.enter_context(Presence(watched.site, state, watched.connect, watched.tls_folder))
+        presences = [
+            around.enter_context(Presence(plan.site, state, watched.connect, watched.tls_folder))
+            for plan, state in sites
             if watched
-            else None
-        )
+        ]
 
         @contextmanager
         def shown() -> Iterator[None]:
             announce()
             with ExitStack() as beside:
-                if watched:
+                if sites:
                     from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import
 
-                    beside.enter_context(Board(relay.url, watched.site, state))
+                    beside.enter_context(Board(relay.url, sites))
                 if recorded:
                     recorders.append(beside.enter_context(recording(relay, recorded.folder, recorded.keep_days, last)))
                 yield
@@ -68,7 +69,7 @@ def serve(
         def show(status: ServiceStatus) -> None:
             troubles = [status.detail, *(recorder.trouble for recorder in recorders)]
             status.detail = "; ".join(filter(None, troubles))
-            if presence:
+            for presence in presences:
                 presence.put(status)
 
         return relay.run(shown, metrics, ending, show)

@@ -8,7 +8,9 @@ import typer
 from noctule.logs import FORMAT_VARIABLE, LogFormat
 
 Connect = Annotated[list[str] | None, typer.Option(help="A Zenoh router; may be given several times.")]
-Rerun = Annotated[str, typer.Option(help="The Rerun relay, or 'none'.")]
+Rerun = Annotated[
+    str, typer.Option(help="The Rerun relay, or 'none'; with #sites behind it if that relay shows several sites.")
+]
 Config = Annotated[Path | None, typer.Option(help="TOML file of parameters.")]
 Tls = Annotated[
     Path | None,

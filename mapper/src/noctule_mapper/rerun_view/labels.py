@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import ceil, hypot, sqrt
+
+import numpy as np
 
 from noctule.messages_pb2 import Contour, Wall
 from noctule_mapper.contour import touch_marks
+from noctule_mapper.rerun_view.errors import wall_sigmas_m
 
 Place = tuple[float, float]
 
@@ -14,6 +17,7 @@ _MAP_SIDE_PX = 650.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
 _LEAST_SIDE_M = 1.0
+_TOLD_FROM_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,10 @@ class Label:
 
 
 def labels(contour: Contour, units_m: Mapping[str, Place]) -> list[Label]:
-    """Names of units, then radii of cylinders, lengths of walls, the longest first, and what touches may be."""
+    """Names of units, then radii of cylinders, lengths of walls, the longest first, and what touches may be.
+
+    Where there is room a standard deviation from a centimetre on stands beside them: of a radius, and across a wall.
+    """
     px_m = _side_m(contour, units_m) / _MAP_SIDE_PX
     placed: list[Label] = []
     for choices in _wanted(contour, units_m, px_m):
@@ -41,11 +48,15 @@ def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iter
     for names, place in _together(units_m, px_m):
         yield _around("unit", ", ".join(names), place, px_m)
     for cylinder in contour.cylinders:
-        yield _around("cylinder", f"r {cylinder.radius_m:.2f} m", (cylinder.x_m, cylinder.y_m), px_m)
+        here, radius = (cylinder.x_m, cylinder.y_m), f"r {cylinder.radius_m:.2f} m"
+        known = _error(sqrt(max(0.0, cylinder.covariance[8]))) if len(cylinder.covariance) == 9 else ""
+        yield [one for text in _longest_first(radius, known) for one in _around("cylinder", text, here, px_m)]
     for wall in sorted(contour.walls, key=_length_m, reverse=True):
         chance = f", {100 * wall.chance:.1f} %" if wall.HasField("chance") else ""
-        text = f"{_length_m(wall):.2f} m{chance}"
-        yield [Label("wall", text, _on_wall(wall, share)) for share in _ALONG_A_WALL]
+        length = f"{_length_m(wall):.2f} m{chance}"
+        known = _error(_sigma_m(wall)) if len(wall.covariance) == 4 else ""
+        texts = _longest_first(length, known)
+        yield [Label("wall", text, _on_wall(wall, share)) for text in texts for share in _ALONG_A_WALL]
     for touch in contour.touches:
         yield _around("touch", touch_marks.label(touch), (touch.x_m, touch.y_m), px_m)
 
@@ -60,6 +71,20 @@ def _together(units_m: Mapping[str, Place], px_m: float) -> list[tuple[list[str]
         else:
             groups.append(([unit], place))
     return groups
+
+
+def _longest_first(text: str, error: str) -> list[str]:
+    return [f"{text} {error}", text] if error else [text]
+
+
+def _error(sigma_m: float) -> str:
+    """``±3 cm``: one standard deviation, rounded up; empty below a centimetre, which is no wider than the line."""
+    return f"±{ceil(1e2 * sigma_m)} cm" if sigma_m >= _TOLD_FROM_M else ""
+
+
+def _sigma_m(wall: Wall) -> float:
+    """Across the wall, at its middle."""
+    return float(wall_sigmas_m(wall, np.array([_on_wall(wall, 0.5)]))[0])
 
 
 def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:

@@ -34,10 +34,14 @@ class RelayAddressError(NoctuleError):
 class RerunLink:
     """Draws on a relay that may be absent, slow, killed or started again; put() returns at once whatever it is."""
 
-    def __init__(self, url: str, recording_id: str, statics: Callable[[], Entries], capacity: int = 256) -> None:
-        """``url`` as in ``rerun+http://127.0.0.1:9876/proxy``; raises RelayAddressError if it is not like that."""
-        self._url, self._host, self._port = url, *_host_and_port(url)
-        self._recording_id = recording_id
+    def __init__(self, url: str, site: str, statics: Callable[[], Entries], capacity: int = 256) -> None:
+        """``url`` as in ``rerun+http://127.0.0.1:9876/proxy``, with ``#sites`` behind it where the relay shows several
+        sites; raises RelayAddressError if it is not like that.
+        """
+        self._host, self._port = _host_and_port(url)
+        self._url = url.removesuffix(rerun_paths.SEVERAL_SITES)
+        alone = self._url == url
+        self._recording_id, self._under = (site, "") if alone else (rerun_paths.ALL_SITES, rerun_paths.under(site))
         self._statics = statics
         self._queue: deque[Drawing] = deque()
         self._capacity = capacity
@@ -201,7 +205,7 @@ class RerunLink:
             batches = archetype.as_component_batches()
             content_bytes = sum(batch.as_arrow_array().nbytes for batch in batches)
             self._unflushed_bytes += content_bytes + _ENTRY_OVERHEAD_BYTES
-            recording.log(path, batches, static=static)
+            recording.log(f"{self._under}{path}", batches, static=static)
 
     def _report(self, level: int, message: str, with_traceback: bool = False) -> None:
         """Log how drawing fares, when that has changed."""
@@ -215,7 +219,7 @@ class RerunLink:
 
 
 def _host_and_port(url: str) -> tuple[str, int]:
-    address = re.fullmatch(r"rerun\+http://([^/:]+):(\d{1,5})/proxy", url)
+    address = re.fullmatch(r"rerun\+http://([^/:]+):(\d{1,5})/proxy(?:#sites)?", url)
     if address is None:
         raise RelayAddressError(f"{url!r} is not a relay's address: it should read rerun+http://HOST:PORT/proxy")
     return address[1], int(address[2])

@@ -1,7 +1,7 @@
 """How the map looks in the viewer, on a dark background: readings and messages to entity paths and archetypes."""
 
 from collections.abc import Mapping, Sequence
-from math import cos, radians, sin
+from math import cos, sin
 
 import cv2
 import numpy as np
@@ -13,25 +13,28 @@ from noctule.messages_pb2 import (
     CONTACT_KIND_CYLINDER,
     CONTACT_KIND_UNSPECIFIED,
     CONTACT_KIND_WALL,
-    POSE_STATE_WRONG,
     Contour,
     Features,
     GridTile,
-    UnitPose,
 )
+from noctule.unit_colours import Colour, unit_colour
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.rerun_view.drawing import Entries
+from noctule_mapper.rerun_view.drawing import Entries, Together
+from noctule_mapper.rerun_view.errors import (
+    ARROW_LENGTH_M,
+    CONTOUR_ORDER,
+    UNIT_ORDER,
+    draw_object_errors,
+    draw_poses,
+)
 from noctule_mapper.rerun_view.labels import labels
 from noctule_mapper.rerun_view.sight import Sight
-
-Colour = tuple[int, int, int]
 
 _WALL: Colour = (236, 240, 245)
 _CYLINDER: Colour = (255, 140, 66)
 _CORNER: Colour = (255, 214, 102)
 _TOUCH: Colour = (205, 148, 255)
-_WRONG: Colour = (255, 77, 77)
 _FREE: Colour = (54, 78, 104)
 _OCCUPIED: Colour = (120, 205, 190)
 _KINDS = {
@@ -41,14 +44,11 @@ _KINDS = {
     CONTACT_KIND_CORNER: _CORNER,
 }
 _LABELS = {"unit": _WALL, "wall": _WALL, "cylinder": _CYLINDER, "touch": _TOUCH}
-_UNITS: Sequence[Colour] = ((111, 207, 151), (86, 204, 242), (167, 139, 250), (244, 114, 182), (242, 201, 76))
 
 _NO_ECHO_LENGTH_M = 0.25
-_ARROW_LENGTH_M = 0.2
-_SHOWN_SIGMAS = 2.0  # of a pose: 86 % of such ellipses hold the unit
-_ELLIPSE_CORNERS = 32
+_LOBE_LENGTH_M, _LOBE_POINTS = 0.5, 6
 # What is drawn later lies on top.
-_GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER, _CONTOUR_ORDER, _UNIT_ORDER = -10.0, 10.0, 20.0, 30.0, 40.0
+_GRID_ORDER, _SWEEP_ORDER, _FEATURE_ORDER = -10.0, 10.0, 20.0
 # Rerun draws one of several images of full opacity without its alpha: unknown cells would be black.
 _GRID_OPACITY = 0.99
 # Masses change by a few 255ths with every sweep; coarser levels make their images small.
@@ -70,20 +70,21 @@ def draw_sweep(readings: SweepReadings, trail_m: Sequence[tuple[float, float]]) 
 
 
 def draw_contour(contour: Contour) -> Entries:
-    """Walls as strong lines, corners as points, cylinders as circles, touches as short bars across the echo's
-    direction, as long as their error, units with the errors of their poses. draw_labels() names them.
+    """Walls as strong lines, corners as points, cylinders as circles, all with their errors, touches as short bars
+    across the echo's direction, as long as their error, units with the errors of their poses. draw_labels() names them.
     """
     yield from _walls(contour)
     corners = rr.Points2D(
         [(corner.x_m, corner.y_m) for corner in contour.corners],
         colors=[_WALL],
         radii=rr.Radius.ui_points(5.0),
-        draw_order=_CONTOUR_ORDER,
+        draw_order=CONTOUR_ORDER,
     )
     yield rerun_paths.CORNERS, corners
     yield from _cylinders(contour)
     yield from _touches(contour)
-    yield from _poses([pose for pose in (*contour.stops, *contour.poses) if poses.is_placed(pose)])
+    yield from draw_object_errors(contour)
+    yield from draw_poses([pose for pose in (*contour.stops, *contour.poses) if poses.is_placed(pose)])
 
 
 def draw_labels(contour: Contour, units_m: Mapping[str, tuple[float, float]]) -> Entries:
@@ -95,7 +96,7 @@ def draw_labels(contour: Contour, units_m: Mapping[str, tuple[float, float]]) ->
         radii=rr.Radius.ui_points(0.1),
         labels=[label.text for label in placed],
         show_labels=True,
-        draw_order=_UNIT_ORDER,
+        draw_order=UNIT_ORDER,
     )
     yield rerun_paths.LABELS, names
 
@@ -136,11 +137,6 @@ def draw_tile(tile: GridTile, seen: Sight | None = None) -> Entries:
     yield path, image
 
 
-def unit_colour(unit: str) -> Colour:
-    """The same colour for a unit in every run, and different ones for u1, u2, u3 and so on."""
-    return _UNITS[sum(unit.encode()) % len(_UNITS)]
-
-
 def _rays(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:
     direction = np.stack([np.cos(readings.direction_rad), np.sin(readings.direction_rad)], axis=1)
     heard = np.isfinite(readings.range_m)
@@ -152,27 +148,38 @@ def _rays(readings: SweepReadings, here: tuple[float, float], colour: Colour) ->
         radii=rr.Radius.ui_points(0.6),
         draw_order=_SWEEP_ORDER,
     )
-    yield rerun_paths.unit_rays(readings.unit), rays
     ends = rr.Points2D(echoes_m, colors=[colour], radii=rr.Radius.ui_points(2.5), draw_order=_SWEEP_ORDER)
-    yield rerun_paths.unit_rays(readings.unit), ends
+    yield rerun_paths.unit_rays(readings.unit), Together(rays, ends)
 
 
 def _unit(readings: SweepReadings, here: tuple[float, float], colour: Colour) -> Entries:
     heading = rr.Arrows2D(
-        vectors=[(_ARROW_LENGTH_M * cos(readings.heading_rad), _ARROW_LENGTH_M * sin(readings.heading_rad))],
+        vectors=[(ARROW_LENGTH_M * cos(readings.heading_rad), ARROW_LENGTH_M * sin(readings.heading_rad))],
         origins=[here],
         colors=[colour],
         radii=rr.Radius.ui_points(2.5),
-        draw_order=_UNIT_ORDER,
+        draw_order=UNIT_ORDER,
     )
-    yield rerun_paths.unit_pose(readings.unit), heading
     body = rr.Points2D(
         [here],
         colors=[colour],
         radii=rr.Radius.ui_points(6.0),
-        draw_order=_UNIT_ORDER,
+        draw_order=UNIT_ORDER,
     )
-    yield rerun_paths.unit_pose(readings.unit), body
+    lobe = rr.LineStrips2D(
+        [_lobe_m(readings, here)],
+        colors=[(*colour, 110)],
+        radii=rr.Radius.ui_points(0.8),
+        draw_order=UNIT_ORDER,
+    )
+    yield rerun_paths.unit_pose(readings.unit), Together(heading, body, lobe)
+
+
+def _lobe_m(readings: SweepReadings, here: tuple[float, float]) -> np.ndarray:
+    """The outline (points, 2) of the beam straight ahead: what the unit hears at one bearing."""
+    across_rad = readings.heading_rad + readings.beam_width_rad * np.linspace(-0.5, 0.5, _LOBE_POINTS)
+    rim_m = here + _LOBE_LENGTH_M * np.stack([np.cos(across_rad), np.sin(across_rad)], axis=1)
+    return np.array([here, *rim_m, here])
 
 
 def _walls(contour: Contour) -> Entries:
@@ -181,7 +188,7 @@ def _walls(contour: Contour) -> Entries:
         ends_m,
         colors=[_WALL],
         radii=rr.Radius.ui_points(3.0),
-        draw_order=_CONTOUR_ORDER,
+        draw_order=CONTOUR_ORDER,
     )
     yield rerun_paths.WALLS, walls
 
@@ -194,14 +201,14 @@ def _cylinders(contour: Contour) -> Entries:
         half_sizes=[(radius_m, radius_m) for radius_m in radii_m],
         colors=[_CYLINDER],
         line_radii=rr.Radius.ui_points(3.0),
-        draw_order=_CONTOUR_ORDER,
+        draw_order=CONTOUR_ORDER,
     )
     yield rerun_paths.CYLINDERS, circles
     centres = rr.Points2D(
         centres_m,
         colors=[_CYLINDER],
         radii=rr.Radius.ui_points(2.0),
-        draw_order=_CONTOUR_ORDER,
+        draw_order=CONTOUR_ORDER,
     )
     yield rerun_paths.CYLINDERS, centres
 
@@ -211,56 +218,9 @@ def _touches(contour: Contour) -> Entries:
         [touch_marks.bar_m(touch) for touch in contour.touches],
         colors=[_TOUCH],
         radii=rr.Radius.ui_points(2.0),
-        draw_order=_CONTOUR_ORDER,
+        draw_order=CONTOUR_ORDER,
     )
     yield rerun_paths.TOUCHES, touches
-
-
-def _poses(placed: Sequence[UnitPose]) -> Entries:
-    """Each unit's error as an ellipse and a wedge about its heading; a wrong one is red, named and tied to where it was
-    stated to be.
-    """
-    lines_m, colours = [], []
-    for pose in placed:
-        colour = _pose_colour(pose)
-        strips_m = _error_m(pose)
-        if pose.state == POSE_STATE_WRONG:
-            strips_m.append(np.array([(pose.stated.x_m, pose.stated.y_m), (pose.x_m, pose.y_m)]))
-        lines_m += strips_m
-        colours += [colour] * len(strips_m)
-    errors = rr.LineStrips2D(lines_m, colors=colours, radii=rr.Radius.ui_points(1.2), draw_order=_UNIT_ORDER)
-    yield rerun_paths.POSES, errors
-    wrong = [pose for pose in placed if pose.state == POSE_STATE_WRONG]
-    names = rr.Points2D(
-        [(pose.x_m, pose.y_m) for pose in wrong],
-        colors=[_WRONG],
-        radii=rr.Radius.ui_points(6.0),
-        labels=[f"{pose.unit}: wrong pose" for pose in wrong],
-        show_labels=True,
-        draw_order=_UNIT_ORDER,
-    )
-    yield rerun_paths.POSES, names
-
-
-def _pose_colour(pose: UnitPose) -> Colour:
-    return _WRONG if pose.state == POSE_STATE_WRONG else unit_colour(pose.unit)
-
-
-def _error_m(pose: UnitPose) -> list[np.ndarray]:
-    """The outline of the position's error (corners, 2), and the wedge in which the unit looks (3, 2)."""
-    known = poses.sigmas(pose)
-    if known is None:
-        return []
-    here = np.array([pose.x_m, pose.y_m])
-    spread = np.reshape(pose.covariance, (3, 3))[:2, :2]
-    values, axes = np.linalg.eigh((spread + spread.T) / 2)
-    turn_rad = np.linspace(0.0, 2 * np.pi, _ELLIPSE_CORNERS + 1)
-    circle = np.stack([np.cos(turn_rad), np.sin(turn_rad)])
-    ellipse = here + (_SHOWN_SIGMAS * axes * np.sqrt(np.maximum(values, 0.0)) @ circle).T
-    off_rad = radians(min(_SHOWN_SIGMAS * known[1], 180.0))
-    ends = [pose.heading_rad + off_rad, pose.heading_rad - off_rad]
-    first, last = (here + _ARROW_LENGTH_M * np.array([cos(end), sin(end)]) for end in ends)
-    return [ellipse, np.array([first, here, last])]
 
 
 def _png(tile: GridTile, seen: Sight | None) -> bytes:

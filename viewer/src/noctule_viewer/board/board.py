@@ -1,25 +1,22 @@
-"""Draws the board of a site on the relay, on a thread of its own: a relay that is frozen holds up nothing else."""
+"""Draws the boards of sites on the relay, on a thread of its own: a relay that is frozen holds up nothing else."""
 
 import logging
 import threading
-from collections.abc import Callable
-from time import monotonic
+from collections.abc import Sequence
 from typing import Self
 
 import rerun as rr
 
 from noctule import rerun_paths
-from noctule_viewer.board import drawing, map_box
-from noctule_viewer.board.drawing import Entries
-from noctule_viewer.board.layout import MOST_TABS, Layout
+from noctule_viewer.board import drawing, layout
+from noctule_viewer.board.entries import Entries
+from noctule_viewer.board.layout import Layout
 from noctule_viewer.board.layout_budget import LayoutBudget
-from noctule_viewer.board.map_box import MapBox
-from noctule_viewer.board.site_state import Heard, SiteState
-from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
+from noctule_viewer.board.site_board import SiteBoard
+from noctule_viewer.board.site_plan import SitePlan
+from noctule_viewer.board.site_state import SiteState
 
 _ALARMS_EVERY_S = 1.0
-_UNITS_EVERY_S = 3.0
-_SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
 _FLUSH_TIMEOUT_S = 5.0
 _END_WITHIN_S = 0.5
 
@@ -27,16 +24,15 @@ _log = logging.getLogger(__name__)
 
 
 class Board:
-    """Shows ``state`` on the relay at ``url`` from its making until close()."""
+    """Shows sites on the relay at ``url``, each a tab if there are several, from its making until close()."""
 
-    def __init__(self, url: str, site: str, state: SiteState) -> None:
-        self._url, self._site, self._state = url, site, state
-        self._health = UnitsHealth()
-        self._box: MapBox | None = None
-        self._layout: Layout | None = None
+    def __init__(self, url: str, sites: Sequence[tuple[SitePlan, SiteState]]) -> None:
+        self._url = url
+        one = len(sites) == 1
+        self._sites = [SiteBoard(plan, state, "" if one else rerun_paths.under(plan.site)) for plan, state in sites]
+        self._recording_id = sites[0][0].site if one else rerun_paths.ALL_SITES
+        self._layouts: tuple[Layout, ...] = ()
         self._budget = LayoutBudget()
-        self._due_s: dict[str, float] = {}
-        self._sheets: dict[str, tuple[Health, float]] = {}  # by unit: the health on it, and when it is due again
         self._told = ""
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
@@ -54,8 +50,10 @@ class Board:
         self._thread.join(_END_WITHIN_S)
 
     def _run(self) -> None:
-        recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=self._site)
+        recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id=self._recording_id)
         recording.connect_grpc(self._url)
+        for site in self._sites:
+            _log_entries(recording, site.under, site.statics(), static=True)
         while not self._closed.is_set():
             try:
                 self._draw(recording)
@@ -69,7 +67,7 @@ class Board:
     def _tell(self, error: str) -> None:
         if error != self._told and not self._closed.is_set():
             self._told = error
-            _log.warning("the board of site %s was not drawn: %s; it is tried again", self._site, error)
+            _log.warning("the board of %s was not drawn: %s; it is tried again", self._recording_id, error)
 
     def _wait_for(self, recording: rr.RecordingStream) -> None:
         """Until the relay has taken what it was given: more would pile up in this process."""
@@ -81,55 +79,24 @@ class Board:
                 continue
 
     def _draw(self, recording: rr.RecordingStream) -> None:
-        heard = self._state.heard()
-        units = self._health.of(heard)
-        with_tabs = units[:MOST_TABS]
-        recording.set_time(rerun_paths.TIME, timestamp=heard.now_s)
-        _log_entries(recording, drawing.draw_alarms(self._site, units, heard))
-        self._at_most_every(_UNITS_EVERY_S, "units", lambda: _log_entries(recording, drawing.draw_units(units, heard)))
-        self._at_most_every(
-            _TEMPERATURES_EVERY_S, "temperatures", lambda: _log_entries(recording, drawing.draw_temperatures(with_tabs))
-        )
-        for unit in self._take_due_sheets(with_tabs):
-            _log_entries(recording, drawing.draw_sheet(unit, heard))
-        self._lay_out(recording, units, heard)
+        for site in self._sites:
+            heard = site.heard()
+            recording.set_time(rerun_paths.TIME, timestamp=heard.now_s)
+            elsewhere = [other.worst for other in self._sites if other is not site and other.worst]
+            _log_entries(recording, site.under, site.entries(heard, elsewhere))
+        self._lay_out(recording, tuple(site.layout() for site in self._sites))
 
-    def _lay_out(self, recording: rr.RecordingStream, units: list[UnitHealth], heard: Heard) -> None:
-        self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
-        wanted = Layout(tuple(unit.unit for unit in units), self._box)
-        if wanted == self._layout:
+    def _lay_out(self, recording: rr.RecordingStream, wanted: tuple[Layout, ...]) -> None:
+        if wanted == self._layouts:
             return
-        if self._budget.take(for_units=self._layout is None or wanted.units != self._layout.units):
-            self._layout = wanted
-            recording.send_blueprint(wanted.blueprint(), make_active=True, make_default=True)
-            if self._box is not None:
-                _log_entries(recording, drawing.draw_scale(self._box), static=True)
-
-    def _take_due_sheets(self, units: list[UnitHealth]) -> list[UnitHealth]:
-        """Those whose sheet is due, or whose health is another. They are noted as drawn, and other units forgotten."""
-        now_s = monotonic()
-        known = {unit.unit: self._sheets.get(unit.unit) for unit in units}
-        due = [
-            unit
-            for unit in units
-            if (last := known[unit.unit]) is None or last[0] is not unit.health or now_s >= last[1]
-        ]
-        drawn = {unit.unit: (unit.health, now_s + _SHEETS_EVERY_S) for unit in due}
-        self._sheets = {name: last for name, last in known.items() if last is not None} | drawn
-        return due
-
-    def _at_most_every(self, interval_s: float, what: str, draw: Callable[[], None]) -> None:
-        if self._is_due(interval_s, what):
-            draw()
-
-    def _is_due(self, interval_s: float, what: str) -> bool:
-        now_s = monotonic()
-        if now_s < self._due_s.get(what, now_s):
-            return False
-        self._due_s[what] = now_s + interval_s
-        return True
+        if self._budget.take(for_units=[each.units for each in wanted] != [each.units for each in self._layouts]):
+            before, self._layouts = self._layouts, wanted
+            recording.send_blueprint(layout.blueprint_of(wanted), make_active=True, make_default=True)
+            for each in wanted:
+                if each.box is not None and each not in before:
+                    _log_entries(recording, each.under, drawing.draw_scale(each.box), static=True)
 
 
-def _log_entries(recording: rr.RecordingStream, entries: Entries, static: bool = False) -> None:
+def _log_entries(recording: rr.RecordingStream, under: str, entries: Entries, static: bool = False) -> None:
     for path, archetype in entries:
-        recording.log(path, archetype, static=static)
+        recording.log(f"{under}{path}", archetype, static=static)

@@ -12,13 +12,22 @@ _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
 _LONGEST_WORDS = 90
 
 
-def alarms(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
-    """What is wrong, the worst in the heading, or that all is well; and the time of this machine."""
+def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequence[str] = ()) -> str:
+    """What is wrong, the worst in the heading, or that all is well; the worst of what is wrong ``elsewhere``, at sites
+    that have other tabs; and the time of this machine.
+    """
     now = hour(heard.now_s, heard.now_s)
     troubles = _troubles(units, heard)
     heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now}"
-    rest = [f"**{each}**" for each in troubles[1:]]
+    others = [_line(f"Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
+    rest = [f"**{each}**" for each in (*others, *troubles[1:])]
     return "\n\n".join([heading, *rest, f"{_map(heard)}; {counted(len(units), 'unit')}"])
+
+
+def worst(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
+    """The worst trouble of ``site``, with its name; empty where all is well."""
+    troubles = _troubles(units, heard)
+    return f"{site} — {troubles[0]}" if troubles else ""
 
 
 def table(units: Sequence[UnitHealth], now_s: float) -> str:

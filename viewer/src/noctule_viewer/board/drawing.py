@@ -1,17 +1,16 @@
 """The board in Rerun: documents, temperatures, the map's scale, and marks on units that are not well."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import rerun as rr
 
 from noctule import rerun_paths
 from noctule_viewer.board import documents, map_box
+from noctule_viewer.board.entries import Entries, together
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.unit_health import Health, UnitHealth
-
-Entries = Iterable[tuple[str, rr.AsComponents]]
 
 _markdown = partial(rr.TextDocument, media_type="text/markdown")
 _MARKS = {Health.ATTENTION: (255, 176, 32), Health.AWAY: (235, 64, 64)}
@@ -20,9 +19,9 @@ _LABEL_INSET = 0.03  # of the map's larger side
 _SCALE_ORDER, _MARK_ORDER = 1.0, 39.0  # above the grid's tiles; below the units' own dots
 
 
-def draw_alarms(site: str, units: Sequence[UnitHealth], heard: Heard) -> Entries:
+def draw_alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequence[str]) -> Entries:
     """What is wrong and what time it is, each second: a page on which the time stands still shows the past."""
-    yield rerun_paths.ALARMS, _markdown(documents.alarms(site, units, heard))
+    yield rerun_paths.ALARMS, _markdown(documents.alarms(site, units, heard, elsewhere))
 
 
 def draw_units(units: Sequence[UnitHealth], heard: Heard) -> Entries:
@@ -51,10 +50,7 @@ def draw_scale(box: MapBox) -> Entries:
     up = map_box.multiples(box.bottom_m, box.top_m, spacing_m)
     lines = [[(x_m, box.bottom_m), (x_m, box.top_m)] for x_m in across]
     lines += [[(box.left_m, y_m), (box.right_m, y_m)] for y_m in up]
-    yield (
-        rerun_paths.SCALE,
-        rr.LineStrips2D(lines, colors=[_LINE], radii=rr.Radius.ui_points(0.5), draw_order=_SCALE_ORDER),
-    )
+    strips = rr.LineStrips2D(lines, colors=[_LINE], radii=rr.Radius.ui_points(0.5), draw_order=_SCALE_ORDER)
     # A view cuts labels off at its edge.
     left_m, bottom_m = (edge_m + _LABEL_INSET * box.side_m for edge_m in (box.left_m, box.bottom_m))
     right_m, top_m = (edge_m - _LABEL_INSET * box.side_m for edge_m in (box.right_m, box.top_m))
@@ -68,7 +64,7 @@ def draw_scale(box: MapBox) -> Entries:
         show_labels=True,
         draw_order=_SCALE_ORDER,
     )
-    yield rerun_paths.SCALE, labels
+    yield rerun_paths.SCALE, together(strips, labels)
 
 
 def _marks(units: Sequence[UnitHealth], heard: Heard) -> rr.Points2D:

@@ -1,11 +1,13 @@
 """The layout for a site that is watched: alarms above all, the map beside the table of units, a tab for each unit."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rerun.blueprint as rrb
 
 from noctule import rerun_paths
 from noctule_viewer import blueprint
+from noctule_viewer.board import echo_history, polar
 from noctule_viewer.board.map_box import MapBox
 
 MOST_TABS = 30  # a layout takes about 50 kB of the relay for each
@@ -14,40 +16,71 @@ _SHOW_RAYS_OF = 4  # units; the rays of more hide the map, and each unit's own t
 
 @dataclass(frozen=True)
 class Layout:
-    """What a layout depends on: tabs are a fixed list, and so are the bounds of the map."""
+    """What the layout of a site depends on: tabs are a fixed list, and so are the bounds of the map. ``under`` is what
+    its entities are under, as rerun_paths.under() has it, empty where the relay shows one site only.
+    """
 
     units: tuple[str, ...]
     box: MapBox | None
+    site: str = ""
+    under: str = ""
 
-    def blueprint(self) -> rrb.Blueprint:
-        """The layout for Rerun."""
-        alarms = rrb.TextDocumentView(origin=f"/{rerun_paths.ALARMS}", name="Alarms", titlebar=False)
+    def views(self) -> rrb.Vertical:
+        """Alarms, and under them the tabs."""
+        alarms = rrb.TextDocumentView(origin=self._at(rerun_paths.ALARMS), name="Alarms", titlebar=False)
         of_units = map(self._unit, self.units[:MOST_TABS])
-        tabs = rrb.Tabs(self._site(), *of_units, _figures(), active_tab=0)
-        return blueprint.arranged(rrb.Vertical(alarms, tabs, row_shares=[1, 7]))
+        tabs = rrb.Tabs(self._site(), *of_units, self._figures(), active_tab=0)
+        return rrb.Vertical(alarms, tabs, row_shares=[1, 7], name=self.site)
+
+    def _at(self, path: str) -> str:
+        return f"/{self.under}{path}"
 
     def _site(self) -> rrb.Horizontal:
-        table = rrb.TextDocumentView(origin=f"/{rerun_paths.UNITS_TABLE}", name="Units")
-        beside = rrb.Vertical(table, blueprint.events_view(), row_shares=[3, 1])
-        rays = [f"- /{rerun_paths.unit_rays(unit)}" for unit in self.units] if len(self.units) > _SHOW_RAYS_OF else []
-        world = self._map([f"/{rerun_paths.WORLD}/**", *rays], "Map")
+        table = rrb.TextDocumentView(origin=self._at(rerun_paths.UNITS_TABLE), name="Units")
+        events = blueprint.events_view(self._at(rerun_paths.LOG))
+        beside = rrb.Vertical(table, events, row_shares=[3, 1])
+        many = len(self.units) > _SHOW_RAYS_OF
+        rays = [f"- {self._at(rerun_paths.unit_rays(unit))}" for unit in self.units] if many else []
+        world = self._map([f"{self._at(rerun_paths.WORLD)}/**", *rays], "Map", self._bounds())
         return rrb.Horizontal(world, beside, column_shares=[5, 4], name="Site")
 
     def _unit(self, unit: str) -> rrb.Horizontal:
-        own = [f"/{rerun_paths.unit_pose(unit)}/**", f"/{rerun_paths.unit_clock_error(unit)}"]
         around = [rerun_paths.WALLS, rerun_paths.CYLINDERS, rerun_paths.CORNERS, rerun_paths.SCALE]
-        sheet = rrb.TextDocumentView(origin=f"/{rerun_paths.unit_sheet(unit)}", name="State")
+        sheet = rrb.TextDocumentView(origin=self._at(rerun_paths.unit_sheet(unit)), name="State")
         figures = rrb.Horizontal(
-            blueprint.figures_view(own[1], "Clock error, ms"),
-            blueprint.figures_view(f"/{rerun_paths.unit_temperature(unit)}", "Chip, °C"),
+            blueprint.figures_view(self._at(rerun_paths.unit_clock_error(unit)), "Clock error, ms"),
+            blueprint.figures_view(self._at(rerun_paths.unit_temperature(unit)), "Chip, °C"),
         )
-        events = blueprint.events_view(f"/{rerun_paths.unit_log(unit)}", "Events of the unit")
-        sweep = self._map([own[0], *(f"/{path}" for path in around)], "Last sweep")
+        events = blueprint.events_view(self._at(rerun_paths.unit_log(unit)), "Events of the unit")
+        in_room = [f"{self._at(rerun_paths.unit_pose(unit))}/**", *map(self._at, around)]
+        room = self._map(in_room, "Last sweep in the room", self._bounds())
+        sweeps = rrb.Vertical(rrb.Horizontal(self._polar(unit), room), self._history(unit), row_shares=[4, 3])
         beside = rrb.Vertical(sheet, figures, events, row_shares=[4, 2, 2])
-        return rrb.Horizontal(sweep, beside, column_shares=[3, 2], name=unit)
+        return rrb.Horizontal(sweeps, beside, column_shares=[3, 2], name=unit)
 
-    def _map(self, contents: list[str], name: str) -> rrb.Spatial2DView:
-        return blueprint.map_view(contents, name, self._bounds())
+    def _figures(self) -> rrb.Vertical:
+        units, clocks, contour = blueprint.figure_views(self.under)
+        errors = blueprint.figures_view(f"{self._at(rerun_paths.MAP_ERRORS)}/**", "Errors that the map states, mm")
+        explained = blueprint.figures_view(
+            self._at(rerun_paths.map_fit("explained")), "Echoes that the map explains, %"
+        )
+        distance = blueprint.figures_view(self._at(rerun_paths.map_fit("distance")), "Their distance from the map, mm")
+        of_map = rrb.Horizontal(errors, explained, distance)
+        return rrb.Vertical(units, of_map, rrb.Horizontal(clocks, contour), name="Figures")
+
+    def _polar(self, unit: str) -> rrb.Spatial2DView:
+        bounds = rrb.VisualBounds2D(x_range=[-polar.EDGE, polar.EDGE], y_range=[-polar.EDGE, polar.LOWER_EDGE])
+        return self._map([f"{self._at(rerun_paths.unit_polar(unit))}/**"], "Last sweep from the unit", bounds)
+
+    def _history(self, unit: str) -> rrb.Spatial2DView:
+        bounds = rrb.VisualBounds2D(
+            x_range=[-echo_history.LEFT, echo_history.COLUMNS + echo_history.RIGHT],
+            y_range=[-echo_history.ABOVE, echo_history.ROWS + echo_history.BELOW],
+        )
+        return self._map([f"{self._at(rerun_paths.unit_echo_history(unit))}/**"], "Echoes by bearing and time", bounds)
+
+    def _map(self, contents: list[str], name: str, bounds: rrb.VisualBounds2D | None) -> rrb.Spatial2DView:
+        return blueprint.map_view(contents, name, bounds, f"/{self.under.rstrip('/')}")
 
     def _bounds(self) -> rrb.VisualBounds2D | None:
         if self.box is None:
@@ -58,5 +91,8 @@ class Layout:
         )
 
 
-def _figures() -> rrb.Vertical:
-    return rrb.Vertical(*blueprint.figure_views(), name="Figures")
+def blueprint_of(sites: Sequence[Layout]) -> rrb.Blueprint:
+    """The layout for Rerun: a tab for each site, if there are several."""
+    if len(sites) == 1:
+        return blueprint.arranged(sites[0].views())
+    return blueprint.arranged(rrb.Tabs(*(site.views() for site in sites), active_tab=0))

@@ -1,0 +1,132 @@
+"""What has newly appeared on the map, and what is gone from it, for some minutes after."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import acos, cos, degrees, hypot, pi, sin
+
+from noctule.messages_pb2 import Contour
+
+Point = tuple[float, float]
+
+SHOWN_S = 600.0
+_SETTLES_S = 120.0  # a map that has just begun: all of it is new
+_GONE_AFTER_S = 20.0  # what is missing from one contour may be in the next one
+_SAME_PLACE_M, _SAME_DIRECTION_DEG = 0.15, 8.0
+_MOST_OBJECTS = 500
+
+
+@dataclass(frozen=True)
+class Object:
+    """A wall from ``start`` to ``end``, or a cylinder about ``start`` of ``radius_m``."""
+
+    kind: str
+    start: Point
+    end: Point
+    radius_m: float = 0.0
+
+    @property
+    def middle(self) -> Point:
+        """Where its label belongs."""
+        return (self.start[0] + self.end[0]) / 2, (self.start[1] + self.end[1]) / 2
+
+
+@dataclass(frozen=True)
+class Change:
+    """``object`` is new or gone since ``since_s``."""
+
+    object: Object
+    gone: bool
+    since_s: float
+
+
+@dataclass(frozen=True)
+class _Known:
+    object: Object
+    first_s: float
+    last_s: float
+
+
+class Changes:
+    """Follows the contours of a site. Times are those of one clock, in seconds."""
+
+    def __init__(self) -> None:
+        self._known: list[_Known] = []
+        self._settled_s: float | None = None
+
+    def note(self, contour: Contour, now_s: float) -> None:
+        """The newest contour; the same one again says that it stands."""
+        if self._settled_s is None:
+            if not contour.walls and not contour.cylinders:
+                return
+            self._settled_s = now_s + _SETTLES_S
+        present = list(_objects(contour))[:_MOST_OBJECTS]
+        kept = []
+        for known in self._known:
+            found = next((one for one in present if _is_same(known.object, one)), None)
+            if found is not None:
+                present = [one for one in present if not _is_same(known.object, one)]
+                kept.append(replace(known, object=found, last_s=now_s))
+            elif now_s - known.last_s < SHOWN_S:
+                kept.append(known)
+        self._known = [*kept, *(_Known(one, now_s, now_s) for one in present)][:_MOST_OBJECTS]
+
+    def changes(self, now_s: float) -> list[Change]:
+        """What is new or gone, the last of it first."""
+        if self._settled_s is None:
+            return []
+        found = [change for known in self._known if (change := self._change(known, now_s)) is not None]
+        return sorted(found, key=lambda change: -change.since_s)
+
+    def _change(self, known: _Known, now_s: float) -> Change | None:
+        assert self._settled_s is not None
+        if now_s - known.last_s > _GONE_AFTER_S:
+            stood = known.last_s > self._settled_s and known.last_s - known.first_s > _GONE_AFTER_S
+            return Change(known.object, gone=True, since_s=known.last_s) if stood else None
+        is_new = known.first_s > self._settled_s and now_s - known.first_s < SHOWN_S
+        return Change(known.object, gone=False, since_s=known.first_s) if is_new else None
+
+
+def _objects(contour: Contour) -> Iterator[Object]:
+    for wall in contour.walls:
+        yield Object("wall", (wall.start.x_m, wall.start.y_m), (wall.end.x_m, wall.end.y_m))
+    for cylinder in contour.cylinders:
+        place = cylinder.x_m, cylinder.y_m
+        yield Object("cylinder", place, place, cylinder.radius_m)
+
+
+def _is_same(one: Object, other: Object) -> bool:
+    """Walls on one line that share a part of it, and cylinders at one place; a wall may have grown."""
+    if one.kind != other.kind:
+        return False
+    if one.kind == "cylinder":
+        return _apart_m(one.start, other.start) < max(_SAME_PLACE_M, min(one.radius_m, other.radius_m))
+    length_m = _apart_m(one.start, one.end)
+    other_m = _apart_m(other.start, other.end)
+    if not length_m or not other_m:
+        return _apart_m(one.start, other.start) < _SAME_PLACE_M
+    along = ((one.end[0] - one.start[0]) / length_m, (one.end[1] - one.start[1]) / length_m)
+    beside = ((other.end[0] - other.start[0]) / other_m, (other.end[1] - other.start[1]) / other_m)
+    parallel = abs(along[0] * beside[0] + along[1] * beside[1])
+    if degrees(acos(min(1.0, parallel))) > _SAME_DIRECTION_DEG:
+        return False
+    ways = [_way(one.start, along, end) for end in (other.start, other.end)]
+    shares = min(length_m, max(forward for forward, _ in ways)) > max(0.0, min(forward for forward, _ in ways))
+    return shares and abs(ways[0][1] + ways[1][1]) / 2 < _SAME_PLACE_M
+
+
+def _way(start: Point, along: Point, place: Point) -> Point:
+    """How far ``place`` lies from ``start`` along ``along`` and to its left."""
+    x_m, y_m = place[0] - start[0], place[1] - start[1]
+    return x_m * along[0] + y_m * along[1], y_m * along[0] - x_m * along[1]
+
+
+def _apart_m(one: Point, other: Point) -> float:
+    return hypot(one[0] - other[0], one[1] - other[1])
+
+
+def outline_m(of: Object, corners: int = 32) -> list[Point]:
+    """The wall's ends, or a ring of points."""
+    if of.kind == "wall":
+        return [of.start, of.end]
+    turns = [2 * pi * number / corners for number in range(corners + 1)]
+    return [(of.start[0] + of.radius_m * cos(turn), of.start[1] + of.radius_m * sin(turn)) for turn in turns]
