@@ -224,4 +224,22 @@ def test_a_stored_plan_that_no_unit_can_do_is_left_alone(tmp_path):
     pages = {FIRST_PAGE: page(struct.pack("<HI", 1, 5) + plan)}
     with stepped_unit("--laps", "0", image=with_flash(IMAGE, pages, tmp_path / "wrong.ihx")) as unit:
         assert unit.greet().serial == 5
-        assert settings(unit) == DEFAULT
+        assert settings(unit) == replace(DEFAULT, stored=0)
+
+
+@pytest.mark.parametrize(
+    ("top_speed", "ramp_ms", "ramp_in_force_ms"), [(600, 0, 50), (501, 49, 50), (600, 50, 50), (500, 0, 0)]
+)
+def test_a_stored_plan_of_older_firmware_gets_the_ramp_that_its_speed_needs(
+    tmp_path, top_speed, ramp_ms, ramp_in_force_ms
+):
+    # Firmware before 0.4 took any ramp; firmware/README.md, CONFIGURE: 50 ms or more over 500 half steps/s.
+    stored = PLAN_FIELDS | {"top_speed": top_speed, "ramp_ms": ramp_ms}
+    pages = {FIRST_PAGE: page(struct.pack("<HI", 1, 5) + struct.pack("<hHBHHHHB", *stored.values()))}
+    with stepped_unit("--laps", "0", image=with_flash(IMAGE, pages, tmp_path / "older.ihx")) as unit:
+        assert unit.greet().serial == 5
+        in_force = replace(DEFAULT, **stored | {"ramp_ms": ramp_in_force_ms}, stored=int(ramp_ms == ramp_in_force_ms))
+        assert settings(unit) == in_force
+        assert unit.command(Store(0)) == Outcome.DONE
+        assert power_cycle(unit).serial == 5
+        assert settings(unit) == replace(in_force, stored=1)
