@@ -1,14 +1,15 @@
-// The firmware's own code for flash, loader and application, under gcc on a flash that may lose its power at any operation.
+// The firmware's own code for flash, loader and application, under gcc on a flash that may lose its power at any
+// operation.
 //
-// Each case begins with what flash holds at a power-up and runs a piece of the firmware: a boot, a STORE, an install. The
-// power fails at each operation of it, in all ways that the operation can be left: not done, done, or half (some bits of a
-// byte, some bits of a page). Then the unit recovers, and the power fails a second time, at each operation of that. What
-// must hold is checked after the power-up that nothing disturbs.
+// Each case begins with what flash holds at a power-up and runs a piece of the firmware: a boot, a STORE, an install.
+// The power fails at each operation of it, in all ways that the operation can be left: not done, done, or half (some
+// bits of a byte, some bits of a page). Then the unit recovers, and the power fails a second time, at each operation of
+// that. What must hold is checked after the power-up that nothing disturbs.
 //
 //   native_flash boot|store|stage|install BYTES STEP STRIDE
 //
-// BYTES is the length of the image; the first cut is at every STEP-th operation, the second at every STRIDE-th (0: none).
-// Prints the states tried, or the first that is wrong, and then ends with 1.
+// BYTES is the length of the image; the first cut is at every STEP-th operation, the second at every STRIDE-th (0:
+// none). Prints the states tried, or the first that is wrong, and then ends with 1.
 #include <setjmp.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -332,7 +333,13 @@ static void cut_boots(unsigned long step, unsigned long stride)
 
 static const struct plan plans[] = {
     {.first_bearing = -100, .bearing_step = 1, .count = 2, .ping_interval_ms = 30, .top_speed = 100, .pings = 1},
-    {.first_bearing = 100, .bearing_step = 257, .count = 9, .ping_interval_ms = 513, .top_speed = 666, .pings = 5},
+    {.first_bearing = 100,
+     .bearing_step = 257,
+     .count = 9,
+     .ping_interval_ms = 513,
+     .top_speed = 666,
+     .ramp_ms = 257,
+     .pings = 5},
 };
 static const struct calibration calibrations[] = {
     {.half_steps_per_turn = 0x00FF00FF, .backlash = 3, .home = 0, .home_bearing = -30000},
