@@ -1,5 +1,6 @@
 // The ring of frames that wait in XRAM until they are acknowledged. It outlives every reset, as far as its memory does:
-// that lies outside what the C start-up clears, and changes only by single bytes, so that no reset finds it half changed.
+// that lies outside what the C start-up clears, and changes only by single bytes, so that no reset finds it half
+// changed.
 //
 // A slot is `mark:u8 length:u16 content crc:u32`, rounded up to whole blocks; the content and its CRC are a frame as it
 // goes out, so the one CRC guards it here and on the wire.
@@ -34,9 +35,9 @@ bool ring_commit(void);
 uint8_t ring_frames(void);
 uint16_t ring_used(void);
 
-// One step towards the oldest frame that is still what was put there; what is not is dropped on the way. Says whether it
-// is found. However much is spoiled, one call takes no longer than the CRC of a short frame, so that a round of the main
-// loop stays short; in between, frames may be added and dropped.
+// One step towards the oldest frame that is still what was put there; what is not is dropped on the way. Says whether
+// it is found. However much is spoiled, one call takes no longer than the CRC of a short frame, so that a round of the
+// main loop stays short; in between, frames may be added and dropped.
 bool ring_seek(void);
 
 // Whether the oldest slot has the header of a frame.
