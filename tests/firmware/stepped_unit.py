@@ -66,8 +66,8 @@ class SteppedUnit:
         self._heard += self._reader.feed(sent)
         return sent
 
-    def befall(self, kind: str, **details: Any) -> None:
-        """Have a fault of the simulator's README happen to the unit, now."""
+    def inject(self, kind: str, **details: Any) -> None:
+        """Inject a fault of the simulator's README, now."""
         self.step(fault={"kind": kind, **details})
 
     def send_bytes(self, data: bytes) -> None:

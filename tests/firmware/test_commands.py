@@ -65,7 +65,7 @@ def content_of(request: HostFrame) -> bytes:
 
 def make_busy_by_the_button(unit: SteppedUnit) -> None:
     """Begins a sweep without a command."""
-    unit.befall("button_held", for_s=0.2)
+    unit.inject("button_held", for_s=0.2)
     unit.wait_for_state(State.HOMING)
 
 

@@ -52,7 +52,7 @@ def page(body: bytes) -> bytes:
 
 
 def power_cycle(unit: SteppedUnit) -> Hello:
-    unit.befall("power_cut", for_s=0.5)
+    unit.inject("power_cut", for_s=0.5)
     return unit.receive(Hello)
 
 
@@ -91,7 +91,7 @@ def test_a_power_cut_at_any_flash_operation_of_a_store_leaves_the_old_or_the_new
         for operation in count(1):
             assert unit.command(replace(PLAN, first_bearing=-9000 + operation)) == Outcome.DONE
             wanted = replace(settings(unit), stored=1)
-            unit.befall("power_cut_at_flash_operation", number=operation)
+            unit.inject("power_cut_at_flash_operation", number=operation)
             unit.send(Store(200))
             after = unit.receive_either(Result, Hello)
             if isinstance(after, Result):
@@ -116,7 +116,7 @@ def test_a_dip_of_the_supply_at_any_moment_of_a_store_leaves_the_old_or_the_new_
             wanted = replace(settings(unit), stored=1)
             unit.send(Store(200))
             unit.run(tenths_of_ms * 1e-4)
-            unit.befall("brown_out")
+            unit.inject("brown_out")
             assert unit.receive(Hello).serial == 1
             now = settings(unit)
             assert now in (held, wanted)
