@@ -1,8 +1,9 @@
 """Power cuts at flash operations of a boot, of STORE and of an update, and at those of the recovery.
 
 At every operation of a boot, of STORE and of a small install, with a second cut at every operation of the recovery; at
-each 97th (5th in the soak tests) of a full-size install, and at every one of staging, without a second cut. The firmware's own code on a flash that fails, under gcc: native_flash.c says how. test_loader_power.py cuts the power
-of the very image that is flashed, in the simulator, at fewer places.
+each 97th (5th in the soak tests) of a full-size install, and at every one of staging, without a second cut. The
+firmware's own code on a flash that fails, under gcc: native_flash.c says how. test_loader_power.py cuts the power of
+the very image that is flashed, in the simulator, at fewer places.
 """
 
 import subprocess
@@ -24,7 +25,7 @@ WORDS = ["__xdata=", "__code=", "__at(address)=", "__interrupt(number)=", "__asm
 
 def built(place: Path, source: str = "", change: tuple[str, str] = ("", "")) -> Path:
     """The program at ``place``; in ``source`` the first text gives way to the second."""
-    sources = [HERE / "native_flash.c", *(FIRMWARE / name for name in SOURCES)]
+    sources = [HERE / "native_flash.c", HERE / "failing_flash.c", *(FIRMWARE / name for name in SOURCES)]
     folders: Sequence[Path] = [FIRMWARE / Path(source).parent] if source else []
     if source:
         text = (FIRMWARE / source).read_text()
