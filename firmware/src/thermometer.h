@@ -1,4 +1,4 @@
-// The thermometer: the temperature of the chip, and that of the air once it was told what that is.
+// The thermometer: the temperature of the chip, and that of the air once it is trimmed.
 #ifndef THERMOMETER_H
 #define THERMOMETER_H
 

@@ -103,7 +103,7 @@ CHANGED = [*SOURCES, "image.py", "Makefile"]
 
 
 @pytest.mark.parametrize("changed", CHANGED)
-def test_a_change_of_any_source_builds_anew(built, changed):
+def test_a_change_of_any_source_rebuilds_it(built, changed):
     age(built)
     (built / changed).touch()
     assert make(built, "--question").returncode == 1

@@ -241,7 +241,7 @@ def test_hello_makes_a_unit_forget_the_command_of_an_earlier_host(homed, order):
     assert homed.ask(AskHello(0), Hello)
     homed.send(replace(order, request=200))
     second = homed.receive(Result)
-    # Run anew: those that made the unit busy find it so.
+    # Run again: those that made the unit busy find it so.
     busy = {Home.TYPE, Single.TYPE, GoTo.TYPE}
     assert second.result == (Outcome.BUSY if order.TYPE in busy else Outcome.DONE)
 

@@ -28,7 +28,7 @@ bool ring_has_room(uint16_t length);
 // ring_has_room() first. ring_commit() is called, once in a round, until it says that this is the newest frame.
 void ring_begin(void);
 void ring_put(uint8_t byte);
-void ring_amend(uint16_t offset, uint8_t byte); // writes a byte of the content anew
+void ring_amend(uint16_t offset, uint8_t byte); // overwrites a byte of the content
 bool ring_commit(void);
 
 // The number of frames, by their headers alone, and the bytes that all slots take up.
