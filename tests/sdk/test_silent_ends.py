@@ -1,8 +1,8 @@
 """Which sockets of a process get a bound on how long they wait for a silent end."""
 
-import os
 import socket
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -30,10 +30,9 @@ def test_a_router_that_does_not_listen_everywhere_yet_looks_at_each_client(endpo
 
 
 def test_a_client_bounds_its_own_connection_and_leaves_all_descriptors_open(endpoint: str) -> None:
-    with plain(endpoint, "router", "listen"), socket.socket() as other:
-        with bus.open_session([endpoint]):
-            wait_until(lambda: bounds(endpoint, of_peer=True) == [silent_ends.LONGEST_MS], "it is not bounded")
-            assert other.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 0
+    with plain(endpoint, "router", "listen"), socket.socket() as other, bus.open_session([endpoint]):
+        wait_until(lambda: bounds(endpoint, of_peer=True) == [silent_ends.LONGEST_MS], "it is not bounded")
+        assert other.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 0
 
 
 def silent_ends_know(router: zenoh.Session) -> None:
@@ -63,9 +62,13 @@ def bounds(endpoint: str, of_peer: bool = False) -> list[int]:
     """The option, in ms, of this process's sockets at the endpoint's port, or of those connected to it."""
     place = endpoints.host_and_port(endpoint)
     found = []
-    for name in os.listdir("/proc/self/fd"):
-        with suppress(OSError), socket.socket(fileno=os.dup(int(name))) as each:  # others are no sockets
-            address = each.getpeername() if of_peer else each.getsockname()
-            if place is not None and each.type == socket.SOCK_STREAM and address[1:2] == (place[1],):
-                found.append(each.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT))
+    for path in list(Path("/proc/self/fd").iterdir()):
+        with suppress(OSError):  # others are no sockets, or connected to nothing
+            each = socket.socket(fileno=int(path.name))
+            try:
+                address = each.getpeername() if of_peer else each.getsockname()
+                if place is not None and each.type == socket.SOCK_STREAM and address[1:2] == (place[1],):
+                    found.append(each.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT))
+            finally:
+                each.detach()
     return found
