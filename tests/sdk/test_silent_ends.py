@@ -18,20 +18,20 @@ def test_a_router_bounds_what_it_accepts_without_a_look_at_other_sockets(endpoin
     with bus.open_session(listen=[endpoint]) as router, plain_client(endpoint):
         wait_until(lambda: len(bounds(endpoint)) == 2, "nothing is accepted")
         silent_ends_know(router)
-        assert bounds(endpoint) == [silent_ends.LONGEST_MS] * 2
+        assert bounds(endpoint) == [silent_ends.OF_CLIENT_MS] * 2
         assert bounds(endpoint, of_peer=True) == [0]  # the client's, which is not the router's
 
 
 def test_a_router_that_does_not_listen_everywhere_yet_looks_at_each_client(endpoint: str) -> None:
     with plain(endpoint, "router", "listen") as router:
-        silent_ends.bound(router, [], [endpoint, NOBODYS])
+        silent_ends.bound(router, [endpoint], [NOBODYS])
         with plain_client(endpoint):
-            wait_until(lambda: bounds(endpoint, of_peer=True) == [silent_ends.LONGEST_MS], "it has not looked")
+            wait_until(lambda: bounds(endpoint, of_peer=True) == [silent_ends.OF_ROUTER_MS], "it has not looked")
 
 
 def test_a_client_bounds_its_own_connection_and_leaves_all_descriptors_open(endpoint: str) -> None:
     with plain(endpoint, "router", "listen"), socket.socket() as other, bus.open_session([endpoint]):
-        wait_until(lambda: bounds(endpoint, of_peer=True) == [silent_ends.LONGEST_MS], "it is not bounded")
+        wait_until(lambda: bounds(endpoint, of_peer=True) == [silent_ends.OF_ROUTER_MS], "it is not bounded")
         assert other.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 0
 
 

@@ -5,7 +5,8 @@ Zenoh 1.10 notices such an end by its lease, but closes a link of TLS only when 
 hour, in which the session has no router. Zenoh has no setting for it, so the sockets get TCP_USER_TIMEOUT here.
 
 The option also ends a connection to a host that lives, whose program has read nothing for so long with its buffer full:
-one that is stopped, or starved. Such a program connects again, and reads on from the log.
+one that is stopped, or starved. Such a program connects again, and reads on from the log. A router waits longer for it
+than a program waits for its router, in whose place there may be another.
 """
 
 import socket
@@ -17,9 +18,10 @@ import zenoh
 
 from noctule import endpoints
 
-LONGEST_MS = 20_000
-"""How long sent bytes may stay unacknowledged: twice Zenoh's own lease. So a program that still says that it lives, but
-reads slowly, gets more time than one that says nothing, which the lease ends after 10 s whatever is set here."""
+OF_ROUTER_MS = 10_000
+"""How long what was sent to a router may stay unacknowledged: as long as Zenoh's own lease."""
+OF_CLIENT_MS = 30_000
+"""The same of what a router has sent to one that has connected to it, and may be slow to read."""
 _DESCRIPTORS = Path("/proc/self/fd")
 _OPTION: int | None = getattr(socket, "TCP_USER_TIMEOUT", None)  # Linux has it
 
@@ -33,15 +35,15 @@ def bound(session: zenoh.Session, connect: Sequence[str], listen: Sequence[str])
     """
     if _OPTION is None or not _DESCRIPTORS.is_dir():
         return
-    option, ports = _OPTION, _ports_of([*connect, *listen])
-    listening = _bound_all(ports, option)  # a router's, which listen already
+    option, routers, own = _OPTION, _ports_of(connect), _ports_of(listen)
+    listening = _bound_all(routers, own, option)  # a router's, which listen already
 
     def opened(event: zenoh.TransportEvent) -> None:
         nonlocal listening
         if event.kind != zenoh.SampleKind.PUT:
             return
         if event.transport.whatami != zenoh.WhatAmI.CLIENT or listening < len(listen):
-            listening = _bound_all(ports, option)
+            listening = _bound_all(routers, own, option)
 
     session.info.declare_transport_events_listener(opened, history=True)
 
@@ -50,14 +52,20 @@ def _ports_of(places: Sequence[str]) -> frozenset[int]:
     return frozenset(place[1] for each in places if (place := endpoints.host_and_port(each)))
 
 
-def _bound_all(ports: frozenset[int], option: int) -> int:
-    """Give all sockets of these ports the option; returns how many of them listen."""
+def _bound_all(routers: frozenset[int], own: frozenset[int], option: int) -> int:
+    """Give the option to all sockets connected to ports of ``routers`` or at ``own`` ports; returns how many of them
+    listen.
+    """
     listening = 0
     for name in [each.name for each in _DESCRIPTORS.iterdir()]:
         with suppress(OSError), _tcp_socket(name) as found:  # it has been closed
-            if found is not None and not ports.isdisjoint(_ports(found)):
-                found.setsockopt(socket.IPPROTO_TCP, option, LONGEST_MS)
+            if found is None:
+                continue
+            if found.getsockname()[1] in own:
+                found.setsockopt(socket.IPPROTO_TCP, option, OF_CLIENT_MS)
                 listening += found.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+            elif found.getpeername()[1] in routers:
+                found.setsockopt(socket.IPPROTO_TCP, option, OF_ROUTER_MS)
     return listening
 
 
@@ -73,9 +81,3 @@ def _tcp_socket(descriptor: str) -> Iterator[socket.socket | None]:
         yield found if tcp else None
     finally:
         found.detach()
-
-
-def _ports(each: socket.socket) -> Iterator[int]:
-    yield each.getsockname()[1]
-    with suppress(OSError):  # it listens
-        yield each.getpeername()[1]
