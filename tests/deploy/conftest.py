@@ -1,4 +1,4 @@
-"""A secured bus, once for each module of tests that asks for one."""
+"""A secured bus, once for each module of tests that asks for one; and who can't have namespaces is not tested there."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import pytest
 from deploy.secured_fleet import SecuredFleet, rendered, running_routers
 
+from deploy import namespaces
 from noctule_deploy import fleet_file, render
 
 
@@ -18,3 +19,10 @@ def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SecuredFleet]:
     render.renew(members, made.place, "gateway.attic", datetime.now(UTC))
     with running_routers(made):
         yield made
+
+
+@pytest.fixture(scope="session")
+def can_have_namespaces() -> None:
+    """Skips what asks for it where this machine can't make network namespaces."""
+    if reason := namespaces.why_not():
+        pytest.skip(reason)

@@ -1,7 +1,6 @@
 """Hosts as network namespaces of this machine, on one switch, each with a cable that can be pulled.
 
-A namespace that a killed test has left behind is removed by the next one. All need root: ``why_not()`` says what is
-missing.
+What a killed test has left behind is removed by the next one. All need root: ``why_not()`` says what is missing.
 """
 
 import contextlib
@@ -11,6 +10,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import psutil
@@ -23,17 +23,26 @@ _LOSS = ("netem", "loss", "20%")
 _NARROW = ("tbf", "rate", "200kbit", "burst", "1600", "limit", "3200")
 
 
+@cache
 def why_not() -> str:
     """Why there can be no network namespaces here; empty if they work."""
     if os.geteuid() != 0:
         return "network namespaces need root"
     if shutil.which("ip") is None:
         return "network namespaces need the command ip (package iproute2)"
-    probe = _namespace("probe")
-    tried = subprocess.run(["ip", "netns", "add", probe], capture_output=True, text=True, check=False)
-    if tried.returncode != 0:
-        return f"no network namespace can be made here: {tried.stderr.strip()}"
-    _ip("netns", "delete", probe)
+    inside = ("-n", _namespace("probe"), "link", "add")
+    tries = (
+        ("netns", "add", _namespace("probe")),
+        (*inside, "bridge", "type", "bridge"),
+        (*inside, "one", "type", "veth", "peer", "name", "other"),
+    )
+    try:
+        for words in tries:
+            _ip(*words)
+    except AssertionError as failed:
+        return f"no network of namespaces can be made here: {failed}"
+    finally:
+        _remove(_namespace("probe"))
     return ""
 
 
@@ -104,6 +113,8 @@ def network() -> Iterator[Network]:
         for name in _present():
             if name.startswith(_namespace("")):
                 _remove(name)
+        with contextlib.suppress(OSError):  # it is not there, or others are in it
+            HOSTS_FILES.rmdir()
 
 
 def _namespace(host: str) -> str:
@@ -116,24 +127,27 @@ def _hosts_file(host: str) -> Path:
 
 def _add(host: str) -> None:
     _ip("netns", "add", _namespace(host))
-    _hosts_file(host).parent.mkdir(parents=True)
+    _hosts_file(host).parent.mkdir(parents=True, exist_ok=True)
     _hosts_file(host).write_text("127.0.0.1 localhost\n")
     _ip("-n", _namespace(host), "link", "set", "lo", "up")
 
 
 def _present() -> list[str]:
-    listed = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True, check=True).stdout
-    return [match[0] for line in listed.splitlines() if (match := _NAME.match(line))]
+    """Namespaces, and folders of namespaces that a boot has ended."""
+    listed = subprocess.run(["ip", "netns", "list"], capture_output=True, text=True, check=True).stdout.splitlines()
+    names = {*listed, *(path.name for path in HOSTS_FILES.glob("noctule-*"))}
+    return sorted({match[0] for name in names if (match := _NAME.match(name))})
 
 
 def _remove(name: str) -> None:
-    for pid in subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=True).stdout.split():
+    """Remove a namespace and what runs in it, as far as it is there: another test may be removing it too."""
+    inside = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False)
+    for pid in inside.stdout.split():
         with contextlib.suppress(ProcessLookupError):
             os.kill(int(pid), signal.SIGKILL)
-    _ip("netns", "delete", name)
+    deleted = subprocess.run(["ip", "netns", "delete", name], capture_output=True, text=True, check=False)
+    assert deleted.returncode == 0 or "No such file" in deleted.stderr, f"{name} stays: {deleted.stderr.strip()}"
     shutil.rmtree(HOSTS_FILES / name, ignore_errors=True)
-    with contextlib.suppress(OSError):  # others are there
-        HOSTS_FILES.rmdir()
 
 
 def _ip(*words: str) -> None:

@@ -8,10 +8,9 @@ from system.processes import ROOT
 from system.site import SURVEY_SWEEPS
 from truth import compare, load_room
 
-from deploy import namespaces
 from noctule.messages_pb2 import Contour
 
-pytestmark = pytest.mark.skipif(bool(namespaces.why_not()), reason=namespaces.why_not())
+pytestmark = pytest.mark.usefixtures("can_have_namespaces")
 
 GATEWAY, MAPPER, FAR_ROUTER = "noctule-gateway-attic", "noctule-mapper-cartographer", "noctule-router-one"
 LACK = "no router answers"
@@ -149,4 +148,4 @@ def sees_the_unit(hosts: SeveralHosts, router: str) -> bool:
 def of_all_sweeps(hosts: SeveralHosts) -> Contour | None:
     """The map, once it rests on every sweep that is stored."""
     contour = hosts.contour()
-    return contour if contour.sweeps == len(hosts.stored()) else None
+    return contour if contour is not None and contour.sweeps == len(hosts.stored()) else None

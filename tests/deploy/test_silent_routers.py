@@ -11,9 +11,10 @@ from deploy import namespaces
 from noctule_deploy import fleet_file, render
 from noctule_deploy.render import Place
 
-pytestmark = pytest.mark.skipif(bool(namespaces.why_not()), reason=namespaces.why_not())
+pytestmark = pytest.mark.usefixtures("can_have_namespaces")
 
 ADDRESSES = {"one": "10.77.1.1", "two": "10.77.1.2", "server": "10.77.1.3"}
+ROUTERS = ("one", "two")
 FLEET = f"""
 [[router]]
 name = "one"
@@ -55,12 +56,14 @@ with bus.closing(bus.open_session()) as session:
         print(publisher.matching_status.matching, *session.info.routers_zid(), flush=True)
         time.sleep(0.1)
 """
+# It prints the router that it reads through.
 READ = """
 import sys, threading
 from noctule import bus, keys
 
 with bus.closing(bus.open_session([sys.argv[1]])) as session:
     session.declare_subscriber(keys.contour("house"), lambda sample: None)
+    print(*session.info.routers_zid(), flush=True)
     threading.Event().wait()
 """
 
@@ -78,15 +81,22 @@ def test_a_client_whose_send_buffer_is_full_leaves_a_router_that_is_gone_without
         for host, address in ADDRESSES.items():
             network.add(host, address)
             network.plug(host)
-        for router in ("one", "two"):
+        for router in ROUTERS:
             start(router, router, f"router.{router}", "noctule-gateway", "router")
             wait_until(lambda router=router: "listens" in running.log(router), "the router does not listen")
-        start("reader", "two", "operator.anna", sys.executable, "-c", READ, f"tls/{ADDRESSES['two']}:7447")
+            reader = (sys.executable, "-c", READ, f"tls/{ADDRESSES[router]}:7447")
+            start(f"reader-{router}", router, "operator.anna", *reader)
         cut = tmp_path / "cut"
         start("writer", "server", "mapper.cartographer", sys.executable, "-c", WRITE, str(cut))
         first = wait_until(lambda: joined(running), "the client has no router through which somebody reads")
-        network.pull("one")
-        running.kill("one")
+        reads = {
+            router: wait_until(lambda router=router: reads_through(running, router), "it does not read")
+            for router in ROUTERS
+        }
+        (gone,) = [router for router, its_id in reads.items() if its_id == first]
+        network.pull(gone)
+        running.kill(gone)
+        running.kill(f"reader-{gone}")
         cut.touch()
         wait_until(lambda: joined(running) not in ("", first), "the client does not leave the router")
 
@@ -95,3 +105,8 @@ def joined(running: Programs) -> str:
     """The router that the client has now, through which somebody reads; empty while there is none."""
     matching, _, router = (running.log("writer").rstrip("\n").splitlines() or [""])[-1].partition(" ")
     return router if matching == "True" else ""
+
+
+def reads_through(running: Programs, router: str) -> str:
+    """The id of the router that the reader of its host is joined to; empty while there is none."""
+    return running.log(f"reader-{router}").strip()

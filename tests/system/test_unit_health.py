@@ -11,9 +11,9 @@ from noctule.client import Client
 from noctule.messages_pb2 import FAULT_KIND_SILENT, ServiceStatus, UnitStatus
 
 SPEED = 20
-DEAF_AT_S = 400.0  # simulated: after twenty sweeps of 10.5 s, each with a pause of 5 s, and time to connect
+LEARNT_AFTER = 14  # sweeps: as in test_unit_faults
 LEFT_OUT = ("sweeps_unusable", "sweeps_taken_out")  # made while the fault had a name, and just before
-FAULT = f'[[fault]]\nat_s = {DEAF_AT_S}\nkind = "sensor_deaf"\n'
+FAULT = '[[fault]]\nat_s = 0.0\nkind = "sensor_deaf"\n'
 
 
 def test_a_deaf_sensor_is_told_in_units_report_status_and_map_and_outlives_a_restart(tmp_path: Path) -> None:
@@ -22,15 +22,25 @@ def test_a_deaf_sensor_is_told_in_units_report_status_and_map_and_outlives_a_res
     site.write_text(only_first_unit(site_file("lounge", unit_port)))
     faults.write_text(FAULT)
     endpoint = f"tcp/127.0.0.1:{bus_port}"
-    simulator = ("noctule-sim", "--room", "lounge", "--units", "1", "--tcp", f"127.0.0.1:{unit_port}")
+    line = ("--tcp", f"127.0.0.1:{unit_port}", "--speed", str(SPEED), "--state", str(tmp_path / "flash"))
+    simulator = ("noctule-sim", "--room", "lounge", "--units", "1", *line)
     gateway = ("noctule-gateway", "run", str(site), "--data", str(data), "--listen", endpoint)
     mapper = ("noctule-mapper", "run", "--site", "lounge", "--data", str(tmp_path / "map"), "--rerun", "none")
     with programs(tmp_path) as running:
         running.start("gateway", *gateway)
         running.start("mapper", *mapper, "--connect", endpoint)
         wait_until(lambda: running.check() or listens(bus_port), "no router")
-        running.start("simulator", *simulator, "--speed", str(SPEED), "--faults", str(faults))
+        running.start("simulator", *simulator)
         with Client("lounge", connect=[endpoint]) as client:
+
+            def learnt() -> bool:
+                running.check()
+                return "u1" in client.units() and len(list(client.history("u1"))) >= LEARNT_AFTER
+
+            wait_until(learnt, "too few sweeps are logged", every_s=1.0)
+            assert not any(sweep.faults for sweep in client.history("u1"))
+            running.end("simulator")
+            running.start("simulator", *simulator, "--faults", str(faults))
 
             def faulty() -> UnitStatus | None:
                 running.check()

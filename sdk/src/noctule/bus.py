@@ -50,9 +50,7 @@ def open_session(
         session = _open_router(config, identity)
     else:
         session = _open_client(config, identity, patience_s, while_waiting)
-    silent_ends.bound(
-        session, (each for side in ("connect", "listen") for each in bus_config.endpoints_of(config, side))
-    )
+    silent_ends.bound(session, bus_config.endpoints_of(config, "connect"), bus_config.endpoints_of(config, "listen"))
     return session
 
 
