@@ -18,6 +18,13 @@ from noctule.messages_pb2 import Sweep
 
 BIN = Path(sys.executable).parent
 REPRODUCE = ("noctule-mapper", "reproduce", "--seeds", "500", "--jobs", "2", "--out", "figures")
+SITE = """site = "attic"
+[[unit]]
+name = "zz"
+serial = 99
+address = "/dev/ttyUSB0"
+pose = "unknown"
+"""
 
 
 class OnTerminal:
@@ -110,15 +117,17 @@ def test_reproduce_ends_its_processes_when_only_it_is_told_to_end(tmp_path: Path
         running.close()
 
 
-def test_the_units_of_a_site_are_shown_each_second_until_ctrl_c(tmp_path: Path) -> None:
+def test_the_units_of_a_site_are_shown_each_second_those_in_trouble_first_until_ctrl_c(tmp_path: Path) -> None:
     many_sweeps(tmp_path / "few.jsonl", 2)
+    (tmp_path / "attic.toml").write_text(SITE)
     endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     site = OnTerminal(tmp_path, "noctule", "replay", "few.jsonl", "--site", "attic", "--listen", endpoint)
     try:
         wait_until(lambda: "has been published" in site.shown(), "the site")
-        shown = OnTerminal(tmp_path, "noctule", "units", "attic", "--watch", "--connect", endpoint)
+        shown = OnTerminal(tmp_path, "noctule", "units", "attic.toml", "--watch", "--connect", endpoint)
         try:
             wait_until(lambda: shown.shown().count("sweeping") >= 3, "the unit, three times")
+            assert 0 < shown.shown().find("zz") < shown.shown().find("sweeping")
             os.killpg(shown.process.pid, signal.SIGINT)
             assert shown.status() == 0, shown.shown()
         finally:
