@@ -39,7 +39,9 @@ def units(
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {unit, served, since, detail, status}.")] = False,
-    goes_on: Annotated[bool, typer.Option("--watch", help="On a terminal: show it each second, until Ctrl-C.")] = False,
+    goes_on: Annotated[
+        bool, typer.Option("--watch", help="On a terminal: show it each second, units in trouble first, until Ctrl-C.")
+    ] = False,
 ) -> None:
     """Show a site's units: which gateway serves them, in which state and since when, how long their logs are.
 
