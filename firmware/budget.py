@@ -43,16 +43,13 @@ STACK_LEFT = Budget("IRAM: left above it", 24, "bytes", at_least=True)
 LATENCY = Budget("interrupts: longest wait", 10, "us")
 # A third of the watchdog's 16.3 ms; and the simulator has no prefetch misses, for which a factor of 1.5 is kept.
 ROUND_LIMIT_US = round(16_320 / 3 / 1.5)
+TASKS = (
+    *("receive_task", "unit_task", "echo_task", "motor_task", "delivery_task", "transmit_task"),
+    *("surveyor_task", "thermometer_task", "confirmation_task"),
+)
 ROUNDS = {
     "round": Budget("longest round of all tasks", ROUND_LIMIT_US, "us"),
-    **{
-        task: Budget(f"longest: {task}", ROUND_LIMIT_US, "us")
-        for task in ("receive_task", "unit_task", "echo_task", "motor_task", "delivery_task", "transmit_task")
-    },
-    **{
-        task: Budget(f"longest: {task}", ROUND_LIMIT_US, "us")
-        for task in ("surveyor_task", "thermometer_task", "confirmation_task")
-    },
+    **{task: Budget(f"longest: {task}", ROUND_LIMIT_US, "us") for task in TASKS},
 }
 IDLE = Budget("time asleep while sweeping", 97, "%", at_least=True)
 
@@ -76,7 +73,7 @@ def address_of(name: str, symbols: Path) -> str:
 
 def routines(symbols: Path) -> list[str]:
     """The options of ``noctule-sim`` that time a round of the main loop, and each of its tasks."""
-    tasks = [f"{task}={address_of(task, symbols)}" for task in ROUNDS if task != "round"]
+    tasks = [f"{task}={address_of(task, symbols)}" for task in TASKS]
     whole = f"round={address_of('watchdog_feed', symbols)}-{address_of('round_wait', symbols)}"
     return [option for routine in [whole, *tasks] for option in ("--routine", routine)]
 

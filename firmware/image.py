@@ -65,11 +65,11 @@ def read_hex(path: Path) -> Memory:
         record = bytes.fromhex(line.removeprefix(":"))
         length, address, kind = struct.unpack_from(">BHB", record)
         if sum(record) & 0xFF or len(record) != length + 5 or kind not in (RECORD_DATA, RECORD_END):
-            raise SystemExit(f"{path}, line {number}: no record that a linker writes: build it anew (make clean all)")
+            raise SystemExit(f"{path}, line {number}: no record that a linker writes: build it again (make clean all)")
         if kind == RECORD_END:
             return memory
         memory |= placed(address, record[4:-1])
-    raise SystemExit(f"{path}: the end record is missing: build it anew (make clean all)")
+    raise SystemExit(f"{path}: the end record is missing: build it again (make clean all)")
 
 
 def hex_record(address: int, kind: int, data: bytes = b"") -> str:

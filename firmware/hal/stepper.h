@@ -33,8 +33,8 @@ void stepper_set_position(int16_t half_steps);
 // The phase of the coils in which the motor rests, rising with the position.
 uint8_t stepper_phase(void);
 
-// Looks for the home switch, before every half step, from now on; it closes at home, or opens. It is seen when three half
-// steps in a row have found it so.
+// Looks for the home switch, before every half step, from now on; it closes at home, or opens. It is seen when three
+// half steps in a row have found it so.
 void stepper_watch_home(bool opens);
 bool stepper_saw_home(void);
 

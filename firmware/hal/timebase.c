@@ -29,7 +29,8 @@ uint32_t timebase_now(void)
     return now;
 }
 
-// In the first half of the 16-bit count, whose last wrap is served: one wrap more shows in CF, and a second is 24 ms off.
+// In the first half of the 16-bit count, whose last wrap is served: one wrap more shows in CF, and a second is 24 ms
+// off.
 void timebase_await_early(void)
 {
     while (CF || (uint8_t)(timebase_now() >> 8) >= 0x80)

@@ -1,5 +1,5 @@
-// UART0 (datasheet chapter of that name): timer 1 gives the baud rate, the service routine moves bytes between SBUF0 and
-// two rings.
+// UART0 (datasheet chapter of that name): timer 1 gives the baud rate, the service routine moves bytes between SBUF0
+// and two rings.
 #include "uart.h"
 
 #include "timebase.h"

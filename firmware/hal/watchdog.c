@@ -17,5 +17,5 @@ void watchdog_stop(void)
 
 void watchdog_feed(void)
 {
-    PCA0CPH4 = 0; // any write begins the time-out anew
+    PCA0CPH4 = 0; // any write restarts the time-out
 }

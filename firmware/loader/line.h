@@ -14,8 +14,8 @@ void line_start(void);
 
 #define LINE_FRAME 0xFF
 
-// Takes the byte that may have come in. Gives REASON_NONE until that ends a frame; then LINE_FRAME if the frame is sound,
-// else the enum reason why it is not. The frame stays until the next byte.
+// Takes the byte that may have come in. Gives REASON_NONE until that ends a frame; then LINE_FRAME if the frame is
+// sound, else the enum reason why it is not. The frame stays until the next byte.
 uint8_t line_receive(void);
 
 // Compose a frame and send it.

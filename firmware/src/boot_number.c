@@ -1,7 +1,7 @@
 // A boot number's page: `base:u16 complement:u16`, then one bit cleared per boot, lowest first. The sound page of the
 // higher base holds, and the other one is begun when it is used up. So the number never goes back wherever the power
-// fails: a bit is cleared or not; an erase under way sets bits, and a page of which base or complement has gained one is
-// not sound; nor is one whose base or complement is not written yet.
+// fails: a bit is cleared or not; an erase under way sets bits, and a page of which base or complement has gained one
+// is not sound; nor is one whose base or complement is not written yet.
 #include "boot_number.h"
 
 #include <stdbool.h>

@@ -21,7 +21,7 @@
 #define FOR_BYTES 9       // before the frame that is in a FOR
 #define REPEATS_WITHIN 32 // requests; a host that counts them comes back to a number only after 255
 
-// The last command that was run: it is known again by its CRC, and its number alone may have been used anew.
+// The last command that was run: it is known again by its CRC, and its number alone may have been used again.
 static __xdata struct {
     uint8_t request; // 0: none
     uint8_t type;
@@ -109,7 +109,7 @@ static void run_once(const __xdata uint8_t *frame, uint32_t crc)
 
 static void greet(uint8_t request, uint8_t protocol)
 {
-    last.request = 0; // a new host counts its requests anew
+    last.request = 0; // a new host counts its requests from the start
     delivery_hasten();
     transmit_hello(request, protocol);
 }

@@ -1,5 +1,5 @@
 // Delivery of sweeps, with waits of 0.5, 1, 2 and then every 4 s for the acknowledgement. Each frame of the host begins
-// them anew: where one is to be heard and the acknowledgement is not, the line is bad and not dead.
+// them again: where one is to be heard and the acknowledgement is not, the line is bad and not dead.
 #include "delivery.h"
 
 #include "../hal/round.h"

@@ -1,6 +1,6 @@
 // One ping of the HC-SR04. The line rises some 450 us after the trigger (42 ms, on some copies of the sensor) and stays
-// high for the time of flight, or for the sensor's own time-out of some 38 ms; copies hold it for up to 200 ms, or until
-// their power is cut.
+// high for the time of flight, or for the sensor's own time-out of some 38 ms; copies hold it for up to 200 ms, or
+// until their power is cut.
 #include "echo.h"
 
 #include "../hal/pins.h"
@@ -9,7 +9,8 @@
 #include "core/protocol.h"
 #include "counters.h"
 
-#define WORTH_WAITING_TICKS (250 * TICKS_PER_US) // a round sooner than expected; else the next one would ping, 2 ms late
+// A round sooner than expected; else the next one would ping, 2 ms late.
+#define WORTH_WAITING_TICKS (250 * TICKS_PER_US)
 #define TRIGGER_TICKS (25 * TICKS_PER_US) // 10 us for an HC-SR04, 20 for a JSN-SR04T
 #define SHORTEST_TICKS (100 * TICKS_PER_US) // 17 mm
 #define LONGEST_TICKS (36 * TICKS_PER_MS) // 6.2 m, past the sensor's reach

@@ -1,5 +1,5 @@
-// What loader and application both find in flash, by the tables in README.md, Flash: images (the application, and that of
-// an update in staging) and the settings pages.
+// What loader and application both find in flash, by the tables in README.md, Flash: images (the application, and that
+// of an update in staging) and the settings pages.
 #ifndef FLASH_LAYOUT_H
 #define FLASH_LAYOUT_H
 

@@ -1,5 +1,5 @@
-// The life's page is `life:u32 complement:u32`. A life is taken up only when it is whole, and never again once its page has
-// been erased: so no power cut lets two lives have the same boot number, or one life two.
+// The life's page is `life:u32 complement:u32`. A life is taken up only when it is whole, and never again once its page
+// has been erased: so no power cut lets two lives have the same boot number, or one life two.
 #include "life.h"
 
 #include <stdbool.h>
@@ -24,8 +24,8 @@ static bool is_sound(void)
     return flash_read32(PAGE) != 0 && flash_read32(PAGE) == ~flash_read32(PAGE + 4);
 }
 
-// Of what the ring's memory holds: after a power-up that is noise, for each of its 24,000 cells falls to either side and
-// many of them not always to the same; and an application that has run before leaves other sweeps there each time.
+// Of what the ring's memory holds: after a power-up that is noise, for each of its 24,000 cells falls to either side
+// and many of them not always to the same; and an application that has run before leaves other sweeps there each time.
 static uint32_t draw(void)
 {
     uint32_t crc = CRC_EMPTY;

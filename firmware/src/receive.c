@@ -1,4 +1,4 @@
-// What comes in from the host. What cannot be read is counted and rejected, and the next 0x00 begins anew.
+// What comes in from the host. What cannot be read is counted and rejected, and the next 0x00 begins a new frame.
 #include "receive.h"
 
 #include <stdint.h>

@@ -1,5 +1,5 @@
-// The settings pages, used by turns (../README.md, Flash). The page that does not hold is erased and written anew, its CRC
-// last: until that is whole the other one holds, and the power may fail at any moment.
+// The settings pages, used by turns (../README.md, Flash). The page that does not hold is erased and written again, its
+// CRC last: until that is whole the other one holds, and the power may fail at any moment.
 #include "settings.h"
 
 #include "../hal/flash.h"
@@ -24,7 +24,7 @@
 
 static __xdata uint16_t page; // the one that holds
 static __xdata uint8_t in_force[SETTINGS_BYTES];
-static __xdata uint8_t stored[SETTINGS_BYTES]; // what a power-up would find
+static __xdata uint8_t stored[SETTINGS_BYTES]; // what flash holds, defaults where it holds nothing
 
 // Of the page being written.
 static __xdata uint16_t at;
@@ -65,6 +65,7 @@ static void hand_out(void)
     static __xdata struct calibration calibration;
     layout_read_plan(&plan, in_force);
     layout_read_calibration(&calibration, in_force + OFFSET_CALIBRATION);
+    plan_lengthen_ramp(&plan);
     unit_configure(&plan); // refuses what no unit can do, and goes on with what it has
     unit_calibrate(&calibration);
     thermometer_set_trim(get16(in_force + OFFSET_TRIM));
@@ -72,7 +73,6 @@ static void hand_out(void)
 
 static void keep_in_mind(void)
 {
-    settings_bytes();
     for (uint8_t i = 0; i < SETTINGS_BYTES; i++)
         stored[i] = in_force[i];
 }
@@ -86,8 +86,8 @@ void settings_start(void)
         for (uint8_t i = 0; i < SETTINGS_BYTES && i < held; i++)
             in_force[i] = flash_read(page + CONTENT + i);
     }
+    keep_in_mind(); // first: what is handed out may differ
     hand_out();
-    keep_in_mind();
 }
 
 uint32_t settings_serial(void)

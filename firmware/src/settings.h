@@ -19,7 +19,7 @@ uint32_t settings_serial(void);
 // The settings in force, laid out as in a SETTINGS frame, until this is called again.
 const __xdata uint8_t *settings_bytes(void);
 
-// Whether a power-up would find those in force.
+// Whether flash holds those in force.
 bool settings_are_stored(void);
 
 // Stores those in force; false if flash did not take them. The motor must rest: it stops the CPU for up to 20 ms.

@@ -1,4 +1,5 @@
-// The thermometer. A code of the sensor is 0.83 K wide: the mean of 64 that the sensor's own noise spreads resolves 0.1 K.
+// The thermometer. A code of the sensor is 0.83 K wide: the mean of 64 that the sensor's own noise spreads resolves 0.1
+// K.
 #include "thermometer.h"
 
 #include "../hal/temperature.h"
@@ -8,8 +9,8 @@
 #define CONVERSIONS 64 // their sum just fits 16 bits
 #define TASKS_PER_CONVERSION (30 / THERMOMETER_TASK_MS)
 
-// The sensor gives 776 mV and 2.86 mV/K, a code is 1/1024 of 2.44 V (datasheet, tables of the ADC and of the reference):
-// 0.01 K are 2.44 / 65536 / 2.86e-5 = 21328 / 2^14 of the sum of 64 codes.
+// The sensor gives 776 mV and 2.86 mV/K, a code is 1/1024 of 2.44 V (datasheet, tables of the ADC and of the
+// reference): 0.01 K are 2.44 / 65536 / 2.86e-5 = 21328 / 2^14 of the sum of 64 codes.
 #define SLOPE 21328UL
 #define SLOPE_LOG2 14
 #define ZERO 27133 // 776 mV / 2.86 mV/K

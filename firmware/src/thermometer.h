@@ -1,4 +1,4 @@
-// The thermometer: the temperature of the chip, and that of the air once it was told what that is.
+// The thermometer: the temperature of the chip, and that of the air once it is trimmed.
 #ifndef THERMOMETER_H
 #define THERMOMETER_H
 
@@ -6,7 +6,8 @@
 
 void thermometer_start(void);
 
-// The chip's temperature in 0.01 degrees C, with the trim if there is one; TEMPERATURE_NOT_MEASURED in the first seconds.
+// The chip's temperature in 0.01 degrees C, with the trim if there is one; TEMPERATURE_NOT_MEASURED in the first
+// seconds.
 int16_t thermometer_chip(void);
 
 // The air's, or TEMPERATURE_NOT_MEASURED too while there is no trim.

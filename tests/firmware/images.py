@@ -1,5 +1,6 @@
 """Firmware images that are not the shipped one: with other contents of flash, or built from sources with a fault."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -11,11 +12,15 @@ from firmware.stepped_unit import IMAGE
 FIRMWARE = IMAGE.parents[1]
 END_RECORD = ":00000001FF"
 
+_MAJOR, _MINOR, _PATCH = re.findall(r"#define VERSION_\w+ (\d+)", (FIRMWARE / "src" / "version.h").read_text())
+VERSION = f"{_MAJOR}.{_MINOR}.{_PATCH}"
+"""The version of the firmware as it is."""
+
 Changes = Sequence[tuple[str, str]]
 
 # By source, what makes the firmware the one of protocol 2 again: boot and sequence alone name a sweep.
 AS_PROTOCOL_2: dict[str, Changes] = {
-    "src/version.h": [("VERSION_MINOR 3", "VERSION_MINOR 2")],
+    "src/version.h": [(f"VERSION_MINOR {_MINOR}", "VERSION_MINOR 2")],
     "src/core/protocol.h": [
         ("PROTOCOL_VERSION 3", "PROTOCOL_VERSION 2"),
         ("PROTOCOL_WITH_LIFE 3", "PROTOCOL_WITH_LIFE 255"),
@@ -81,7 +86,7 @@ def _built_with(folder: Path, changes: Mapping[str, Changes]) -> Path:
 
 def newer_version(folder: Path) -> Path:
     """The update to version 0.9.0, which else is the firmware as it is."""
-    whole = built_with_fault(folder, "src/version.h", ("VERSION_MINOR 3", "VERSION_MINOR 9"))
+    whole = built_with_fault(folder, "src/version.h", (f"VERSION_MINOR {_MINOR}", "VERSION_MINOR 9"))
     return whole.with_name("update.hex")
 
 

@@ -1,14 +1,15 @@
-// The firmware's own code for flash, loader and application, under gcc on a flash that may lose its power at any operation.
+// The firmware's own code for flash, loader and application, under gcc on a flash that may lose its power at any
+// operation.
 //
-// Each case begins with what flash holds at a power-up and runs a piece of the firmware: a boot, a STORE, an install. The
-// power fails at each operation of it, in all ways that the operation can be left: not done, done, or half (some bits of a
-// byte, some bits of a page). Then the unit recovers, and the power fails a second time, at each operation of that. What
-// must hold is checked after the power-up that nothing disturbs.
+// Each case begins with what flash holds at a power-up and runs a piece of the firmware: a boot, a STORE, an install.
+// The power fails at each operation of it, in all ways that the operation can be left: not done, done, or half (some
+// bits of a byte, some bits of a page). Then the unit recovers, and the power fails a second time, at each operation of
+// that. What must hold is checked after the power-up that nothing disturbs.
 //
 //   native_flash boot|store|stage|install BYTES STEP STRIDE
 //
-// BYTES is the length of the image; the first cut is at every STEP-th operation, the second at every STRIDE-th (0: none).
-// Prints the states tried, or the first that is wrong, and then ends with 1.
+// BYTES is the length of the image; the first cut is at every STEP-th operation, the second at every STRIDE-th (0:
+// none). Prints the states tried, or the first that is wrong, and then ends with 1.
 #include <setjmp.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -24,169 +25,12 @@
 #include "../../firmware/loader/page.h"
 #include "../../firmware/src/boot_number.h"
 #include "../../firmware/src/core/calibration.h"
-#include "../../firmware/src/core/crc.h"
 #include "../../firmware/src/core/plan.h"
 #include "../../firmware/src/core/protocol.h"
 #include "../../firmware/src/flash_layout.h"
 #include "../../firmware/src/life.h"
 #include "../../firmware/src/settings.h"
-
-// ---- a flash that fails
-
-static uint8_t flash[0x10000];
-static unsigned long operations; // since power-up
-static unsigned long cut_at; // the operation at which the power fails; 0: never
-static enum { NOT_DONE, DONE, HALF, OUTCOMES } outcome;
-static uint32_t noise;
-static jmp_buf power_fails;
-
-static uint32_t draw(void)
-{
-    noise ^= noise << 13;
-    noise ^= noise >> 17;
-    noise ^= noise << 5;
-    return noise;
-}
-
-static uint8_t left_of(uint8_t before, uint8_t after)
-{
-    if (outcome == HALF)
-        return (uint8_t)(before ^ ((before ^ after) & draw()));
-    return outcome == DONE ? after : before;
-}
-
-static void operate(uint16_t first, unsigned length, uint8_t keep, uint8_t set)
-{
-    bool fails = ++operations == cut_at;
-    for (unsigned i = 0; i < length; i++) {
-        uint8_t *cell = flash + first + i;
-        uint8_t after = (*cell & keep) | set;
-        *cell = fails ? left_of(*cell, after) : after;
-    }
-    if (fails)
-        longjmp(power_fails, 1);
-}
-
-uint8_t flash_read(uint16_t address)
-{
-    return flash[address];
-}
-
-uint16_t flash_read16(uint16_t address)
-{
-    return flash[address] | flash[address + 1] << 8;
-}
-
-uint32_t flash_read32(uint16_t address)
-{
-    return flash_read16(address) | (uint32_t)flash_read16(address + 2) << 16;
-}
-
-void flash_write(uint16_t address, uint8_t value)
-{
-    operate(address, 1, value, 0);
-}
-
-void flash_write16(uint16_t address, uint16_t value)
-{
-    flash_write(address, (uint8_t)value);
-    flash_write(address + 1, value >> 8);
-}
-
-void flash_erase(uint16_t address)
-{
-    operate(address & ~(FLASH_PAGE_BYTES - 1), FLASH_PAGE_BYTES, 0xFF, 0xFF);
-}
-
-// ---- what the firmware's code needs of the rest
-
-static uint32_t sum;
-static struct plan plan_in_force;
-static struct calibration calibration_in_force;
-static int16_t trim_in_force;
-
-void checksum_begin(void)
-{
-    sum = CRC_EMPTY;
-}
-
-void checksum_add(uint8_t byte)
-{
-    sum = crc_add(sum, byte);
-}
-
-uint32_t checksum(void)
-{
-    return crc_end(sum);
-}
-
-uint32_t checksum_of_flash(uint16_t address, uint16_t length)
-{
-    checksum_begin();
-    for (unsigned i = 0; i < length; i++)
-        checksum_add(flash[(uint16_t)(address + i)]);
-    return checksum();
-}
-
-void watchdog_feed(void)
-{
-}
-
-void watchdog_start(void)
-{
-}
-
-void watchdog_stop(void)
-{
-}
-
-void timebase_await_early(void)
-{
-}
-
-const struct plan *unit_plan(void)
-{
-    return &plan_in_force;
-}
-
-const struct calibration *unit_calibration(void)
-{
-    return &calibration_in_force;
-}
-
-uint8_t unit_configure(const struct plan *plan)
-{
-    plan_in_force = *plan;
-    return RESULT_DONE;
-}
-
-uint8_t unit_calibrate(const struct calibration *calibration)
-{
-    calibration_in_force = *calibration;
-    return RESULT_DONE;
-}
-
-int16_t thermometer_trim(void)
-{
-    return trim_in_force;
-}
-
-void thermometer_set_trim(int16_t trim)
-{
-    trim_in_force = trim;
-}
-
-static uint8_t memory[64]; // the ring's, of which a life is drawn
-
-const uint8_t *ring_memory(void)
-{
-    return memory;
-}
-
-const uint8_t *ring_memory_end(void)
-{
-    return memory + sizeof memory;
-}
+#include "failing_flash.h"
 
 // ---- the walk through all cuts
 
@@ -332,7 +176,13 @@ static void cut_boots(unsigned long step, unsigned long stride)
 
 static const struct plan plans[] = {
     {.first_bearing = -100, .bearing_step = 1, .count = 2, .ping_interval_ms = 30, .top_speed = 100, .pings = 1},
-    {.first_bearing = 100, .bearing_step = 257, .count = 9, .ping_interval_ms = 513, .top_speed = 666, .pings = 5},
+    {.first_bearing = 100,
+     .bearing_step = 257,
+     .count = 9,
+     .ping_interval_ms = 513,
+     .top_speed = 666,
+     .ramp_ms = 257,
+     .pings = 5},
 };
 static const struct calibration calibrations[] = {
     {.half_steps_per_turn = 0x00FF00FF, .backlash = 3, .home = 0, .home_bearing = -30000},

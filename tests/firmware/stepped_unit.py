@@ -66,8 +66,8 @@ class SteppedUnit:
         self._heard += self._reader.feed(sent)
         return sent
 
-    def befall(self, kind: str, **details: Any) -> None:
-        """Have a fault of the simulator's README happen to the unit, now."""
+    def inject(self, kind: str, **details: Any) -> None:
+        """Inject a fault of the simulator's README, now."""
         self.step(fault={"kind": kind, **details})
 
     def send_bytes(self, data: bytes) -> None:
@@ -126,7 +126,7 @@ class SteppedUnit:
         return self.ask(AskHello(0), Hello)
 
     def wait_for_state(self, state: int, within_s: float = 60.0) -> Status:
-        """The STATUS of the unit's own accord that says it is in ``state``."""
+        """The STATUS that the unit sends unasked and that says it is in ``state``."""
         end_s = self.now_s + within_s
         while (status := self.receive(Status, end_s - self.now_s)).state != state:
             pass

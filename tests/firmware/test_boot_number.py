@@ -58,7 +58,7 @@ def test_a_power_cut_at_any_flash_operation_of_a_roll_over_repeats_no_number(tmp
         last = unit.greet().boot
         assert last == 0x1000 + BOOTS_PER_PAGE
         assert unit.command(Reset(0)) == Outcome.DONE
-        unit.befall("power_cut_at_flash_operation", number=operation)
+        unit.inject("power_cut_at_flash_operation", number=operation)
         after = unit.receive(Hello)
         # It was cut: what started then is a power-up, and the reset said nothing. Its number may be lost.
         assert after.reset_cause == 0x02
@@ -72,7 +72,7 @@ def test_a_power_cut_while_a_boot_is_counted_repeats_no_number(seed):
         last = unit.greet().boot
         for _ in range(10):
             assert unit.command(Reset(0)) == Outcome.DONE
-            unit.befall("power_cut_at_flash_operation", number=1)
+            unit.inject("power_cut_at_flash_operation", number=1)
             boot = unit.receive(Hello).boot
             assert boot - last in (1, 2)
             last = boot

@@ -47,10 +47,10 @@ def test_the_link_goes_on_whatever_part_is_broken(kind, when_s):
     with stepped_unit("--laps", "0") as unit:
         boot = unit.greet().boot
         if when_s == 0.0:
-            unit.befall(kind)
+            unit.inject(kind)
         assert unit.command(Start(0, 0)) == Outcome.DONE
         unit.run(when_s)
-        unit.befall(kind)
+        unit.inject(kind)
         assert longest_wait_s(unit, 20.0) < ANSWERED_WITHIN_S
         assert unit.command(Stop(0)) == Outcome.DONE
         unit.run(5.0)
@@ -72,13 +72,13 @@ def test_the_link_goes_on_whatever_part_is_broken(kind, when_s):
 def test_sweeps_of_a_broken_sensor_say_what_is_wrong_with_it(kind, echo):
     with stepped_unit("--laps", "0") as unit:
         unit.greet()
-        unit.befall(kind)
+        unit.inject(kind)
         assert unit.command(Start(0, 0)) == Outcome.DONE
         sweep = unit.receive(Sweep, 60.0)
         assert {reading.echo for reading in sweep.readings} == {echo}
         status = unit.ask(AskStatus(0), Status)
         assert status.echo_faults >= (0 if echo == NoEcho.NO_ECHO else len(sweep.readings))
-        unit.befall("mended")
+        unit.inject("mended")
         for _ in range(3):
             unit.acknowledge(sweep)
             sweep = unit.receive(Sweep, 60.0)
@@ -88,7 +88,7 @@ def test_sweeps_of_a_broken_sensor_say_what_is_wrong_with_it(kind, echo):
 def test_the_clock_of_a_unit_with_a_stuck_sensor_goes_on_evenly():
     with stepped_unit("--laps", "0") as unit:
         unit.greet()
-        unit.befall("sensor_stuck_high")
+        unit.inject("sensor_stuck_high")
         assert unit.command(Start(0, 0)) == Outcome.DONE
         offsets_s = []
         for _ in range(50):
@@ -102,7 +102,7 @@ def test_the_clock_of_a_unit_with_a_stuck_sensor_goes_on_evenly():
 def test_a_unit_with_a_stuck_button_obeys_its_host():
     with stepped_unit("--laps", "0") as unit:
         unit.greet()
-        unit.befall("button_held")
+        unit.inject("button_held")
         unit.wait_for_state(State.HOMING)
         unit.wait_for_state(State.IDLE)
         # Held is not pressed again.
@@ -114,13 +114,13 @@ def test_a_unit_with_a_stuck_button_obeys_its_host():
 
 def test_a_button_that_is_stuck_makes_no_sweep_after_a_reset():
     with stepped_unit("--laps", "0") as unit:
-        unit.befall("button_held")
+        unit.inject("button_held")
         unit.greet()
         unit.run(5.0)
         status = unit.ask(AskStatus(0), Status)
         assert (status.state, status.waypoint, status.sweeps_made) == (State.IDLE, NO_WAYPOINT, 0)
         # It is pressed once it has been let go.
-        unit.befall("mended")
+        unit.inject("mended")
         unit.run(0.5)
-        unit.befall("button_held")
+        unit.inject("button_held")
         assert unit.wait_for_state(State.HOMING).waypoint == 0

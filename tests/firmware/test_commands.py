@@ -65,7 +65,7 @@ def content_of(request: HostFrame) -> bytes:
 
 def make_busy_by_the_button(unit: SteppedUnit) -> None:
     """Begins a sweep without a command."""
-    unit.befall("button_held", for_s=0.2)
+    unit.inject("button_held", for_s=0.2)
     unit.wait_for_state(State.HOMING)
 
 
@@ -241,7 +241,7 @@ def test_hello_makes_a_unit_forget_the_command_of_an_earlier_host(homed, order):
     assert homed.ask(AskHello(0), Hello)
     homed.send(replace(order, request=200))
     second = homed.receive(Result)
-    # Run anew: those that made the unit busy find it so.
+    # Run again: those that made the unit busy find it so.
     busy = {Home.TYPE, Single.TYPE, GoTo.TYPE}
     assert second.result == (Outcome.BUSY if order.TYPE in busy else Outcome.DONE)
 

@@ -137,7 +137,7 @@ def test_a_ping_waits_for_the_line_to_be_low(facing):
 
 
 @pytest.mark.parametrize(
-    ("mishap", "echo"),
+    ("fault", "echo"),
     [
         ("sensor_deaf", NO_ECHO),
         ("sensor_short_pulse", TOO_EARLY),
@@ -146,11 +146,11 @@ def test_a_ping_waits_for_the_line_to_be_low(facing):
         ("sensor_missing", NO_SENSOR),
     ],
 )
-def test_each_reading_says_why_there_is_no_echo_and_the_link_goes_on(facing, mishap, echo):
+def test_each_reading_says_why_there_is_no_echo_and_the_link_goes_on(facing, fault, echo):
     unit = facing(wall_at(1.0))
     plan = Configure(0, 0, 0, 8, 60, 600, 100, 20, 1)
     one_sweep(unit, plan)
-    unit.befall(mishap)
+    unit.inject(fault)
     assert unit.command(Single(0)) == 0
     for _ in range(5):
         unit.ask(AskStatus(0), Status, within_s=0.1)
@@ -161,7 +161,7 @@ def test_each_reading_says_why_there_is_no_echo_and_the_link_goes_on(facing, mis
     assert faults == (0 if echo == NO_ECHO else len(made.readings))
 
     assert unit.truth["resets"] == 0
-    unit.befall("mended")
+    unit.inject("mended")
     for reading in one_sweep(unit, plan).readings:
         assert abs(width_error_s(reading, 1.0)) <= 1e-6
 

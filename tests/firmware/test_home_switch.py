@@ -64,7 +64,7 @@ def test_home_is_found_to_a_few_half_steps(tmp_path, firmware, motor, kind, seed
 @pytest.mark.parametrize("seed", range(1, 11))
 def test_noise_on_the_line_is_no_home(tmp_path, firmware, seed):
     with unit_with(tmp_path, firmware, "", seed) as unit:
-        unit.befall("home_noisy", probability=0.02)
+        unit.inject("home_noisy", probability=0.02)
         assert home(unit).homed
         # One look in 50 would have been home within 50 half steps of wherever the motor stood.
         assert abs(error_half_steps(unit)) <= 4
@@ -72,7 +72,7 @@ def test_noise_on_the_line_is_no_home(tmp_path, firmware, seed):
 
 def test_a_broken_wire_of_a_normally_closed_switch_never_winds_up_the_cable(tmp_path, firmware):
     with unit_with(tmp_path, firmware, 'home = "opening_switch"', 1, OPENING_SWITCH) as unit:
-        unit.befall("home_stuck_open")
+        unit.inject("home_stuck_open")
         before_deg = degrees(unit.truth["bearing_rad"])
         assert home(unit).fault == HOME_STAYS_CLOSED
         # Up by a quarter turn, away from the cable's end, and no further.

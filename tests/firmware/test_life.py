@@ -21,7 +21,7 @@ NO_BOOT = bytes(4)
 
 
 def power_cycle(unit: SteppedUnit) -> Hello:
-    unit.befall("power_cut", for_s=0.2)
+    unit.inject("power_cut", for_s=0.2)
     return unit.receive(Hello)
 
 
@@ -79,7 +79,7 @@ def test_wherever_the_power_fails_no_two_boots_have_the_same_life_and_number(tmp
             for _ in range(3):
                 hello = unit.receive(Hello)
                 boots.append((hello.life, hello.boot))
-                unit.befall("power_cut", for_s=0.2)
+                unit.inject("power_cut", for_s=0.2)
         assert LIFE not in {life for life, _ in boots}
         assert all(life == before and number > boot for (before, boot), (life, number) in pairwise(boots))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from cobs import cobs
-from firmware.images import built_with_fault, with_flash
+from firmware.images import VERSION, built_with_fault, with_flash
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import SERIAL, staged, update
 
@@ -85,10 +85,10 @@ def test_a_unit_starts_in_less_than_half_a_second():
 def test_an_update_ends_with_the_new_application_confirmed(new_image):
     with stepped_unit("--laps", "0") as unit:
         unit.greet()
-        assert update(unit, new_image) == Updated("0.3.0")
+        assert update(unit, new_image) == Updated(VERSION)
         assert unit.ask(AskHello(0), Hello).version == "0.9.0"
         for _ in range(ATTEMPTS + 1):
-            unit.befall("power_cut", for_s=0.2)
+            unit.inject("power_cut", for_s=0.2)
             assert unit.receive_either(Hello, Loader, 2.0).request == 0
             assert unit.ask(AskHello(0), Hello).version == "0.9.0"
 
@@ -108,7 +108,7 @@ def test_a_unit_that_has_the_version_is_left_alone_unless_it_is_to_be_updated_ag
         boot = unit.greet().boot
         assert update(unit, image) == Current()
         assert unit.ask(AskHello(0), Hello).boot == boot
-        assert update(unit, image, again=True) == Updated("0.3.0")
+        assert update(unit, image, again=True) == Updated(VERSION)
         assert unit.ask(AskHello(0), Hello).boot == boot + 1
 
 
@@ -117,7 +117,7 @@ def test_sweeps_that_wait_in_the_ring_outlive_an_update(new_image):
         unit.greet()
         assert unit.command(Single(0)) == Outcome.DONE
         sweep = unit.receive(Sweep, 60.0)
-        assert update(unit, new_image) == Updated("0.3.0")
+        assert update(unit, new_image) == Updated(VERSION)
         assert unit.receive(Sweep) == sweep
         unit.acknowledge(sweep)
         assert unit.ask(AskStatus(0), Status).sweeps_waiting == 0
@@ -128,7 +128,7 @@ def test_a_unit_that_sweeps_is_stopped_for_its_update(new_image):
         unit.greet()
         assert unit.command(Single(0)) == Outcome.DONE
         unit.wait_for_state(State.SWEEPING)
-        assert update(unit, new_image) == Updated("0.3.0")
+        assert update(unit, new_image) == Updated(VERSION)
 
 
 # ---- Refusals ----------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ def test_update_is_refused_for_another_unit_and_in_the_midst_of_a_sweep():
 def test_the_loader_says_who_it_is_and_why_it_stays():
     with stepped_unit("--laps", "0") as unit:
         loader = enter(unit)
-        assert loader == Loader(0, 3, SERIAL, 1, 2, Stay.ASKED, 0, 3, 0)
+        assert loader == Loader(0, 3, SERIAL, 1, 2, Stay.ASKED, *map(int, VERSION.split(".")))
         assert unit.ask(AskHello(0), Loader) == replace(loader, request=2 + 1)
 
 
@@ -211,7 +211,7 @@ def test_nothing_is_installed_that_does_not_describe_itself_soundly(tmp_path, ne
             assert unit.command(Install(0)) == Outcome.BAD_CRC, name
             assert unit.truth["flash_operations"] == operations
             assert unit.command(Run(0)) == Outcome.DONE
-            assert unit.receive(Hello).version == "0.3.0"
+            assert unit.receive(Hello).version == VERSION
 
 
 def test_an_image_for_other_hardware_is_refused_by_host_and_loader(tmp_path, new_image):
@@ -224,7 +224,7 @@ def test_an_image_for_other_hardware_is_refused_by_host_and_loader(tmp_path, new
         assert unit.command(Install(0)) == Outcome.NOT_FOR_THIS_UNIT
         assert isinstance(update(unit, other), HardwareError)
         assert unit.command(Run(0)) == Outcome.DONE
-        assert unit.receive(Hello).version == "0.3.0"
+        assert unit.receive(Hello).version == VERSION
 
 
 def test_what_the_loader_cannot_obey_is_rejected_with_its_reason():
@@ -255,7 +255,7 @@ def test_the_loader_speaks_up_each_second_and_starts_the_application_after_a_min
             heard += 1
         assert unit.now_s - begun_s == pytest.approx(60, abs=2)
         assert heard == pytest.approx(60, abs=2)
-        assert unit.ask(AskHello(0), Hello).version == "0.3.0"
+        assert unit.ask(AskHello(0), Hello).version == VERSION
 
 
 def test_a_gateway_that_says_hello_does_not_keep_a_unit_in_its_loader():
@@ -302,11 +302,11 @@ def test_an_image_that_hangs_uses_up_its_attempts_and_a_good_one_brings_the_unit
         # One reset into the loader, one out of it, and one by the watchdog for each attempt.
         assert unit.truth["resets"] - resets == 1 + 1 + ATTEMPTS
         for _ in range(2):
-            unit.befall("power_cut", for_s=0.2)
+            unit.inject("power_cut", for_s=0.2)
             assert unit.receive_either(Loader, Hello).request == 0
             assert unit.ask(AskHello(0), Loader).reason == Stay.NOT_CONFIRMED
         assert unit.command(Run(0)) == Outcome.OUT_OF_RANGE
-        assert update(unit, new_image) == Updated("0.3.0")
+        assert update(unit, new_image) == Updated(VERSION)
 
 
 def test_an_image_that_runs_but_hears_no_host_ends_in_the_loader_too(tmp_path):
@@ -366,7 +366,7 @@ def test_flash_that_does_not_hold_a_page_of_staging_is_told(with_worn_byte, new_
         error = update(unit, new_image)
         assert isinstance(error, FlashError) and "page 0 of the unit's staging" in str(error)
         assert unit.command(Run(0)) == Outcome.DONE
-        assert unit.receive(Hello).version == "0.3.0"
+        assert unit.receive(Hello).version == VERSION
 
 
 def test_flash_that_does_not_hold_the_copy_is_told_and_not_copied_to_for_ever(with_worn_byte, new_image, tmp_path):
@@ -388,13 +388,13 @@ def test_flash_that_does_not_hold_the_copy_is_told_and_not_copied_to_for_ever(wi
 def test_an_update_gets_through_a_line_that_spoils_bytes(new_image, seed, spoiled_bytes):
     with stepped_unit("--laps", "0", "--seed", str(seed)) as unit:
         unit.greet()
-        unit.befall("cable_corrupts", to_unit=spoiled_bytes, to_host=spoiled_bytes)
-        assert update(unit, new_image) == Updated("0.3.0")
+        unit.inject("cable_corrupts", to_unit=spoiled_bytes, to_host=spoiled_bytes)
+        assert update(unit, new_image) == Updated(VERSION)
 
 
 @pytest.mark.soak
 def test_an_update_gets_through_a_line_that_spoils_one_byte_in_twenty(new_image):
     with stepped_unit("--laps", "0") as unit:
         unit.greet()
-        unit.befall("cable_corrupts", to_unit=0.05, to_host=0.05)
-        assert update(unit, new_image) == Updated("0.3.0")
+        unit.inject("cable_corrupts", to_unit=0.05, to_host=0.05)
+        assert update(unit, new_image) == Updated(VERSION)

@@ -5,7 +5,7 @@ from random import Random
 from typing import NamedTuple
 
 import pytest
-from firmware.images import with_flash
+from firmware.images import VERSION, with_flash
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import Update, staged, update
 
@@ -13,7 +13,7 @@ from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Step, Updated
 from noctule_gateway.wire.frames import AskHello, Hello, Loader
 
-OLD, NEW = "0.3.0", "0.9.0"
+OLD, NEW = VERSION, "0.9.0"
 DESCRIPTION_BYTES = 16
 # Longer than it takes to copy 42 pages and to start.
 BACK_WITHIN_S = 6.0
@@ -77,7 +77,7 @@ def cut_and_leave(image: Path, new: Image, operation: int, seed: int) -> str | N
     """
     with stepped_unit("--laps", "0", "--seed", str(seed), image=image) as unit:
         unit.greet()
-        unit.befall("power_cut_at_flash_operation", number=operation - unit.truth["flash_operations"])
+        unit.inject("power_cut_at_flash_operation", number=operation - unit.truth["flash_operations"])
         assert Update(unit, new).run(until_operation=operation) is None
         version = version_after(unit)
         assert isinstance(update(unit, new, again=True), Updated)
@@ -91,7 +91,7 @@ def cut_and_go_on(image: Path, new: Image, operations: list[int], seed: int) -> 
         unit.greet()
         run = Update(unit, new)
         for operation in sorted(operations):
-            unit.befall("power_cut_at_flash_operation", number=operation - unit.truth["flash_operations"])
+            unit.inject("power_cut_at_flash_operation", number=operation - unit.truth["flash_operations"])
             if run.run(until_operation=operation) is not None:
                 break
         assert run.run() == Updated(OLD)

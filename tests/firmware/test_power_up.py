@@ -36,7 +36,7 @@ def start_with_ramps(seed: int, ramps: int) -> None:
         boots = [unit.greet_again().boot]
         for ramp in count(1):
             rise_ms, dips = random.choice(RISES_MS), random.choice(DIPS)
-            unit.befall("power_ramp", rise_ms=rise_ms, dips=dips)
+            unit.inject("power_ramp", rise_ms=rise_ms, dips=dips)
             unit.run(rise_ms / 1e3 + STARTED_WITHIN_S)
             hello = unit.greet_again()
             assert hello.reset_cause == PORSF, (ramp, rise_ms, dips)
@@ -63,7 +63,7 @@ def is_harmed(unit: SteppedUnit) -> bool:
     """Whether slow rises spoil the flash: the loader refuses the application, or the program runs wild."""
     try:
         for _ in range(30):
-            unit.befall("power_ramp", rise_ms=1000.0, dips=0)
+            unit.inject("power_ramp", rise_ms=1000.0, dips=0)
             unit.run(1.0 + STARTED_WITHIN_S)
             if unit.take(Loader):
                 return True
@@ -82,6 +82,6 @@ def test_without_its_guard_a_slow_rise_spoils_the_flash(tmp_path):
 def test_a_reset_by_its_pin_is_told():
     with stepped_unit("--laps", "0") as unit:
         before = unit.greet().boot
-        unit.befall("reset_pin")
+        unit.inject("reset_pin")
         after = unit.greet()
         assert (after.reset_cause, after.boot) == (PINRSF, before + 1)

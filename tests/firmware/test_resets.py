@@ -58,7 +58,7 @@ def test_reset_is_answered_first_and_says_that_it_was_asked_for():
         hello = unit.receive(Hello)
         assert (hello.request, hello.boot, hello.reset_cause, hello.reset_note) == (0, 2, SOFTWARE, NOTE_RESET)
         # What the note says is of one reset alone.
-        unit.befall("power_cut", for_s=0.2)
+        unit.inject("power_cut", for_s=0.2)
         hello = unit.receive(Hello)
         assert (hello.boot, hello.reset_cause, hello.reset_note) == (3, POWER, NO_NOTE)
 
@@ -154,11 +154,11 @@ def test_a_stack_that_meets_its_canary_resets_the_unit_and_loses_no_sweep(recurs
 
 
 def brown_out(unit: SteppedUnit) -> None:
-    unit.befall("brown_out")
+    unit.inject("brown_out")
 
 
 def power_cut(unit: SteppedUnit) -> None:
-    unit.befall("power_cut", for_s=0.2)
+    unit.inject("power_cut", for_s=0.2)
 
 
 def ask_for_a_reset(unit: SteppedUnit) -> None:

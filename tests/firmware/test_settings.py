@@ -52,7 +52,7 @@ def page(body: bytes) -> bytes:
 
 
 def power_cycle(unit: SteppedUnit) -> Hello:
-    unit.befall("power_cut", for_s=0.5)
+    unit.inject("power_cut", for_s=0.5)
     return unit.receive(Hello)
 
 
@@ -91,7 +91,7 @@ def test_a_power_cut_at_any_flash_operation_of_a_store_leaves_the_old_or_the_new
         for operation in count(1):
             assert unit.command(replace(PLAN, first_bearing=-9000 + operation)) == Outcome.DONE
             wanted = replace(settings(unit), stored=1)
-            unit.befall("power_cut_at_flash_operation", number=operation)
+            unit.inject("power_cut_at_flash_operation", number=operation)
             unit.send(Store(200))
             after = unit.receive_either(Result, Hello)
             if isinstance(after, Result):
@@ -116,7 +116,7 @@ def test_a_dip_of_the_supply_at_any_moment_of_a_store_leaves_the_old_or_the_new_
             wanted = replace(settings(unit), stored=1)
             unit.send(Store(200))
             unit.run(tenths_of_ms * 1e-4)
-            unit.befall("brown_out")
+            unit.inject("brown_out")
             assert unit.receive(Hello).serial == 1
             now = settings(unit)
             assert now in (held, wanted)
@@ -224,4 +224,22 @@ def test_a_stored_plan_that_no_unit_can_do_is_left_alone(tmp_path):
     pages = {FIRST_PAGE: page(struct.pack("<HI", 1, 5) + plan)}
     with stepped_unit("--laps", "0", image=with_flash(IMAGE, pages, tmp_path / "wrong.ihx")) as unit:
         assert unit.greet().serial == 5
-        assert settings(unit) == DEFAULT
+        assert settings(unit) == replace(DEFAULT, stored=0)
+
+
+@pytest.mark.parametrize(
+    ("top_speed", "ramp_ms", "ramp_in_force_ms"), [(600, 0, 50), (501, 49, 50), (600, 50, 50), (500, 0, 0)]
+)
+def test_a_stored_plan_of_older_firmware_gets_the_ramp_that_its_speed_needs(
+    tmp_path, top_speed, ramp_ms, ramp_in_force_ms
+):
+    # Firmware before 0.4 took any ramp; firmware/README.md, CONFIGURE: 50 ms or more over 500 half steps/s.
+    stored = PLAN_FIELDS | {"top_speed": top_speed, "ramp_ms": ramp_ms}
+    pages = {FIRST_PAGE: page(struct.pack("<HI", 1, 5) + struct.pack("<hHBHHHHB", *stored.values()))}
+    with stepped_unit("--laps", "0", image=with_flash(IMAGE, pages, tmp_path / "older.ihx")) as unit:
+        assert unit.greet().serial == 5
+        in_force = replace(DEFAULT, **stored | {"ramp_ms": ramp_in_force_ms}, stored=int(ramp_ms == ramp_in_force_ms))
+        assert settings(unit) == in_force
+        assert unit.command(Store(0)) == Outcome.DONE
+        assert power_cycle(unit).serial == 5
+        assert settings(unit) == replace(in_force, stored=1)

@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
+from system.processes import PATIENCE_S
 
 # 48 MHz, UART0 at 115385 baud on its pins, the watchdog off: what any program needs before it can say something.
 PREAMBLE = """
@@ -70,7 +71,7 @@ class Board:
         self.connection.sendall(question)
         answer = b""
         while len(answer) < answer_length:
-            readable, _, _ = select.select([self.connection], [], [], 20)
+            readable, _, _ = select.select([self.connection], [], [], PATIENCE_S)
             assert readable, f"only {answer.hex()} came"
             part = self.connection.recv(answer_length - len(answer))
             assert part, self.last_words()
@@ -455,7 +456,7 @@ def test_a_second_client_is_turned_away_and_the_first_goes_on(running: Run):
         assert board.ask(b"a", 1) == b"b"
         second = socket.create_connection(board.connection.getpeername())
         with second:
-            second.settimeout(20)
+            second.settimeout(PATIENCE_S)
             assert second.recv(1) == b""
         assert board.ask(b"c", 1) == b"d"
 
@@ -465,7 +466,7 @@ def test_a_client_may_come_again(running: Run):
         address = board.connection.getpeername()
         assert board.ask(b"a", 1) == b"b"
         board.connection.shutdown(socket.SHUT_RDWR)
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE_S
         answer = b""
         while answer != b"c" and time.monotonic() < deadline:
             with socket.create_connection(address) as again:

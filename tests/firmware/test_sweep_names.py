@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from firmware.images import END_RECORD, built_with_fault, of_protocol_2
+from firmware.images import END_RECORD, VERSION, built_with_fault, of_protocol_2
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import SERIAL, update
 
@@ -102,7 +102,7 @@ def test_sweeps_that_waited_before_an_update_back_to_protocol_2_are_acknowledged
     unit, protocol_2, tmp_path
 ):
     sweep = one_sweep(unit)
-    assert update(unit, update_of(protocol_2, tmp_path / "update.hex")) == Updated("0.3.0")
+    assert update(unit, update_of(protocol_2, tmp_path / "update.hex")) == Updated(VERSION)
     assert unit.ask(AskHello(0), Hello).protocol == 2
     assert unit.receive(Sweep) == sweep
     unit.send(Ack2(sweep.boot, sweep.sequence))

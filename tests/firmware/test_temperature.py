@@ -104,7 +104,7 @@ def test_a_trim_that_is_stored_outlives_a_power_up():
         settings = unit.ask(AskSettings(0), Settings)
         assert settings.stored == 0
         assert unit.command(Store(0)) == Outcome.DONE
-        unit.befall("power_cut", for_s=0.5)
+        unit.inject("power_cut", for_s=0.5)
         unit.receive(Hello)
         again = unit.ask(AskSettings(0), Settings)
         assert (again.stored, again.temperature_trim) == (1, settings.temperature_trim)

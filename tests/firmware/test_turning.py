@@ -240,7 +240,7 @@ def test_an_end_stop_is_found_again_after_a_power_cut(placed):
         home(unit)
         looked.append(go_to(unit, 0.0))
         go_to(unit, turned_to)
-        unit.befall("power_cut", for_s=1.0)
+        unit.inject("power_cut", for_s=1.0)
         unit.receive(Hello)
     assert looked == pytest.approx([looked[0]] * 3, abs=1e-9)
 
@@ -264,11 +264,11 @@ def test_a_switch_straight_behind_is_at_the_half_step_below_it(placed):
 
 
 @pytest.mark.parametrize(
-    ("mishap", "fault"), [("home_stuck_open", NO_SWITCH), ("home_stuck_closed", SWITCH_STAYS_CLOSED)]
+    ("broken", "fault"), [("home_stuck_open", NO_SWITCH), ("home_stuck_closed", SWITCH_STAYS_CLOSED)]
 )
-def test_a_broken_switch_is_told_and_stops_nothing_else(placed, mishap, fault):
+def test_a_broken_switch_is_told_and_stops_nothing_else(placed, broken, fault):
     unit = placed()
-    unit.befall(mishap)
+    unit.inject(broken)
     assert unit.command(Single(0)) == DONE
     for _ in range(5):
         unit.ask(AskStatus(0), Status, within_s=0.1)
@@ -277,7 +277,7 @@ def test_a_broken_switch_is_told_and_stops_nothing_else(placed, mishap, fault):
     assert unit.command(GoTo(0, 0)) == NOT_HOMED
     assert not unit.truth["coils_on"]
     assert unit.truth["resets"] == 0
-    unit.befall("mended")
+    unit.inject("mended")
     assert unit.command(Single(0)) == DONE
     assert unit.receive(Sweep, within_s=60)
     assert unit.ask(AskStatus(0), Status).fault == 0
@@ -286,7 +286,7 @@ def test_a_broken_switch_is_told_and_stops_nothing_else(placed, mishap, fault):
 def test_a_stuck_motor_does_not_stop_the_link(placed):
     unit = placed()
     home(unit)
-    unit.befall("motor_stuck")
+    unit.inject("motor_stuck")
     assert unit.command(Start(0, 0)) == DONE
     for _ in range(3):
         unit.ask(AskStatus(0), Status, within_s=0.1)
@@ -294,7 +294,7 @@ def test_a_stuck_motor_does_not_stop_the_link(placed):
     assert unit.command(Stop(0)) == DONE
     unit.wait_for_state(IDLE)
     assert unit.truth["resets"] == 0
-    unit.befall("mended")
+    unit.inject("mended")
     home(unit)
     assert go_to(unit, 20.0) == pytest.approx(20.0, abs=HOMED_DEG)
 

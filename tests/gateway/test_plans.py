@@ -46,6 +46,24 @@ def test_how_a_fixed_unit_pings_and_turns_may_be_said_without_its_bearings(tmp_p
     assert plan == replace(FIXED_PLAN, pings=3, ramp_ms=200)
 
 
+@pytest.mark.parametrize("pose", [FIXED, CARRIED[0]])
+@pytest.mark.parametrize(
+    ("sweep", "ramp_ms", "is_warned"),
+    [
+        ("ramp_s = 0", 50, True),  # the top speed is 600 half steps/s where none is given
+        ("ramp_s = 0.049, top_speed_half_steps_s = 501", 50, True),
+        ("ramp_s = 0.05, top_speed_half_steps_s = 501", 50, False),
+        ("ramp_s = 0, top_speed_half_steps_s = 500", 0, False),
+    ],
+)
+def test_a_ramp_that_was_valid_before_firmware_0_4_is_lengthened_with_a_warning(
+    pose: str, sweep: str, ramp_ms: int, is_warned: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    plan = wanted(tmp_path, pose, f"sweep = {{ {sweep} }}")
+    assert plan is not None and plan.ramp_ms == ramp_ms
+    assert ("u1: a ramp of" in caplog.text and "gets one of 0.05 s" in caplog.text) == is_warned
+
+
 @pytest.mark.parametrize("given", ["first_bearing_deg = -140", "bearing_step_deg = 10", "count = 7"])
 def test_bearings_that_a_fixed_units_file_gives_in_part_are_completed_by_the_units_own(
     given: str, tmp_path: Path

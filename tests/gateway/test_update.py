@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Any
 
 import pytest
-from firmware.images import built_with_fault, newer_version, with_flash
+from firmware.images import VERSION, built_with_fault, newer_version, with_flash
 from firmware.stepped_unit import IMAGE, SteppedUnit, stepped_unit
 from firmware.update_rig import staged
 from gateway.bad_line import BadLine, Faults
@@ -94,13 +94,13 @@ def test_an_update_gets_over_a_line_that_spoils_loses_and_doubles_bytes_and_dela
     with stepped_unit("--laps", "0") as unit:
         faults = Faults(corrupted=0.002, lost=0.002, doubled=0.001, delay_s=0.01)
         rig = Rig(unit, image, faults=faults, seed=seed).run()
-        assert rig.updater.outcome == Updated("0.3.0")
+        assert rig.updater.outcome == Updated(VERSION)
 
 
 def test_an_update_gets_over_a_line_whose_answers_take_a_quarter_of_a_second(image, tmp_path):
     # Staging holds the image, so that only its description is sent: it takes long enough.
     with stepped_unit("--laps", "0", image=with_flash(IMAGE, staged(image), tmp_path / "staged.hex")) as unit:
-        assert Rig(unit, image, faults=Faults(delay_s=0.25)).run().updater.outcome == Updated("0.3.0")
+        assert Rig(unit, image, faults=Faults(delay_s=0.25)).run().updater.outcome == Updated(VERSION)
 
 
 def test_progress_is_told_step_by_step_and_page_by_page(image):
@@ -121,9 +121,9 @@ def test_what_a_cut_off_update_has_sent_is_not_sent_again(image):
         first = Rig(unit, image)
         first.run(until=lambda: first.updater.progress.pages == 30)
         assert first.puts >= 30 * 4
-        unit.befall("power_cut", for_s=0.2)
+        unit.inject("power_cut", for_s=0.2)
         second = Rig(unit, image).run()
-        assert second.updater.outcome == Updated("0.3.0")
+        assert second.updater.outcome == Updated(VERSION)
         assert second.puts == (len(image.pages) - 30) * 4
 
 
@@ -135,14 +135,14 @@ def test_a_line_that_is_cut_and_opened_again_does_not_end_an_update(image):
             rig.updater.closed(LineError("pulled out"), unit.now_s)
             unit.run(3.0)
             rig.updater.opened(unit.now_s)
-        assert rig.run().updater.outcome == Updated("0.3.0")
+        assert rig.run().updater.outcome == Updated(VERSION)
 
 
 def test_a_unit_that_loses_its_supply_is_given_up_with_a_word_on_how_to_go_on(image):
     with stepped_unit("--laps", "0") as unit:
         rig = Rig(unit, image)
         rig.run(until=lambda: rig.updater.progress.pages == 5)
-        unit.befall("power_cut", for_s=1000)
+        unit.inject("power_cut", for_s=1000)
         rig.run()
         assert isinstance(rig.updater.outcome, UnitGoneError)
         assert "while sending" in str(rig.updater.outcome) and "goes on where it was" in str(rig.updater.outcome)
@@ -159,11 +159,11 @@ def test_a_dead_image_gives_way_to_a_good_one_after_eight_power_ups(dead, image)
     with stepped_unit("--laps", "0") as unit:
         Rig(unit, dead, again=True).run()
         for _ in range(7):  # the first start was the update's
-            unit.befall("power_cut", for_s=0.2)
+            unit.inject("power_cut", for_s=0.2)
             assert unit.run(2.0) == b""
-        unit.befall("power_cut", for_s=0.2)
+        unit.inject("power_cut", for_s=0.2)
         assert unit.receive(Loader).reason == Stay.NOT_CONFIRMED
-        assert Rig(unit, image).run().updater.outcome == Updated("0.3.0")
+        assert Rig(unit, image).run().updater.outcome == Updated(VERSION)
 
 
 # ---- What is said to it ------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from firmware.images import newer_version
+from firmware.images import VERSION, newer_version
 from firmware.stepped_unit import IMAGE
 
 from noctule.firmware_rules import FirmwareRules, to_toml
@@ -70,14 +70,14 @@ def outcomes(run: subprocess.CompletedProcess[str]) -> dict[str, tuple[str, str]
 def test_a_site_is_updated_and_then_left_alone(bench):
     first = update(bench)
     assert first.returncode == 0, first.stderr
-    assert outcomes(first) == {f"u{number}": ("updated", "0.3.0 -> 0.9.0") for number in range(1, UNITS + 1)}
+    assert outcomes(first) == {f"u{number}": ("updated", f"{VERSION} -> 0.9.0") for number in range(1, UNITS + 1)}
     second = update(bench)
     assert second.returncode == 0
     assert {outcome for outcome, _ in outcomes(second).values()} == {"up to date"}
 
 
 def test_one_unit_is_updated_by_name_and_again_if_it_must_be(bench):
-    assert outcomes(update(bench, "--unit", "u2")) == {"u2": ("updated", "0.3.0 -> 0.9.0")}
+    assert outcomes(update(bench, "--unit", "u2")) == {"u2": ("updated", f"{VERSION} -> 0.9.0")}
     assert outcomes(update(bench, "--unit", "u2", "--force")) == {"u2": ("updated", "0.9.0 -> 0.9.0")}
 
 
@@ -100,7 +100,7 @@ def test_where_there_are_keys_only_a_signed_image_is_sent(bench, tmp_path):
     assert "was not taken: it is not signed: sign it (noctule-deploy firmware-sign)" in refused.stderr
     bench.image.with_name("signed.hex").write_bytes(sign(bench.image.read_bytes(), key))
     signed = update(bench._replace(image=bench.image.with_name("signed.hex")), "--unit", "u1", "--firmware", str(rules))
-    assert outcomes(signed) == {"u1": ("updated", "0.3.0 -> 0.9.0")}
+    assert outcomes(signed) == {"u1": ("updated", f"{VERSION} -> 0.9.0")}
     assert f"0.9.0: signed by {public}" in signed.stdout
 
 

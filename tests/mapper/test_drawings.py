@@ -139,9 +139,11 @@ def test_a_recording_holds_the_entities_of_the_live_map(file: Path) -> None:
 
 
 def test_a_recording_that_can_not_be_written_is_told_in_one_line(file: Path) -> None:
-    result = fit(file, "--rrd", file.with_name("no") / "map.rrd")
+    folder = file.with_name("folder.rrd")
+    folder.mkdir()
+    result = fit(file, "--rrd", folder)
     assert result.exit_code == 1
-    assert "no/map.rrd" in result.complaint
+    assert "folder.rrd" in result.complaint
     assert result.complaint.count("\n") == 1
 
 

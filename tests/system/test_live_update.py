@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from firmware.images import newer_version
+from firmware.images import VERSION, newer_version
 from firmware.stepped_unit import IMAGE
 from system.processes import Programs, free_ports, programs, wait_until
 
@@ -95,7 +95,7 @@ def test_a_unit_that_sweeps_is_updated_and_loses_no_sweep(tmp_path: Path, image:
         at.statuses.clear()
         done = at.rpc("update", "--image", image)
         assert done.returncode == 0, done.stderr
-        assert json.loads(done.stdout)["detail"] == "0.3.0 -> 0.9.0"
+        assert json.loads(done.stdout)["detail"] == f"{VERSION} -> 0.9.0"
         told = [each for each in at.statuses if each.detail.startswith("updating: ")]
         assert any("sending, " in each.detail and " pages" in each.detail for each in told), told
         assert {each.state for each in told} == {UnitStatus.STATE_LOADER}
@@ -138,7 +138,7 @@ def test_one_request_is_one_update_and_other_commands_are_told_to_wait(tmp_path:
         for each in asking:
             each.join()
         update()  # the reply is remembered
-        assert replies == [CommandReply(request_id="same", done=True, detail="0.3.0 -> 0.9.0")] * 3
+        assert replies == [CommandReply(request_id="same", done=True, detail=f"{VERSION} -> 0.9.0")] * 3
         assert at.running.log("gateway").count("its firmware is being updated") == 1
 
 
@@ -168,7 +168,7 @@ def test_an_update_that_was_cut_off_with_its_gateway_is_done_by_the_next_one(tmp
         at.start_gateway()
         at.wait_for(UnitStatus.STATE_LOADER, f"update it by noctule rpc {SITE} u1 update --image")
         done = at.rpc("update", "--image", image)
-        assert json.loads(done.stdout)["detail"] == "0.3.0 -> 0.9.0", done.stderr
+        assert json.loads(done.stdout)["detail"] == f"{VERSION} -> 0.9.0", done.stderr
         assert at.wait_for(UnitStatus.STATE_IDLE).firmware == "0.9.0"
 
 
@@ -198,4 +198,5 @@ def test_a_campaign_that_was_stopped_in_the_midst_is_ended_by_the_same_command(t
         assert at.running.wait("again") == 0, at.running.log("again")
         assert re.search('"outcome": "(updated|up to date)"', at.running.log("again"))  # it may have ended in between
         assert at.wait_for(UnitStatus.STATE_IDLE).firmware == "0.9.0"
-        assert at.running.log("gateway").count("the update is over: 0.3.0 -> 0.9.0") == 1  # the second found it done
+        updates = at.running.log("gateway").count(f"the update is over: {VERSION} -> 0.9.0")
+        assert updates == 1  # the second found it done

@@ -91,7 +91,7 @@ def test_a_broken_part_is_named_in_time(lounge: Site, tmp_path: Path, fault: dic
                 cable.run(0.05)
             while len(gateway.judged) < len(arrived):
                 assert not judge_next().faults
-        unit.befall(**fault)
+        unit.inject(**fault)
         for _ in range(by):
             sweep = judge_next()
             if sweep.faults:
@@ -100,7 +100,7 @@ def test_a_broken_part_is_named_in_time(lounge: Site, tmp_path: Path, fault: dic
         assert 1 <= sweep.suspect_before <= by
         (found,) = gateway.health.faults()
         assert (found.kind, found.confidence > 0.5, bool(found.words), bool(found.advice)) == (kind, True, True, True)
-        unit.befall("mended")
+        unit.inject("mended")
 
 
 def facing(judged: list[Sweep]) -> float:

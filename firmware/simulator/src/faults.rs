@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn mishaps_come_in_the_order_of_their_times() {
+    fn faults_come_in_the_order_of_their_times() {
         let text = "[[fault]]\nat_s = 3.5\nunit = 2\nkind = 'cable_pulled'\nfor_s = 10\n\
                     [[fault]]\nat_s = 1\nkind = 'motor_loses_steps'\nprobability = 0.1\n";
         let mut faults = FaultSchedule::parse("faults.toml", text, 2).unwrap();

@@ -103,7 +103,7 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     Ok(())
 }
 
-/// The units in their room or rooms, and what is to befall them.
+/// The units in their room or rooms, and the faults to inject.
 fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result<Fleet, SimulatorError> {
     let room = scene.room();
     let units = arguments.units.map_or(room.shared_by().unwrap_or(1), |units| units as usize);

@@ -15,7 +15,8 @@ const __code struct calibration calibration_default = {
 
 bool calibration_is_possible(const __xdata struct calibration *calibration)
 {
-    return calibration->half_steps_per_turn >= HALF_STEPS(3800) && calibration->half_steps_per_turn <= HALF_STEPS(4400) &&
+    return calibration->half_steps_per_turn >= HALF_STEPS(3800) &&
+           calibration->half_steps_per_turn <= HALF_STEPS(4400) &&
            calibration->backlash <= MOST_BACKLASH && calibration->home <= HOME_OPENING_SWITCH &&
            calibration->home_bearing <= BELOW_FORWARD(148);
 }

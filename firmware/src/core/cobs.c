@@ -1,5 +1,5 @@
-// Consistent overhead byte stuffing. A block is a code byte n and n - 1 bytes that are not zero; it stands for these and
-// a zero, but for the longest block (n = 255) and the frame's last, which have no zero.
+// Consistent overhead byte stuffing. A block is a code byte n and n - 1 bytes that are not zero; it stands for these
+// and a zero, but for the longest block (n = 255) and the frame's last, which have no zero.
 #include "cobs.h"
 
 #define LONGEST_RUN 254

@@ -1,4 +1,5 @@
-// The 8051's memory spaces by SDCC's names. Other compilers, such as the one that builds the tests, have only one space.
+// The 8051's memory spaces by SDCC's names. Other compilers, such as the one that builds the tests, have only one
+// space.
 #ifndef MEMORY_H
 #define MEMORY_H
 

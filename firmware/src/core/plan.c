@@ -18,6 +18,17 @@ const __code struct plan plan_default = {
     .pings = 1,
 };
 
+static bool ramp_is_too_short(const __xdata struct plan *plan)
+{
+    return plan->top_speed > FASTEST_FROM_REST && plan->ramp_ms < SHORTEST_RAMP_MS;
+}
+
+void plan_lengthen_ramp(__xdata struct plan *plan)
+{
+    if (ramp_is_too_short(plan))
+        plan->ramp_ms = SHORTEST_RAMP_MS;
+}
+
 bool plan_is_possible(const __xdata struct plan *plan)
 {
     if (plan->count < 1 || plan->count > 64)
@@ -25,7 +36,7 @@ bool plan_is_possible(const __xdata struct plan *plan)
     int32_t last_bearing = plan->first_bearing + (int32_t)plan->bearing_step * (plan->count - 1);
     return plan->first_bearing >= -OUTERMOST && last_bearing <= OUTERMOST && plan->ping_interval_ms >= 29 &&
            plan->ping_interval_ms <= 1000 && plan->top_speed >= 50 && plan->top_speed <= 1000 &&
-           plan->ramp_ms <= 1000 && (plan->top_speed <= FASTEST_FROM_REST || plan->ramp_ms >= SHORTEST_RAMP_MS) && plan->settle_ms <= 1000 &&
+           plan->ramp_ms <= 1000 && !ramp_is_too_short(plan) && plan->settle_ms <= 1000 &&
            (plan->pings == 1 || plan->pings == 3 || plan->pings == 5);
 }
 

@@ -42,7 +42,7 @@ enum frame_type {
     FRAME_SWEEP = 0x91,
 };
 
-#define REQUEST_NONE 0 // what the unit sends of its own accord
+#define REQUEST_NONE 0 // what the unit sends unasked
 
 enum result {
     RESULT_DONE,

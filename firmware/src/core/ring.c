@@ -8,8 +8,8 @@
 #define MARK_FRAME 0x5A
 #define MARK_DROPPED 0xA5
 
-// The most that ring_seek() or ring_commit() does in one call: it looks at so many blocks, or adds up so many bytes of a
-// CRC.
+// The most that ring_seek() or ring_commit() does in one call: it looks at so many blocks, or adds up so many bytes of
+// a CRC.
 #define BLOCKS_A_CALL 64
 #define CRC_BYTES_A_CALL 128
 

@@ -1,5 +1,6 @@
 // The ring of frames that wait in XRAM until they are acknowledged. It outlives every reset, as far as its memory does:
-// that lies outside what the C start-up clears, and changes only by single bytes, so that no reset finds it half changed.
+// that lies outside what the C start-up clears, and changes only by single bytes, so that no reset finds it half
+// changed.
 //
 // A slot is `mark:u8 length:u16 content crc:u32`, rounded up to whole blocks; the content and its CRC are a frame as it
 // goes out, so the one CRC guards it here and on the wire.
@@ -27,16 +28,16 @@ bool ring_has_room(uint16_t length);
 // ring_has_room() first. ring_commit() is called, once in a round, until it says that this is the newest frame.
 void ring_begin(void);
 void ring_put(uint8_t byte);
-void ring_amend(uint16_t offset, uint8_t byte); // writes a byte of the content anew
+void ring_amend(uint16_t offset, uint8_t byte); // overwrites a byte of the content
 bool ring_commit(void);
 
 // The number of frames, by their headers alone, and the bytes that all slots take up.
 uint8_t ring_frames(void);
 uint16_t ring_used(void);
 
-// One step towards the oldest frame that is still what was put there; what is not is dropped on the way. Says whether it
-// is found. However much is spoiled, one call takes no longer than the CRC of a short frame, so that a round of the main
-// loop stays short; in between, frames may be added and dropped.
+// One step towards the oldest frame that is still what was put there; what is not is dropped on the way. Says whether
+// it is found. However much is spoiled, one call takes no longer than the CRC of a short frame, so that a round of the
+// main loop stays short; in between, frames may be added and dropped.
 bool ring_seek(void);
 
 // Whether the oldest slot has the header of a frame.

@@ -119,7 +119,7 @@ impl World {
         self.scene.room().air_temperature_c(to_seconds(now))
     }
 
-    /// Something happens to a part of the unit, until then if it lasts; what befalls cable or supply is not of this world.
+    /// Injects a fault of one of the unit's parts, until then if it lasts; faults of cable and supply are handled elsewhere.
     pub fn apply(&mut self, fault: &Fault, until: Tick, now: Tick) {
         match *fault {
             Fault::SensorStuckHigh {} => self.sonar.fall_ill(Ailment::StuckHigh, until, now),

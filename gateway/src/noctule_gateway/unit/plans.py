@@ -1,12 +1,15 @@
 """Which plan a unit gets, by how it stands: the one place that says what a site file's silence means."""
 
+import logging
 from dataclasses import replace
 
 from noctule.messages_pb2 import SweepPlan
 from noctule.site import FixedPose, Unit
 from noctule_gateway.errors import CommandError
-from noctule_gateway.wire import orders
+from noctule_gateway.wire import limits, orders
 from noctule_gateway.wire.frames import Configure
+
+_log = logging.getLogger(__name__)
 
 # A unit's own plan: firmware/README.md, "Host to unit". For a unit that is carried: each place hears a reflector once.
 OWN_PLAN = Configure(
@@ -23,7 +26,7 @@ OWN_PLAN = Configure(
 
 # For a unit that stays where it is: so fine that several bearings hear each reflector, which gives its direction. The
 # 51 half steps between two bearings are mostly ramp, so half the ramp makes the sweep a fifth shorter. The top speed
-# stays at 600 half steps/s, about what a 28BYJ-48 follows without any ramp.
+# stays at 600 half steps/s, which needs a ramp: from rest, a 28BYJ-48 follows 500 (firmware/src/core/plan.c).
 FIXED_PLAN = replace(OWN_PLAN, bearing_step=819, count=61, ramp_ms=50)  # 4.5 degrees, as far as the coarse plan
 
 _BEARINGS = ("first_bearing_rad", "bearing_step_rad", "count")
@@ -33,12 +36,29 @@ def wanted_plan(unit: Unit) -> Configure | None:
     """What the gateway gives ``unit``; None leaves the unit the plan that it has.
 
     A fixed unit whose site file names no bearings gets FIXED_PLAN under what else the file says. Bearings that the file
-    gives in part are completed by OWN_PLAN. Raises CommandError if a unit would not take the file's plan.
+    gives in part are completed by OWN_PLAN. A ramp too short for the top speed is lengthened, with a warning: before
+    firmware 0.4 it was valid, and an upgrade must not stop the gateway. Raises CommandError if a unit would not take
+    the file's plan for another reason.
     """
     given = unit.plan or SweepPlan()
     try:
         if isinstance(unit.pose, FixedPose) and not any(map(given.HasField, _BEARINGS)):
-            return orders.configure(given, FIXED_PLAN)
-        return orders.configure(given, OWN_PLAN) if unit.plan else None
+            return _with_longer_ramp(unit.name, orders.configure_with_any_ramp(given, FIXED_PLAN))
+        return _with_longer_ramp(unit.name, orders.configure_with_any_ramp(given, OWN_PLAN)) if unit.plan else None
     except CommandError as error:
         raise CommandError(f"the site file's plan of unit {unit.name}: {error}") from error
+
+
+def _with_longer_ramp(name: str, plan: Configure) -> Configure:
+    longer = limits.with_longer_ramp(plan)
+    if longer != plan:
+        _log.warning(
+            "%s: a ramp of %g s is too short for %d half steps/s, so the unit gets one of %g s: "
+            "write ramp_s = %g into the sweep table of the site file",
+            name,
+            plan.ramp_ms / 1000,
+            plan.top_speed,
+            longer.ramp_ms / 1000,
+            longer.ramp_ms / 1000,
+        )
+    return longer

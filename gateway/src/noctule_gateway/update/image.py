@@ -89,7 +89,7 @@ def _described(name: str, content: bytes) -> Image:
     if magic != _MAGIC or own_crc != zlib.crc32(description[:-4]):
         raise ImageError(f"{name} does not describe itself: build it by make -C firmware and take build/update.hex")
     if length > _DESCRIPTION or crc != zlib.crc32(content[:length]):
-        raise ImageError(f"{name} is not what it says of itself: build it anew (make -C firmware)")
+        raise ImageError(f"{name} is not what it says of itself: build it again (make -C firmware)")
     numbers = [*range(-(-length // PAGE_BYTES)), PAGES - 1]
     pages = {page: content[page * PAGE_BYTES : (page + 1) * PAGE_BYTES] for page in numbers}
     return Image((version[0], version[1], version[2]), hardware, pages)

@@ -3,6 +3,7 @@
 A unit only answers that something is out of range. So the gateway says first what is, in the operator's units.
 """
 
+from dataclasses import replace
 from math import degrees, radians
 
 from noctule.bounds import UNIT_PAUSE_S, UNIT_PLAN, Number
@@ -60,9 +61,16 @@ def check_last_bearing(plan: Configure) -> None:
         )
 
 
+def with_longer_ramp(plan: Configure) -> Configure:
+    """``plan`` with the shortest ramp that its top speed allows, if its own is shorter."""
+    if plan.top_speed > _FASTEST_FROM_REST and plan.ramp_ms < _SHORTEST_RAMP_MS:
+        return replace(plan, ramp_ms=_SHORTEST_RAMP_MS)
+    return plan
+
+
 def check_ramp(plan: Configure) -> None:
     """Raise CommandError where ``plan`` has the motor start faster than it can from rest."""
-    if plan.top_speed > _FASTEST_FROM_REST and plan.ramp_ms < _SHORTEST_RAMP_MS:
+    if with_longer_ramp(plan) != plan:
         raise CommandError(
             f"out of range: ramp_s is {plan.ramp_ms / 1000:.6g} at {plan.top_speed} half steps/s: give "
             f"{_SHORTEST_RAMP_MS / 1000:.6g} s or more, or a top speed of {_FASTEST_FROM_REST} half steps/s or less"

@@ -33,11 +33,18 @@ T = TypeVar("T", bound=Order)
 
 def configure(plan: SweepPlan, present: Configure) -> Configure:
     """``plan`` over the ``present`` one. Raises CommandError, which names the field, if a unit would not take it."""
+    order = configure_with_any_ramp(plan, present)
+    if plan.ListFields():
+        limits.check_ramp(order)
+    return order
+
+
+def configure_with_any_ramp(plan: SweepPlan, present: Configure) -> Configure:
+    """configure(), but a ramp too short for the top speed stays: only firmware before 0.4 takes that."""
     limits.check_fields(plan, limits.PLAN_BOUNDS)
     order = _fitting(replace(present, **_given(plan, PLAN)))
     if plan.ListFields():
         limits.check_last_bearing(order)
-        limits.check_ramp(order)
     return order
 
 

@@ -65,7 +65,7 @@ def replay(
             if not exit_when_done:
                 playing.wait(math.inf, over)
             else:
-                _wait_for(readers, playing, monotonic() + timeout_s, over)
+                _wait_for(readers, playing, timeout_s, over)
         finally:
             playing.close()
             schemas.undeclare()
@@ -77,9 +77,10 @@ def _counted(file: Path, shown: Progress) -> Iterator[Sweep]:
         yield sweep
 
 
-def _wait_for(readers: Readers, playing: Replay, until_s: float, over: Event) -> None:
-    """Wait until all who read the units have read them, or until ``over``. Raises BusError after ``until_s``."""
+def _wait_for(readers: Readers, playing: Replay, within_s: float, over: Event) -> None:
+    """Wait until all who read the units have read them, or until ``over``. Raises BusError after ``within_s``."""
+    until_s = monotonic() + within_s
     while not (readers.have_passed(playing.heads()) or over.is_set()):
         if monotonic() > until_s:
-            raise BusError("in --timeout no service has shown that it has read all: is a mapper of the site up?")
+            raise BusError(f"after {within_s:g} s no service shows that it has read all: is a mapper of the site up?")
         playing.wait(monotonic() + _LOOK_EVERY_S, over)
