@@ -6,11 +6,10 @@ UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint docs screenshots wheels setup packages-run packages-test firmware clean
+.PHONY: demo test soak bench lint docs screenshots wheels setup setup-demo packages-run packages-test \
+  firmware firmware-demo clean
 
-# The demo needs a third of what the tests need; what is there already stays.
-demo: SYNC := --inexact --no-default-groups --group demo
-demo: packages-run setup firmware
+demo: packages-run setup-demo firmware-demo
 	@python deploy/demo/run.py
 
 test: packages-test setup firmware
@@ -39,7 +38,7 @@ lint: packages-test setup firmware docs
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
 
 # The documentation as pages for a browser, in .site/; a broken link fails.
-docs: setup
+docs: packages-test setup
 	@NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --config-file deploy/docs/mkdocs.yml
 
 # What the hosts of a fleet install, in dist/, with the versions of all that it needs.
@@ -50,19 +49,24 @@ wheels: $(UV)
 	@$(UV) export --quiet --locked --no-dev --all-packages --no-emit-workspace --no-hashes --output-file dist/constraints.txt
 	@ls dist
 
-# The pictures of the pages, made anew.
+# The pictures of the pages, made again.
 screenshots: packages-test setup firmware
 	PYTHONPATH=tests python tests/viewer/screenshots.py
 
 packages-run packages-test:
 	@sh deploy/packages.sh $(@:packages-%=%)
 
+# The demo needs a third of what the tests need; what is there already stays.
+setup-demo: SYNC := --inexact --no-default-groups --group demo
+
 # The lock file decides every version; the simulator is built again when its sources change.
-setup: $(UV)
+setup setup-demo: $(UV)
 	@test -d .venv || echo "Fetching Python packages and building the simulator"
 	@$(UV) sync --locked $(if $(wildcard .venv),--quiet) $(SYNC)
 
 firmware: setup
+firmware-demo: setup-demo
+firmware firmware-demo:
 	@$(MAKE) --no-print-directory -C firmware
 
 .tools/bin/uv:

@@ -1,6 +1,6 @@
 """install.sh with real packages: wheels of this tree, a virtual environment, pip; then wheels of the next version.
 
-Nothing is fetched: pip sees what the project's own environment has beside the project, in the versions of uv.lock.
+pip fetches nothing: it sees what the project's own environment has beside the project, in the versions of uv.lock.
 """
 
 import shutil

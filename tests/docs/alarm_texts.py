@@ -8,6 +8,14 @@ from system.processes import ROOT
 
 RAISED_IN = (
     "gateway/src/noctule_gateway/status/*.py",
+    "gateway/src/noctule_gateway/health/blocked.py",
+    "gateway/src/noctule_gateway/health/clock_slips.py",
+    "gateway/src/noctule_gateway/health/dead_bearing.py",
+    "gateway/src/noctule_gateway/health/jump.py",
+    "gateway/src/noctule_gateway/health/one_value.py",
+    "gateway/src/noctule_gateway/health/place.py",
+    "gateway/src/noctule_gateway/health/sensor_line.py",
+    "gateway/src/noctule_gateway/health/silence.py",
     "gateway/src/noctule_gateway/link/peer.py",
     "gateway/src/noctule_gateway/log/faults.py",
     "gateway/src/noctule_gateway/log/log_file.py::damage",
@@ -20,14 +28,24 @@ RAISED_IN = (
     "mapper/src/noctule_mapper/live/refused.py",
     "mapper/src/noctule_mapper/live/service.py",
     "mapper/src/noctule_mapper/live/store.py",
+    "mapper/src/noctule_mapper/readings/faulty.py",
+    "mapper/src/noctule_mapper/readings/sweep.py",
     "mapper/src/noctule_mapper/sharing/unshared.py",
     "sdk/src/noctule/bus_watch.py",
     "sdk/src/noctule/endpoint_watch.py",
+    "sdk/src/noctule/faults.py::word",
     "sdk/src/noctule/kernel_clock.py::fault",
     "sdk/src/noctule/tls.py::expiry_alarm",
     "sdk/src/noctule/unit_list.py",
     "viewer/src/noctule_viewer/board/documents.py::_no_mapper",
+    "viewer/src/noctule_viewer/board/site_state.py::__init__",
     "viewer/src/noctule_viewer/board/unit_health.py",
+    "viewer/src/noctule_viewer/presence.py",
+    "viewer/src/noctule_viewer/recordings/recorder.py::_lack_of_space",
+    "viewer/src/noctule_viewer/recordings/recorder.py::_record_one_file",
+    "viewer/src/noctule_viewer/recordings/recorder.py::_run",
+    "viewer/src/noctule_viewer/relay.py::_status",
+    "viewer/src/noctule_viewer/rerun_versions.py",
 )
 """Files, or one function of a file."""
 
@@ -49,7 +67,9 @@ def sentences(least_words: int = 4) -> dict[str, str]:
     found: dict[str, str] = {}
     for place in RAISED_IN:
         pattern, _, function = place.partition("::")
-        for file in sorted(ROOT.glob(pattern)):
+        files = sorted(ROOT.glob(pattern))
+        assert files, f"no file {pattern}: alarm_texts.py names one that is gone"
+        for file in files:
             for node in _bodies(ast.parse(file.read_text()), function):
                 found |= {text: str(file.relative_to(ROOT)) for text in _texts(node) if _is_sentence(text, least_words)}
     return found

@@ -1,7 +1,6 @@
 """The code blocks of the project's Markdown pages, and the commands in them."""
 
 import re
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,18 +35,6 @@ class Command:
 
     def __str__(self) -> str:
         return f"{self.page}:{self.line}: {self.text}"
-
-
-def pages() -> list[Path]:
-    """The Markdown files that git knows."""
-    listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard", "*.md"],
-        cwd=ROOT,
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return [ROOT / name for name in listed.stdout.splitlines()]
 
 
 def blocks(page: Path) -> Iterator[Block]:

@@ -1,9 +1,12 @@
-"""The page of alarms has an entry for each sentence that the code can raise an alarm with, and no entry that is old."""
+"""The page of alarms has an entry for each sentence of the files that raise alarms, and no entry that is old."""
 
 import re
 
 from docs.alarm_texts import sentences
 from system.processes import ROOT
+
+from noctule.faults import word
+from noctule_gateway.health.vocabulary import FAULTS
 
 PAGE = ROOT / "deploy/docs/pages/alarms.md"
 NO_ALARMS = {
@@ -38,3 +41,8 @@ def test_each_entry_is_an_alarm_of_the_code() -> None:
     old = [entry for entry in ENTRIES if not any(covers(entry, sentence) for sentence in found)]
     assert not old, "nothing says these any more:\n" + "\n".join(old)
     assert found.keys() >= NO_ALARMS
+
+
+def test_each_fault_that_sweeps_can_show_is_in_the_table_of_faults() -> None:
+    of_the_table = re.findall(r"^\| `[^`]+` \| ([a-z ]+) \| [^|]+ \|$", PAGE.read_text(), re.MULTILINE)
+    assert {word(kind) for kind in FAULTS} <= set(of_the_table)

@@ -3,8 +3,9 @@
 import re
 
 import pytest
-from docs.blocks import Command, blocks, commands, inline, pages
+from docs.blocks import Command, blocks, commands, inline
 from docs.parsing import UnknownError, is_command, parse
+from readmes import pages
 
 _USAGE_COLUMN = re.compile(r"\s{2,}.*$")  # what a command does, beside it
 

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from docs.test_commands import in_blocks
-from docs.walk import Walk, block_of, radar_file, site_file
+from docs.walk import Walk, all_printed, block_of, radar_file, site_file
 from mapper.live_site import paper_survey
 from system.processes import ROOT, free_ports, wait_until
 
@@ -37,7 +37,7 @@ def test_a_site_is_simulated_served_mapped_and_looked_after(tmp_path: Path) -> N
             ("noctule-mapper run --site attic --data mapper-data", f"--connect {endpoint} --rerun none"),
         ):
             process = walk.starts(line, f"{more} > {line.split()[0]}.log 2>&1")
-            ends.callback(process.communicate)
+            ends.callback(all_printed, process)
             ends.callback(process.terminate)
         wait_until(lambda: " u7 " in walk.types("noctule units attic.toml", status=(0, 1)), "the unit")
 

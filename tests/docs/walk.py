@@ -30,7 +30,7 @@ class Walk:
     def types(self, line: str, more: str = "", status: tuple[int, ...] = (0,)) -> str:
         """Run a command of the pages, with ``more`` behind it, and return all that it printed."""
         process = self.starts(line, more)
-        printed, _ = process.communicate(timeout=PATIENCE_S)
+        printed = all_printed(process)
         assert process.returncode in status, f"{line}: status {process.returncode}\n{printed}"
         assert "Traceback" not in printed, f"{line}:\n{printed}"
         return printed
@@ -60,6 +60,16 @@ class Walk:
         finally:
             process.kill()
             process.communicate()
+
+
+def all_printed(process: "subprocess.Popen[str]") -> str:
+    """What the process prints until its end; one that does not end is killed, which fails the test."""
+    try:
+        return process.communicate(timeout=PATIENCE_S)[0]
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        raise
 
 
 def block_of(page: str, beginning: str) -> str:

@@ -4,7 +4,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, resource_tracker
 from typing import get_args
 
 import numpy as np
@@ -68,13 +68,15 @@ def run_all(seeds: Sequence[int], jobs: int = 1, progress: Progress | None = Non
 
 
 def _spread(seeds: Sequence[int], jobs: int) -> Iterator[Run]:
+    resource_tracker.ensure_running()  # which lets Ctrl-C in again when it starts
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        ours = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the processes inherit
         try:
-            runs = [pool.submit(run, seed) for seed in seeds]
-        finally:
-            signal.signal(signal.SIGINT, ours)
-        try:
+            # The processes inherit that Ctrl-C is held back: it is for this one, which ends them.
+            before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            try:
+                runs = [pool.submit(run, seed) for seed in seeds]
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
             for each in runs:
                 yield each.result()
         except BaseException:

@@ -23,6 +23,10 @@ class SurveyCutError(SurveyError):
     """A file of sweeps that ends too early: what comes before the cut can be read."""
 
 
+class ReportError(NoctuleError):
+    """A report of a unit that can't be written."""
+
+
 class ScanError(NoctuleError):
     """A file of a scanner's own that can't be imported; the message names file, place, column and value."""
 

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import sys
 from datetime import UTC, datetime
 from enum import StrEnum
 
@@ -48,6 +49,15 @@ class TextFormatter(logging.Formatter):
         """The record as text, without its traceback."""
         record.message = plain(record.message)
         return super().formatMessage(record)
+
+
+class StderrHandler(logging.StreamHandler):
+    """Writes to what ``sys.stderr`` is when something is logged: a progress line there makes room for it."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one record."""
+        self.setStream(sys.stderr)
+        super().emit(record)
 
 
 def set_up(log_format: LogFormat, prefix: str = "") -> None:

@@ -32,12 +32,13 @@ class Progress:
 
     def _show(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
         from rich.progress import Progress as Bar
 
-        columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
-        bar = Bar(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
-        bar.add_task("")
+        words = [TextColumn(f"{{task.{field}}}", markup=False) for field in ("description", "fields[count]")]
+        columns = (SpinnerColumn(), words[0], BarColumn(), words[1], TimeElapsedColumn())
+        bar = Bar(*columns, console=Console(stderr=True), transient=True)
+        bar.add_task("", count="")
         with self._lock:
             self._put(bar)
             self._bar = bar
@@ -45,8 +46,9 @@ class Progress:
 
     def _put(self, bar: "Bar") -> None:
         what, done, total = self._present
+        count = f"{done}/{total}" if total is not None else str(done or "")
         (task,) = bar.task_ids
-        bar.update(task, description=what, completed=done, total=total)
+        bar.update(task, description=what, completed=done, total=total, count=count)
 
     def _hide(self) -> None:
         with self._lock:

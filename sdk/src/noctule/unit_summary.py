@@ -22,6 +22,9 @@ _ASSUMED_AIR_C = 20.0
 _SAME_BEARING_DEG = 0.5
 _FAILED = (READING_STATUS_TOO_EARLY, READING_STATUS_STUCK_HIGH, READING_STATUS_NO_SENSOR)
 
+_Answer = tuple[float, int, float | None]
+"""Bearing in degrees, status, range in metres."""
+
 
 @dataclass(frozen=True)
 class BearingStatistics:
@@ -93,15 +96,15 @@ class UnitSummary:
 
 def bearing_statistics(sweeps: Iterable[Sweep]) -> list[BearingStatistics]:
     """Of all readings of the sweeps; bearings that differ by less than half a degree are one."""
-    gathered: list[tuple[float, int, list[float | None]]] = []
+    gathered: list[_Answer] = []
     for sweep in sweeps:
         air_c = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else _ASSUMED_AIR_C
         for one in sweep.readings:
             range_m = one.time_of_flight_s * speed_of_sound_m_s(air_c) / 2 if one.HasField("time_of_flight_s") else None
-            gathered.append((degrees(one.bearing_rad), one.status, [range_m]))
+            gathered.append((degrees(one.bearing_rad), one.status, range_m))
     gathered.sort(key=lambda each: each[0])
     result: list[BearingStatistics] = []
-    group: list[tuple[float, int, list[float | None]]] = []
+    group: list[_Answer] = []
     for each in gathered:
         if group and each[0] - group[0][0] > _SAME_BEARING_DEG:
             result.append(_statistics(group))
@@ -110,8 +113,8 @@ def bearing_statistics(sweeps: Iterable[Sweep]) -> list[BearingStatistics]:
     return [*result, _statistics(group)] if group else []
 
 
-def _statistics(group: list[tuple[float, int, list[float | None]]]) -> BearingStatistics:
-    heard = [range_m for _, _, (range_m,) in group if range_m is not None]
+def _statistics(group: list[_Answer]) -> BearingStatistics:
+    heard = [range_m for _, _, range_m in group if range_m is not None]
     middle = median(heard) if heard else None
     failed: dict[str, int] = {}
     for _, status, _ in group:

@@ -13,7 +13,7 @@ except ModuleNotFoundError as error:
 from noctule import threads
 from noctule.cli import ask, command, doctor, import_scan, record, replay, show, unit_report, update
 from noctule.errors import NoctuleError
-from noctule.logs import TextFormatter
+from noctule.logs import StderrHandler, TextFormatter
 from noctule.plain_text import plain
 from noctule.version_option import version_option
 
@@ -35,7 +35,7 @@ def _noctule(_version: Annotated[bool, version_option("noctule")] = False) -> No
 
 def app() -> None:
     """Run the command line; what went wrong stands in one line."""
-    handler = logging.StreamHandler()
+    handler = StderrHandler()
     handler.setFormatter(TextFormatter("%(levelname)s %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     threads.end_process_when_one_fails()

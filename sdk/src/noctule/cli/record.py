@@ -47,6 +47,7 @@ def record(
             ):
                 watch.begin()
                 while not over.wait(awake.EVERY_S):
-                    shown.at(f"recording {len(recording.cursors)} units; sweeps since the start", recording.appended)
+                    units = f"{len(recording.cursors)} unit{'' if len(recording.cursors) == 1 else 's'}"
+                    shown.at(f"recording {units}; sweeps since the start", recording.appended)
     held = ", ".join(f"{unit} to {cursor.log_sequence}" for unit, cursor in sorted(recording.cursors.items()))
     typer.echo(f"{out} holds {held or 'no sweeps yet'}", err=True)

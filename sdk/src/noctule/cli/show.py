@@ -39,7 +39,9 @@ def units(
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {unit, served, since, detail, status}.")] = False,
-    goes_on: Annotated[bool, typer.Option("--watch", help="On a terminal: show it each second, until Ctrl-C.")] = False,
+    goes_on: Annotated[
+        bool, typer.Option("--watch", help="On a terminal: show it each second, units in trouble first, until Ctrl-C.")
+    ] = False,
 ) -> None:
     """Show a site's units: which gateway serves them, in which state and since when, how long their logs are.
 
@@ -60,9 +62,9 @@ def units(
             for row in seen.rows:
                 typer.echo(_json(row))
         elif goes_on:
-            with awake.told_to_end() as over, Live(seen.shown(), auto_refresh=False) as live:
+            with awake.told_to_end() as over, Live(seen.unwell_first().shown(), auto_refresh=False) as live:
                 while not over.wait(_LOOK_EVERY_S):
-                    live.update(_Seen.of(client, file, pool).shown(), refresh=True)
+                    live.update(_Seen.of(client, file, pool).unwell_first().shown(), refresh=True)
         else:
             # A reader that is no terminal gets whole lines.
             Console(width=None if sys.stdout.isatty() else _WIDEST).print(seen.shown())
@@ -82,6 +84,10 @@ class _Seen:
         statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
         told = sorted(services.result(), key=lambda service: (service.role, service.name))
         return cls(unit_list.rows(alive, statuses.result(), told, file), told)
+
+    def unwell_first(self) -> "_Seen":
+        """A terminal that is too small cuts off the end."""
+        return _Seen(sorted(self.rows, key=_is_well), self.services)
 
     def shown(self) -> Group:
         """The table of units, and that of services where there are any."""
@@ -125,12 +131,16 @@ def _told(ask: Callable[[], list[M]]) -> list[M]:
         return []
 
 
+def _is_well(row: UnitRow) -> bool:
+    return row.status is not None and row.status.state not in _UNWELL and not row.status.faults
+
+
 def _table(rows: list[UnitRow]) -> Table:
     table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
     for row in rows:
         gateway, *others = _cells(row)
-        well = row.status is not None and row.status.state not in _UNWELL and not row.status.faults
-        cells = [Text(plain(cell), style="" if well else "red") for cell in (row.unit, gateway, *others, row.detail)]
+        style = "" if _is_well(row) else "red"
+        cells = [Text(plain(cell), style=style) for cell in (row.unit, gateway, *others, row.detail)]
         table.add_row(*cells)
     return table
 

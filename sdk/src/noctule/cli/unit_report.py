@@ -9,7 +9,7 @@ import typer
 from noctule.cli import replies
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined, nothing_found
 from noctule.client import Client
-from noctule.errors import BusError, NotServedError
+from noctule.errors import BusError, NotServedError, ReportError
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule.plain_text import plain
 from noctule.unit_summary import UnitSummary
@@ -38,7 +38,7 @@ def unit_report(
         try:
             output.write_text(text + "\n")
         except OSError as error:
-            raise BusError(f"the report can't be written: {error}") from error
+            raise ReportError(f"{output} can't be written: {error.strerror}") from error
 
 
 def _summary(client: Client, unit: str, count: int) -> UnitSummary:
