@@ -83,6 +83,23 @@ def test_a_wall_that_is_gone_is_told(settled: Changes) -> None:
     assert np.all(dashes[..., 0] == 0.0)
 
 
+def wall(start_m: float, end_m: float) -> Wall:
+    return Wall(start=Point(x_m=start_m, y_m=1.0), end=Point(x_m=end_m, y_m=1.0))
+
+
+@pytest.mark.parametrize("merged_first", [False, True])
+def test_walls_that_merge_or_are_split_are_no_change(merged_first: bool) -> None:
+    two, one = Contour(walls=[wall(0.0, 2.0), wall(2.5, 4.0)]), Contour(walls=[wall(0.0, 4.0)])
+    before, after = (one, two) if merged_first else (two, one)
+    changes = Changes()
+    for second in range(700):
+        changes.note(before if second < 600 else after, second)
+    assert told(changes, 699.0) == []
+    for second in range(700, 760):
+        changes.note(Contour(walls=[wall(0.0, 2.0)] if merged_first else []), second)
+    assert {gone for _, gone, _ in told(changes, 759.0)} == {True}, "the map is compared all the same"
+
+
 def test_a_map_without_changes_has_the_marks_taken_away(settled: Changes) -> None:
     drawn = components(plan_marks.draw_changes(settled.changes(600.0), 600.0), rerun_paths.CHANGES)
     assert drawn["LineStrips2D:strips"] == []
@@ -162,3 +179,20 @@ def test_what_stands_is_not_drawn_again_each_second() -> None:
         count += len(found)
     assert count <= 2
     assert paths(board.statics()) == {rerun_paths.FLOOR_PLAN}
+
+
+def test_a_floor_plan_that_is_not_given_any_more_is_taken_away() -> None:
+    drawn = components(MapBoard(SitePlan("attic")).statics(), rerun_paths.FLOOR_PLAN)
+    assert drawn["LineStrips2D:strips"] == []
+
+
+def test_what_a_unit_heard_long_ago_says_nothing_of_the_map() -> None:
+    now_s = [0.0]
+    board = MapBoard(SitePlan("attic"), lambda: now_s[0])
+    heard_at: dict[float, set[str]] = {}
+    for second in (0.0, 590.0, 610.0):
+        now_s[0] = second
+        heard = Heard(second, contour=room(), looks={"u1": [look([EAST], [2.0])]})
+        heard_at[second] = paths(board.entries(heard))
+    shown = [rerun_paths.map_fit("explained") in found for found in heard_at.values()]
+    assert shown == [True, True, False]
