@@ -108,12 +108,12 @@ def test_the_history_of_a_unit_is_bounded_and_small() -> None:
     noise = np.random.default_rng(1)
     kept = Looks()
     for second in range(1_000):
-        kept.note(sweep(second, noise.uniform(0.2, 4.0, 64), step_deg=4))
+        kept.note(sweep(second, noise.uniform(0.2, 4.0, 64), step_deg=4), now_s=second)
     of_unit = kept.all()["u1"]
     assert len(of_unit) == MOST_LOOKS
     assert of_unit[-1].time_s == 999.0
     assert picture(list(of_unit), 4.0)[1] < 20_000, "the worst case: each echo anywhere"
-    kept.note(sweep(5.0))
+    kept.note(sweep(5.0), now_s=1_000.0)
     assert kept.all()["u1"][-1].time_s == 999.0, "an old sweep, sent again"
 
 
@@ -122,8 +122,21 @@ def test_units_that_strangers_name_take_no_memory_without_end() -> None:
     for number in range(1_000):
         named = sweep()
         named.unit = f"u{number}"
-        kept.note(named)
+        kept.note(named, now_s=0.0)
+        kept.note(sweep(number), now_s=number)
     assert len(kept.all()) == 60
+    assert len(kept.all()["u1"]) > 1, "a unit that goes on stays"
+
+
+def test_a_sweep_that_is_dated_in_the_future_does_not_stop_the_pictures() -> None:
+    kept = Looks()
+    for at_s, now_s in ((1.0, 1.0), (9_000.0, 2.0), (3.0, 3.0), (4.0, 4.0)):
+        kept.note(sweep(at_s), now_s)
+    assert [each.time_s for each in kept.all()["u1"]] == [1.0, 3.0, 4.0]
+    behind = Looks()  # by the viewer's own clock, all of it is in the future
+    for at_s in (9_000.0, 9_001.0, 9_002.0):
+        behind.note(sweep(at_s), now_s=0.0)
+    assert len(behind.all()["u1"]) == 3
 
 
 def test_units_are_drawn_one_after_the_other_and_again_before_the_relay_forgets_them() -> None:

@@ -82,7 +82,9 @@ class Changes:
         """What is new or gone, the last of it first."""
         if self._settled_s is None:
             return []
-        found = [change for known in (*self._present, *self._missing) if (change := self._change(known, now_s)) is not None]
+        found = [
+            change for known in (*self._present, *self._missing) if (change := self._change(known, now_s)) is not None
+        ]
         return sorted(found, key=lambda change: -change.since_s)
 
     def _change(self, known: _Known, now_s: float) -> Change | None:

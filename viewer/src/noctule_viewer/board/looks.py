@@ -19,6 +19,7 @@ from noctule.messages_pb2 import (
 
 MOST_LOOKS = 120  # of a unit: half an hour, at a sweep every 16 s
 _MOST_UNITS = 60  # as strangers could name more; a unit's looks take up to 100 kB
+AHEAD_S = 60.0  # a sweep that is dated later than now and this is so by a wrong clock
 _FARTHEST_M = 20.0  # beyond any sensor's range
 _ROOM_C = 20.0
 _BEAM_RAD = radians(22.5)  # where nobody says: the mapper's own default
@@ -65,11 +66,19 @@ class Looks:
     def __init__(self) -> None:
         self._looks: dict[str, deque[Look]] = {}
 
-    def note(self, sweep: Sweep) -> None:
-        """A sweep as it was made; one that is older than the newest is left out, and so is one without readings."""
-        if not sweep.readings or (sweep.unit not in self._looks and len(self._looks) >= _MOST_UNITS):
+    def note(self, sweep: Sweep, now_s: float) -> None:
+        """A sweep as it was made; one that is older than the newest is left out, and so is one without readings. What
+        is dated in the future, by the UTC ``now_s``, gives way to what is older. The unit that was not heard for
+        longest gives way to a new one.
+        """
+        if not sweep.readings:
             return
-        made, before = look(sweep), self._looks.setdefault(sweep.unit, deque(maxlen=MOST_LOOKS))
+        made, before = look(sweep), self._looks.pop(sweep.unit, deque(maxlen=MOST_LOOKS))
+        if len(self._looks) >= _MOST_UNITS:
+            del self._looks[next(iter(self._looks))]
+        self._looks[sweep.unit] = before
+        while before and before[-1].time_s > now_s + AHEAD_S and before[-1].time_s > made.time_s:
+            before.pop()
         if not before or made.time_s > before[-1].time_s:
             before.append(made)
 

@@ -19,10 +19,13 @@ _RINGS_EVERY_S, _POLAR_EVERY_S, _HISTORY_EVERY_S = 1.0, 2.0, 8.0  # one unit aft
 
 
 class SiteBoard:
-    """Draws ``state``. Where the relay shows several sites, its entities are ``under`` the site's name."""
+    """Draws ``state``. Where the relay shows several sites, its entities are ``under`` the site's name; ``most_tabs``
+    as in Layout.
+    """
 
-    def __init__(self, plan: SitePlan, state: SiteState, under: str = "") -> None:
+    def __init__(self, plan: SitePlan, state: SiteState, under: str = "", most_tabs: int = MOST_TABS) -> None:
         self.site, self.under = plan.site, under
+        self._most_tabs = most_tabs
         self.worst = ""  # trouble, by what was drawn last
         self._state = state
         self._map = MapBoard(plan)
@@ -40,7 +43,7 @@ class SiteBoard:
 
     def layout(self) -> Layout:
         """What is wanted of the layout, by what was drawn last."""
-        return Layout(self._units, self._box, self.site, self.under)
+        return Layout(self._units, self._box, self.site, self.under, self._most_tabs)
 
     def heard(self) -> Heard:
         """What the site has said until now."""
@@ -49,7 +52,7 @@ class SiteBoard:
     def entries(self, heard: Heard, elsewhere: Sequence[str] = ()) -> Entries:
         """What is due now; ``elsewhere`` are the troubles of the other sites."""
         units = self._health.of(heard)
-        with_tabs = units[:MOST_TABS]
+        with_tabs = units[: self._most_tabs]
         self._units = tuple(unit.unit for unit in units)
         self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
         self.worst = documents.worst(self.site, units, heard)

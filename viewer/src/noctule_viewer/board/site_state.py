@@ -7,7 +7,7 @@ from time import monotonic, time
 
 from noctule import poses
 from noctule.messages_pb2 import Contour, ServiceStatus, Sweep, UnitStatus
-from noctule_viewer.board.looks import Look, Looks
+from noctule_viewer.board.looks import AHEAD_S, Look, Looks
 
 _MOST_UNITS = 1_000  # as strangers could name them
 
@@ -76,7 +76,7 @@ class SiteState:
         """A sweep as it was made."""
         with self._lock:
             self._note_swept(sweep.unit, sweep.start.ToNanoseconds() / 1e9)
-            self._looks.note(sweep)
+            self._looks.note(sweep, self._utc())
             if sweep.HasField("pose") and not poses.is_unknown(sweep.pose) and sweep.unit in self._swept_s:
                 self._stated_m[sweep.unit] = sweep.pose.x_m, sweep.pose.y_m
 
@@ -110,7 +110,9 @@ class SiteState:
 
     def _note_swept(self, unit: str, swept_s: float) -> None:
         if unit in self._swept_s or len(self._swept_s) < _MOST_UNITS:
-            self._swept_s[unit] = max(swept_s, self._swept_s.get(unit, 0.0))
+            before_s = self._swept_s.get(unit, 0.0)
+            ahead = before_s > self._utc() + AHEAD_S  # a clock was wrong, or still is
+            self._swept_s[unit] = swept_s if ahead else max(swept_s, before_s)
 
 
 def _placed_m(contour: Contour | None) -> dict[str, tuple[float, float]]:
