@@ -79,7 +79,7 @@ def _longest_first(text: str, error: str) -> list[str]:
 
 def _error(sigma_m: float) -> str:
     """``±3 cm``: one standard deviation, rounded up; empty below a centimetre, which is no wider than the line."""
-    return f"±{ceil(1e2 * sigma_m)} cm" if sigma_m >= _TOLD_FROM_M else ""
+    return f"±{ceil(1e2 * sigma_m - 1e-6)} cm" if sigma_m >= _TOLD_FROM_M else ""
 
 
 def _sigma_m(wall: Wall) -> float:
