@@ -62,7 +62,7 @@ def _figures(heard: Heard) -> Iterator[tuple[str, rr.AsComponents]]:
     assert heard.contour is not None
     for kind, error_mm in fit_figures.errors_mm(heard.contour).items():
         yield rerun_paths.map_error(kind), rr.Scalars(error_mm)
-    newest = {unit: looks[-1] for unit, looks in heard.looks.items() if heard.now_s - looks[-1].time_s < _RECENT_S}
+    newest = {unit: sweeps[-1] for unit, sweeps in heard.sweeps.items() if heard.now_s - sweeps[-1].time_s < _RECENT_S}
     for figure, value in fit_figures.fit(fit_figures.residuals_m(heard.contour, newest)).items():
         yield rerun_paths.map_fit(figure), rr.Scalars(value)
 
