@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import acos, cos, degrees, hypot, pi, sin
 
 from noctule.messages_pb2 import Contour
@@ -24,10 +25,15 @@ class Object:
     end: Point
     radius_m: float = 0.0
 
-    @property
+    @cached_property
     def middle(self) -> Point:
         """Where its label belongs."""
         return (self.start[0] + self.end[0]) / 2, (self.start[1] + self.end[1]) / 2
+
+    @cached_property
+    def length_m(self) -> float:
+        """Of a wall."""
+        return _apart_m(self.start, self.end)
 
 
 @dataclass(frozen=True)
@@ -110,10 +116,11 @@ def _is_same(one: Object, other: Object) -> bool:
         return False
     if one.kind == "cylinder":
         return _apart_m(one.start, other.start) < max(_SAME_PLACE_M, min(one.radius_m, other.radius_m))
-    length_m = _apart_m(one.start, one.end)
-    other_m = _apart_m(other.start, other.end)
+    length_m, other_m = one.length_m, other.length_m
     if not length_m or not other_m:
         return _apart_m(one.start, other.start) < _SAME_PLACE_M
+    if _apart_m(one.middle, other.middle) > (length_m + other_m) / 2 + _SAME_PLACE_M:
+        return False  # at once: most pairs of walls are far from each other
     along = ((one.end[0] - one.start[0]) / length_m, (one.end[1] - one.start[1]) / length_m)
     beside = ((other.end[0] - other.start[0]) / other_m, (other.end[1] - other.start[1]) / other_m)
     parallel = abs(along[0] * beside[0] + along[1] * beside[1])
