@@ -1,6 +1,7 @@
 """The fleet file: what is wrong with it is told by file, table, key and what was meant."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -196,8 +197,11 @@ def test_a_mapper_draws_on_the_viewer_of_its_host_that_has_its_sites(tmp_path: P
     own = VIEWER.replace('["house"]', '["house", "farm"]') + "port = 9976\nweb_port = 9190\n"
     file = tmp_path / "fleet.toml"
     file.write_text(SOUND + BARN + other + own + MAPPER)
-    (mapper,) = [each for each in hosts.programs(fleet_file.load(file)) if each.name == "sharer"]
-    assert mapper.command[mapper.command.index("--rerun") + 1] == "rerun+http://127.0.0.1:9976/proxy"
+    commands = {each.name: each.command for each in hosts.programs(fleet_file.load(file))}
+    mapper, viewers = commands["sharer"], [commands["hall"], commands["farm-screen"]]
+    assert mapper[mapper.index("--rerun") + 1] == "rerun+http://127.0.0.1:9976/proxy#sites"
+    watched = [[site for word, site in pairwise(viewer) if word == "--site"] for viewer in viewers]
+    assert watched == [["house", "farm"], ["farm"]]
 
 
 def test_a_mapper_that_says_itself_where_it_draws_needs_no_viewer(tmp_path: Path) -> None:

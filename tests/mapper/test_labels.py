@@ -38,13 +38,14 @@ def test_walls_and_cylinders_bear_errors_from_a_centimetre_on_where_there_is_roo
     contour = room()
     contour.walls[0].covariance[:] = [0.0, 0.0, 0.0, 0.032**2]
     contour.walls[1].covariance[:] = [0.0, 0.0, 0.0, 0.009**2]
+    contour.walls[3].covariance[:] = [0.0, 0.0, 0.0, 0.07**2]  # 100 times its root is a bit more than 7
     contour.cylinders[0].covariance[:] = [0.0] * 8 + [0.015**2]
     assert [label.text for label in labels(contour, {})] == [
         "r 0.30 m ±2 cm",
         "4.00 m ±4 cm",
         "4.00 m",
         "3.00 m",
-        "3.00 m",
+        "3.00 m ±7 cm",
     ]
     crowd = {f"u{number}": (0.5 + 0.6 * number, 20 * PX_M) for number in range(6)}  # their names lie on the wall
     texts = [label.text for label in labels(contour, crowd)]

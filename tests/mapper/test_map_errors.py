@@ -5,9 +5,9 @@ from math import pi, radians
 import numpy as np
 import pytest
 
-from noctule import rerun_paths
+from noctule import rerun_paths, walls
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, Wall
-from noctule_mapper.rerun_view.errors import draw_object_errors, wall_band_m, wall_sigmas_m
+from noctule_mapper.rerun_view.errors import draw_object_errors, wall_band_m
 
 
 def wall_at(theta_rad: float, rho_m: float, from_m: float, to_m: float, covariance: np.ndarray) -> Wall:
@@ -39,7 +39,7 @@ def test_a_walls_error_is_that_of_lines_drawn_from_its_covariance() -> None:
     lines = np.random.default_rng(5).multivariate_normal([wall.theta_rad, wall.rho_m], covariance, 40_000)
     normals = np.stack([np.cos(lines[:, 0]), np.sin(lines[:, 0])])
     off_m = lines[:, 1] - places_m @ normals  # from each place to each line
-    assert wall_sigmas_m(wall, places_m) == pytest.approx(off_m.std(axis=1), rel=0.02)
+    assert [walls.sigma_m(wall, x_m, y_m) for x_m, y_m in places_m] == pytest.approx(off_m.std(axis=1), rel=0.02)
 
 
 def test_the_band_of_a_wall_is_two_sigmas_to_each_side_and_opens_towards_its_ends() -> None:

@@ -236,5 +236,5 @@ def test_closing_does_not_wait_for_a_relay_that_is_not_there(far_end: Relay) -> 
 
 @pytest.mark.parametrize("url", ["127.0.0.1:9876", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1/proxy"])
 def test_an_address_that_is_no_relays_is_refused(url: str) -> None:
-    with pytest.raises(RelayAddressError, match="should read rerun\\+http://HOST:PORT/proxy"):
+    with pytest.raises(RelayAddressError, match="should read rerun\\+http://HOST:PORT/proxy, with #sites behind it"):
         RerunLink(url, "paper-room", draw_frame)

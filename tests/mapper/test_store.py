@@ -429,7 +429,7 @@ WRITER = """
 import sys
 from contextlib import closing
 from pathlib import Path
-from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
+from noctule.messages_pb2 import Cursor, Pose, Sweep
 from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
@@ -495,7 +495,7 @@ def test_a_power_cut_takes_the_newest_sweeps_and_their_cursor_goes_back_with_the
 SYNCED_WRITER = """
 import os, sys
 from pathlib import Path
-from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
+from noctule.messages_pb2 import Cursor, Pose, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 
@@ -563,4 +563,14 @@ def test_sweeps_that_turn_out_suspect_leave_the_window_once_and_for_all(path: Pa
     # The cursor was set back: the sweeps come again, and so does what makes them suspect.
     change = store.commit([sweep(4), sweep(5)], [cursor(6)], suspects([found]))
     assert (change.entered, sequences(store)) == ((), [1, 2, 3])
+    store.close()
+
+
+def test_sweeps_that_are_suspect_when_they_come_supersede_no_good_ones(path: Path) -> None:
+    store = SweepStore(path, Window(sweeps_per_place=8))
+    good, doubtful = ([sweep(number, x_m=0.0) for number in span] for span in (range(1, 31), range(31, 39)))
+    store.commit(good, [cursor(30)])
+    found = Sweep(unit="u1", log_id=LOG, log_sequence=39, faults=[FAULT_KIND_TURNED], suspect_before=8)
+    change = store.commit(doubtful, [cursor(39)], suspects([*doubtful, found]))
+    assert (change.entered, change.left, sequences(store)) == ((), (), list(range(23, 31)))
     store.close()

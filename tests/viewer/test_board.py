@@ -20,9 +20,11 @@ from noctule.messages_pb2 import (
     Wall,
 )
 from noctule_viewer.board import documents, drawing, map_box
-from noctule_viewer.board.layout import Layout, blueprint_of
+from noctule_viewer.board.layout import Layout, blueprint_of, tabs_of_each
 from noctule_viewer.board.layout_budget import LayoutBudget
 from noctule_viewer.board.map_box import MapBox
+from noctule_viewer.board.site_board import SiteBoard
+from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
 from noctule_viewer.board.words import age
@@ -182,6 +184,14 @@ def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Si
     assert rows[2].endswith("| none heard |")
 
 
+def test_a_sweep_that_is_dated_in_the_future_is_the_last_one_only_until_the_next(site: Site) -> None:
+    for made_s in (BEGAN_S - 5.0, BEGAN_S + 9_000.0, BEGAN_S - 1.0):
+        sweep = Sweep(unit="u1")
+        sweep.start.FromNanoseconds(round(made_s * 1e9))
+        site.state.note_sweep(sweep)
+    assert site.state.heard().swept_s == {"u1": BEGAN_S - 1.0}
+
+
 def test_a_unit_at_a_wrong_place_needs_attention(site: Site) -> None:
     site.unit("u1")
     site.state.note_contour(Contour(poses=[UnitPose(unit="u1", stated=Pose(x_m=1.0), state=POSE_STATE_WRONG)]))
@@ -220,6 +230,19 @@ def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -
     assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures"]
     contents = views(views(tabs)[0])[0].contents
     assert [f"- /{rerun_paths.unit_rays(unit)}" in contents for unit in ("u1", "u40")] == [True, True]
+
+
+def test_the_tabs_are_shared_among_the_sites_of_a_relay() -> None:
+    states = [(SitePlan(name), SiteState()) for name in ("attic", "cellar", "shed")]
+    for _, state in states:
+        for number in range(1, 41):
+            state.note_alive(f"u{number}", True)
+    boards = [SiteBoard(plan, state, rerun_paths.under(plan.site), tabs_of_each(len(states))) for plan, state in states]
+    for board in boards:
+        list(board.entries(board.heard()))
+    tabs = [[tab.name for tab in views(views(board.layout().views())[1])] for board in boards]
+    assert tabs == 3 * [["Site", *(f"u{number}" for number in range(1, 11)), "Figures"]]
+    assert (tabs_of_each(1), tabs_of_each(100)) == (30, 1)
 
 
 def test_a_service_that_names_thousands_of_units_neither_fills_the_table_nor_hides_a_unit_that_is_served(

@@ -54,6 +54,7 @@ def test_arcs_are_drawn_as_they_bend_and_closed_polylines_closed(tmp_path: Path)
 def test_blocks_are_drawn_where_they_are_inserted_and_layers_that_are_off_are_not(tmp_path: Path) -> None:
     def draw(space: Modelspace) -> None:
         space.add_blockref("DOOR", (2_000, 1_000), dxfattribs={"rotation": 90})
+        space.add_blockref("DOOR", (5_000, 1_000), dxfattribs={"layer": "HIDDEN"})
         space.add_line((0, 0), (9_000, 0), dxfattribs={"layer": "HIDDEN"})
         space.add_text("kitchen")
 
@@ -97,14 +98,14 @@ def test_the_rims_of_geojsons_polygons_are_lines(tmp_path: Path) -> None:
 
 
 def test_what_can_not_be_shown_is_told_with_what_to_do(tmp_path: Path) -> None:
-    text, words, empty, tiny, broken = (
-        tmp_path / name for name in ("plan.pdf", "words.dxf", "empty.dxf", "tiny.geojson", "broken.geojson")
-    )
+    names = ("plan.pdf", "words.dxf", "empty.dxf", "tiny.geojson", "broken.geojson", "huge.geojson")
+    text, words, empty, tiny, broken, huge = (tmp_path / name for name in names)
     text.write_text("%PDF")
     words.write_text("a drawing")
     drawing(empty, lambda space: space.add_text("kitchen"))
     tiny.write_text(json.dumps({"type": "LineString", "coordinates": [[13.3777, 52.5162], [13.3778, 52.5163]]}))
     broken.write_text('{"type": "LineString", "coordinates": [["a", "b"], [1]]}')
+    huge.write_text(json.dumps({"type": "LineString", "coordinates": [[0, 0], [10**400, 0]]}))
     unsaid = drawing(tmp_path / "unsaid.dxf", lambda space: space.add_line((0, 0), (4, 0)), units=0)
     many = drawing(tmp_path / "many.dxf", lambda space: space.add_polyline2d([(n, n % 2) for n in range(50_001)]))
     told = {
@@ -116,11 +117,42 @@ def test_what_can_not_be_shown_is_told_with_what_to_do(tmp_path: Path) -> None:
         unsaid: "does not state its units: say how many metres one is",
         tiny: "would be 0.0001 m wide",  # degrees of WGS 84
         broken: "is no GeoJSON",
+        huge: "is no GeoJSON",
         many: "of which 50000 can be shown",
     }
     for path, words_told in told.items():
         with pytest.raises(FloorPlanError, match=words_told):
             floor_plan.load(path, HERE)
+
+
+@pytest.mark.parametrize("parts", [["insert"], ["line", "insert"], ["insert", "insert"]])
+def test_a_block_in_itself_is_told(tmp_path: Path, parts: list[str]) -> None:
+    def draw(space: Modelspace) -> None:
+        assert space.doc is not None
+        block = space.doc.blocks.new("SELF")
+        for part in parts:
+            block.add_line((0, 0), (900, 0)) if part == "line" else block.add_blockref("SELF", (1, 1))
+        space.add_blockref("SELF", (0, 0))
+
+    with pytest.raises(FloorPlanError, match="is no DXF drawing that can be read"):
+        floor_plan.load(drawing(tmp_path / "plan.dxf", draw), HERE)
+
+
+def test_blocks_in_blocks_are_unpacked_no_further_than_can_be_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(floor_plan, "MOST_POINTS", 500)
+
+    def draw(space: Modelspace) -> None:
+        assert space.doc is not None
+        for depth in range(8):  # ten to the eighth doors
+            block = space.doc.blocks.new(f"B{depth}")
+            for number in range(10):
+                block.add_blockref(f"B{depth - 1}" if depth else "DOOR", (number, 0))
+        space.add_blockref("B7", (0, 0))
+
+    with pytest.raises(FloorPlanError, match="has more than 500 parts"):
+        floor_plan.load(drawing(tmp_path / "plan.dxf", draw), HERE)
 
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,x", "1,2,3,0", "1,2,3,-1", "nan,0,0", "1,2,3,4,5"])

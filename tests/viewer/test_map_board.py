@@ -13,7 +13,7 @@ from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, UnitPose, Uni
 from noctule.site import Pose2
 from noctule_viewer.board import fit_figures, plan_marks
 from noctule_viewer.board.changes import SHOWN_S, Changes
-from noctule_viewer.board.looks import Look
+from noctule_viewer.board.heard_sweeps import HeardSweep
 from noctule_viewer.board.map_board import MapBoard
 from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import Heard
@@ -83,6 +83,23 @@ def test_a_wall_that_is_gone_is_told(settled: Changes) -> None:
     assert np.all(dashes[..., 0] == 0.0)
 
 
+def wall(start_m: float, end_m: float) -> Wall:
+    return Wall(start=Point(x_m=start_m, y_m=1.0), end=Point(x_m=end_m, y_m=1.0))
+
+
+@pytest.mark.parametrize("merged_first", [False, True])
+def test_walls_that_merge_or_are_split_are_no_change(merged_first: bool) -> None:
+    two, one = Contour(walls=[wall(0.0, 2.0), wall(2.5, 4.0)]), Contour(walls=[wall(0.0, 4.0)])
+    before, after = (one, two) if merged_first else (two, one)
+    changes = Changes()
+    for second in range(700):
+        changes.note(before if second < 600 else after, second)
+    assert told(changes, 699.0) == []
+    for second in range(700, 760):
+        changes.note(Contour(walls=[wall(0.0, 2.0)] if merged_first else []), second)
+    assert {gone for _, gone, _ in told(changes, 759.0)} == {True}, "the map is compared all the same"
+
+
 def test_a_map_without_changes_has_the_marks_taken_away(settled: Changes) -> None:
     drawn = components(plan_marks.draw_changes(settled.changes(600.0), 600.0), rerun_paths.CHANGES)
     assert drawn["LineStrips2D:strips"] == []
@@ -102,17 +119,17 @@ def test_stops_ahead_are_told_from_those_that_are_done() -> None:
     assert done["Points2D:labels"] == [""] * 5
 
 
-def look(bearing_rad: list[float], range_m: list[float]) -> Look:
+def heard_sweep(bearing_rad: list[float], range_m: list[float]) -> HeardSweep:
     """A unit in the middle of the room that looks east."""
     ranges = np.array(range_m)
-    return Look(0.0, np.array(bearing_rad), ranges, np.isnan(ranges), BEAM_RAD, (2.0, 1.5, EAST))
+    return HeardSweep(0.0, np.array(bearing_rad), ranges, np.isnan(ranges), BEAM_RAD, (2.0, 1.5, EAST))
 
 
 def test_an_echo_is_held_against_the_wall_corner_or_cylinder_in_its_beam() -> None:
     contour = room(chair(1.0))
     contour.corners.append(Corner(x_m=4.0, y_m=3.0))
     corner_rad, corner_m = np.arctan2(1.5, 2.0), 2.5
-    seen = look([EAST, NORTH, pi, corner_rad, NORTH], [2.004, 1.49, 0.8, corner_m, np.nan])
+    seen = heard_sweep([EAST, NORTH, pi, corner_rad, NORTH], [2.004, 1.49, 0.8, corner_m, np.nan])
     # 2 m to the wall in the east, 1.5 m to the north, the chair's rim 0.8 m in the west
     assert fit_figures.residuals_m(contour, {"u1": seen}) == pytest.approx([0.004, -0.01, 0.0, 0.0], abs=1e-6)
 
@@ -120,9 +137,9 @@ def test_an_echo_is_held_against_the_wall_corner_or_cylinder_in_its_beam() -> No
 def test_a_unit_is_where_the_contour_has_it_and_one_whose_place_nobody_knows_is_left_out() -> None:
     contour = room()
     contour.poses.append(UnitPose(unit="u1", x_m=1.0, y_m=1.5))
-    seen = look([EAST], [3.0])
+    seen = heard_sweep([EAST], [3.0])
     assert fit_figures.residuals_m(contour, {"u1": seen}) == pytest.approx([0.0], abs=1e-9)
-    nowhere = Look(0.0, seen.bearing_rad, seen.range_m, seen.silent, BEAM_RAD, None)
+    nowhere = HeardSweep(0.0, seen.bearing_rad, seen.range_m, seen.silent, BEAM_RAD, None)
     assert len(fit_figures.residuals_m(contour, {"u2": nowhere})) == 0
 
 
@@ -162,3 +179,20 @@ def test_what_stands_is_not_drawn_again_each_second() -> None:
         count += len(found)
     assert count <= 2
     assert paths(board.statics()) == {rerun_paths.FLOOR_PLAN}
+
+
+def test_a_floor_plan_that_is_not_given_any_more_is_taken_away() -> None:
+    drawn = components(MapBoard(SitePlan("attic")).statics(), rerun_paths.FLOOR_PLAN)
+    assert drawn["LineStrips2D:strips"] == []
+
+
+def test_what_a_unit_heard_long_ago_says_nothing_of_the_map() -> None:
+    now_s = [0.0]
+    board = MapBoard(SitePlan("attic"), lambda: now_s[0])
+    heard_at: dict[float, set[str]] = {}
+    for second in (0.0, 590.0, 610.0):
+        now_s[0] = second
+        heard = Heard(second, contour=room(), sweeps={"u1": [heard_sweep([EAST], [2.0])]})
+        heard_at[second] = paths(board.entries(heard))
+    shown = [rerun_paths.map_fit("explained") in found for found in heard_at.values()]
+    assert shown == [True, True, False]

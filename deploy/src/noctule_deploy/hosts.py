@@ -1,10 +1,10 @@
 """Which programs run on which host, each with its command line. All paths are the host's."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from noctule import keys, tls
+from noctule import keys, rerun_paths, tls
 from noctule import site as site_files
 from noctule_deploy.fleet import ROUTER, Fleet, Gateway, Mapper, Router, Viewer
 
@@ -100,18 +100,27 @@ def _gateway(fleet: Fleet, gateway: Gateway, subject: str) -> tuple[str, ...]:
 
 def _mapper(fleet: Fleet, mapper: Mapper) -> tuple[str, ...]:
     sites = sites_of(fleet, mapper)
-    named = [word for site in sites for word in ("--site", site)]
     relays = [each for each in fleet.viewer if each.host == mapper.host and shows(fleet, each, mapper)]
-    rerun = f"rerun+http://127.0.0.1:{relays[0].port}/proxy" if relays else "none"
-    run = (str(BIN / "noctule-mapper"), "run" if len(sites) == 1 else "share", *named)
+    rerun = _relay(fleet, relays[0]) if relays else "none"
+    run = (str(BIN / "noctule-mapper"), "run" if len(sites) == 1 else "share", *_named(sites))
     subject = f"mapper.{mapper.name}"
     return *run, *_data_and_tls(fleet, subject, subject), "--rerun", rerun, *mapper.options
 
 
 def _viewer(fleet: Fleet, viewer: Viewer) -> tuple[str, ...]:
     ports = ("--port", str(viewer.port), "--web-port", str(viewer.web_port), "--memory-limit", viewer.memory_limit)
-    bus = ("--site", sites_of(fleet, viewer)[0], "--tls", str(_folder(fleet, f"viewer.{viewer.name}")))
+    bus = (*_named(sites_of(fleet, viewer)), "--tls", str(_folder(fleet, f"viewer.{viewer.name}")))
     return str(BIN / "noctule-viewer"), "run", *ports, *bus, *viewer.options
+
+
+def _relay(fleet: Fleet, viewer: Viewer) -> str:
+    """Where mappers of the viewer's host draw."""
+    several = rerun_paths.SEVERAL_SITES if len(sites_of(fleet, viewer)) > 1 else ""
+    return f"rerun+http://127.0.0.1:{viewer.port}/proxy{several}"
+
+
+def _named(sites: Sequence[str]) -> list[str]:
+    return [word for site in sites for word in ("--site", site)]
 
 
 def _data_and_tls(fleet: Fleet, own: str, subject: str) -> tuple[str, ...]:

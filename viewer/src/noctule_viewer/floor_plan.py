@@ -3,13 +3,17 @@
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import cos, isfinite, radians, sin
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from noctule.errors import NoctuleError
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
 
 MOST_POINTS = 50_000  # more would weigh on every page that shows the map
 _CURVES_TO = 0.002  # of the drawing's larger side: how far a chord may be from its curve
@@ -82,29 +86,40 @@ def _placed(path: Path, lines: Sequence[np.ndarray], at: Placing, scale: float) 
 
 
 def _dxf(path: Path) -> tuple[list[np.ndarray], float | None]:
-    """Lines of the model space, those in blocks too, and the metres of a unit; layers that are off are left out."""
-    from ezdxf import disassemble  # takes half a second, and only this needs it
-    from ezdxf.enums import InsertUnits
+    """Lines of the model space, those in blocks too, and the metres of a unit; layers that are off are left out, and
+    blocks that are inserted on them.
+    """
+    from ezdxf.enums import InsertUnits  # takes half a second, and only this needs it
     from ezdxf.filemanagement import readfile
     from ezdxf.lldxf.const import DXFError
     from ezdxf.units import conversion_factor
 
     try:
         drawing = readfile(path)
-        hidden = {layer.dxf.name.lower() for layer in drawing.layers if layer.is_off() or layer.is_frozen()}
-        shown = [
-            entity
-            for entity in disassemble.recursive_decompose(drawing.modelspace())
-            if entity.dxftype() in _LINES_OF and entity.dxf.layer.lower() not in hidden
-        ]
-        paths = [made.path for made in disassemble.to_primitives(shown) if made.path is not None]
-    except (DXFError, OSError) as error:
+        lines = _dxf_lines(drawing)
+        unit_m = conversion_factor(InsertUnits(drawing.units), InsertUnits.Meters) if drawing.units else None
+    except (DXFError, OSError, ValueError, TypeError, RecursionError) as error:
         raise FloorPlanError(f"{path} is no DXF drawing that can be read: {error}") from error
+    if lines is None:
+        raise FloorPlanError(f"{path} has more than {MOST_POINTS} parts, blocks unpacked: leave furniture out")
+    return lines, unit_m
+
+
+def _dxf_lines(drawing: "Drawing") -> list[np.ndarray] | None:
+    """None where blocks in blocks are more than can be shown."""
+    from ezdxf import disassemble
+
+    hidden = {layer.dxf.name.lower() for layer in drawing.layers if layer.is_off() or layer.is_frozen()}
+    top = (entity for entity in drawing.modelspace() if entity.dxf.layer.lower() not in hidden)
+    found = list(islice(disassemble.recursive_decompose(top), MOST_POINTS + 1))
+    if len(found) > MOST_POINTS:
+        return None
+    shown = [each for each in found if each.dxftype() in _LINES_OF and each.dxf.layer.lower() not in hidden]
+    paths = [made.path for made in disassemble.to_primitives(shown) if made.path is not None]
     corners = np.array([(each.x, each.y) for one in paths for each in one.control_vertices()]).reshape(-1, 2)
     chord = _CURVES_TO * float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
     lines = [np.array([(each.x, each.y) for each in one.flattening(chord or 0.01)]) for one in paths]
-    unit_m = conversion_factor(InsertUnits(drawing.units), InsertUnits.Meters) if drawing.units else None
-    return [line for line in lines if len(line) > 1], unit_m
+    return [line for line in lines if len(line) > 1]
 
 
 def _geojson(path: Path) -> tuple[list[np.ndarray], float | None]:
@@ -112,7 +127,7 @@ def _geojson(path: Path) -> tuple[list[np.ndarray], float | None]:
     try:
         top = json.loads(path.read_text(encoding="utf-8-sig"))
         lines = [np.array([place[:2] for place in line], dtype=float) for line in _lines(top)]
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
         raise FloorPlanError(f"{path} is no GeoJSON: {error!r}") from error
     return [line for line in lines if line.ndim == 2 and line.shape[0] > 1 and line.shape[1] == 2], 1.0
 

@@ -82,17 +82,20 @@ class SweepStore:
 
     def commit(self, sweeps: Iterable[Sweep], cursors: Iterable[Cursor], suspects: Iterable[Suspect] = ()) -> Change:
         """Take sweeps in, ``suspects`` out, and move the cursors in one transaction; a sweep that is already held
-        changes nothing.
+        changes nothing, and one that is suspect by now is not taken in at all, so that it supersedes none.
         """
+        found = tuple(suspects)
         with self._transaction() as database:
             now, entered, left = self._now(), dict[Identity, Sweep](), set[Identity]()
             elapsed_s = self._count_to(now)
             for sweep in sweeps:
+                if any(suspect.has(sweep) for suspect in found):
+                    continue
                 superseded = self._enter(database, sweep, elapsed_s)
                 if superseded is not None:
                     entered[identity_of(sweep)] = sweep
                     left.update(superseded)
-            for suspect in suspects:
+            for suspect in found:
                 left.update(self._rows.take_out(suspect))
             database.executemany(
                 "INSERT OR REPLACE INTO cursor VALUES (?, ?, ?, ?)",

@@ -8,6 +8,7 @@ import numpy as np
 from noctule import bounds, messages_pb2
 from noctule.air import speed_of_sound_m_s
 from noctule.errors import NoctuleError
+from noctule.readings import flight_s, heard_nothing
 from noctule_mapper.config import LONGEST_RANGE_M, SHORTEST_RANGE_M, SensorConfig
 from noctule_mapper.readings import faulty
 from noctule_mapper.readings.stuck import repeated_ranges_m
@@ -154,7 +155,7 @@ def from_message(sweep: messages_pb2.Sweep, sensor: SensorConfig | None = None) 
         sigma_heading_rad=sweep.pose.sigma_heading_rad,
         bearing_rad=np.array([reading.bearing_rad for reading in sweep.readings], dtype=float),
         range_m=np.where(usable, told_m, np.nan),
-        no_echo=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
+        no_echo=np.array([heard_nothing(reading) for reading in sweep.readings], dtype=bool),
         beam_width_rad=own.beam_width_rad if own.HasField("beam_width_rad") else default.beam_width_rad,
         range_sigma_m=own.range_sigma_m if own.HasField("range_sigma_m") else default.range_sigma_m,
         sigma_bias_m=sigma_bias_m,
@@ -181,22 +182,16 @@ def _face_offset_m(own: messages_pb2.Sensor, default: SensorConfig) -> tuple[flo
 
 def _flights_s(sweep: messages_pb2.Sweep, name: str) -> np.ndarray:
     """Times of flight, (n,), NaN where there was no echo or none that a reflector can have made."""
-    echo = (messages_pb2.READING_STATUS_UNSPECIFIED, messages_pb2.READING_STATUS_ECHO)
     flights_s = np.full(len(sweep.readings), np.nan)
     for index, reading in enumerate(sweep.readings):
-        if reading.status in echo and reading.HasField("time_of_flight_s"):
-            if not math.isfinite(reading.time_of_flight_s):
+        if (told_s := flight_s(reading)) is not None:
+            if not math.isfinite(told_s):
                 raise SweepError(
                     f"{name}, reading {index}: time_of_flight_s is not finite; leave it out for no echo",
                     "time of flight",
                 )
-            flights_s[index] = reading.time_of_flight_s
+            flights_s[index] = told_s
     return flights_s
-
-
-def _heard_nothing(reading: messages_pb2.Reading) -> bool:
-    unsaid = reading.status == messages_pb2.READING_STATUS_UNSPECIFIED and not reading.HasField("time_of_flight_s")
-    return unsaid or reading.status == messages_pb2.READING_STATUS_NO_ECHO
 
 
 def _check_not_stuck(name: str, sweep: SweepReadings, told_m: np.ndarray) -> None:

@@ -10,17 +10,6 @@ Entries = Iterable[tuple[str, rr.AsComponents]]
 """Entity paths and what to log there."""
 
 
-class Together:
-    """Archetypes of one entity that are logged as one: each entry costs a relay two kilobytes, whatever is in it."""
-
-    def __init__(self, *archetypes: rr.AsComponents) -> None:
-        self._archetypes = archetypes
-
-    def as_component_batches(self) -> list[rr.DescribedComponentBatch]:
-        """Those of all archetypes."""
-        return [batch for archetype in self._archetypes for batch in archetype.as_component_batches()]
-
-
 @dataclass(frozen=True)
 class Drawing:
     """Something to show. ``draw(*arguments)`` makes its entries, on the link's worker.

@@ -6,7 +6,7 @@ from math import cos, hypot, radians, sin
 import numpy as np
 import rerun as rr
 
-from noctule import poses, rerun_paths
+from noctule import poses, rerun_paths, walls
 from noctule.messages_pb2 import POSE_STATE_WRONG, Contour, UnitPose, Wall
 from noctule.unit_colours import Colour, unit_colour
 from noctule_mapper.rerun_view.drawing import Entries
@@ -66,19 +66,10 @@ def wall_band_m(wall: Wall) -> list[np.ndarray]:
     if len(wall.covariance) != 4 or hypot(*(end - start)) < _LEAST_WALL_M:
         return []
     along_m = start + _ALONG_A_WALL[:, None] * (end - start)
-    off_m = _SHOWN_SIGMAS * wall_sigmas_m(wall, along_m)[:, None]
+    sigmas_m = [walls.sigma_m(wall, x_m, y_m) or 0.0 for x_m, y_m in along_m]
+    off_m = _SHOWN_SIGMAS * np.array(sigmas_m)[:, None]
     normal = np.array([cos(wall.theta_rad), sin(wall.theta_rad)])
     return [along_m + off_m * normal, along_m - off_m * normal]
-
-
-def wall_sigmas_m(wall: Wall, places_m: np.ndarray) -> np.ndarray:
-    """(n,) standard deviations across the wall at ``places_m`` (n, 2) on it: rho = x cos(theta) + y sin(theta) moves by
-    its own error and by theta's times the way along the wall.
-    """
-    turning_m = places_m @ np.array([sin(wall.theta_rad), -cos(wall.theta_rad)])
-    slopes = np.stack([turning_m, np.ones(len(places_m))], axis=1)
-    variance = np.einsum("ni,ij,nj->n", slopes, np.reshape(wall.covariance, (2, 2)), slopes)
-    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def _of_corners(contour: Contour) -> Iterator[np.ndarray]:

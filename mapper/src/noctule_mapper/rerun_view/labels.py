@@ -4,11 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, hypot, sqrt
 
-import numpy as np
-
+from noctule import walls
 from noctule.messages_pb2 import Contour, Wall
 from noctule_mapper.contour import touch_marks
-from noctule_mapper.rerun_view.errors import wall_sigmas_m
 
 Place = tuple[float, float]
 
@@ -45,7 +43,7 @@ def labels(contour: Contour, units_m: Mapping[str, Place]) -> list[Label]:
 
 def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iterator[list[Label]]:
     """For each label, the most important first, the places that would do, the best first."""
-    for names, place in _together(units_m, px_m):
+    for names, place in _sharing_a_label(units_m, px_m):
         yield _around("unit", ", ".join(names), place, px_m)
     for cylinder in contour.cylinders:
         here, radius = (cylinder.x_m, cylinder.y_m), f"r {cylinder.radius_m:.2f} m"
@@ -54,14 +52,14 @@ def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iter
     for wall in sorted(contour.walls, key=_length_m, reverse=True):
         chance = f", {100 * wall.chance:.1f} %" if wall.HasField("chance") else ""
         length = f"{_length_m(wall):.2f} m{chance}"
-        known = _error(_sigma_m(wall)) if len(wall.covariance) == 4 else ""
+        known = _error(walls.middle_sigma_m(wall) or 0.0)
         texts = _longest_first(length, known)
         yield [Label("wall", text, _on_wall(wall, share)) for text in texts for share in _ALONG_A_WALL]
     for touch in contour.touches:
         yield _around("touch", touch_marks.label(touch), (touch.x_m, touch.y_m), px_m)
 
 
-def _together(units_m: Mapping[str, Place], px_m: float) -> list[tuple[list[str], Place]]:
+def _sharing_a_label(units_m: Mapping[str, Place], px_m: float) -> list[tuple[list[str], Place]]:
     """Units that stand at one place share a label."""
     groups: list[tuple[list[str], Place]] = []
     for unit, place in units_m.items():
@@ -79,12 +77,7 @@ def _longest_first(text: str, error: str) -> list[str]:
 
 def _error(sigma_m: float) -> str:
     """``±3 cm``: one standard deviation, rounded up; empty below a centimetre, which is no wider than the line."""
-    return f"±{ceil(1e2 * sigma_m)} cm" if sigma_m >= _TOLD_FROM_M else ""
-
-
-def _sigma_m(wall: Wall) -> float:
-    """Across the wall, at its middle."""
-    return float(wall_sigmas_m(wall, np.array([_on_wall(wall, 0.5)]))[0])
+    return f"±{ceil(1e2 * sigma_m - 1e-6)} cm" if sigma_m >= _TOLD_FROM_M else ""
 
 
 def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:

@@ -221,5 +221,8 @@ class RerunLink:
 def _host_and_port(url: str) -> tuple[str, int]:
     address = re.fullmatch(r"rerun\+http://([^/:]+):(\d{1,5})/proxy(?:#sites)?", url)
     if address is None:
-        raise RelayAddressError(f"{url!r} is not a relay's address: it should read rerun+http://HOST:PORT/proxy")
+        raise RelayAddressError(
+            f"{url!r} is not a relay's address: it should read rerun+http://HOST:PORT/proxy, "
+            f"with {rerun_paths.SEVERAL_SITES} behind it where the relay shows several sites"
+        )
     return address[1], int(address[2])

@@ -17,10 +17,11 @@ from noctule.messages_pb2 import (
     Features,
     GridTile,
 )
+from noctule.rerun_together import Together
 from noctule.unit_colours import Colour, unit_colour
 from noctule_mapper.contour import touch_marks
 from noctule_mapper.readings.sweep import SweepReadings
-from noctule_mapper.rerun_view.drawing import Entries, Together
+from noctule_mapper.rerun_view.drawing import Entries
 from noctule_mapper.rerun_view.errors import (
     ARROW_LENGTH_M,
     CONTOUR_ORDER,

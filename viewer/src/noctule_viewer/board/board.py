@@ -29,7 +29,10 @@ class Board:
     def __init__(self, url: str, sites: Sequence[tuple[SitePlan, SiteState]]) -> None:
         self._url = url
         one = len(sites) == 1
-        self._sites = [SiteBoard(plan, state, "" if one else rerun_paths.under(plan.site)) for plan, state in sites]
+        most_tabs = layout.tabs_of_each(len(sites))
+        self._sites = [
+            SiteBoard(plan, state, "" if one else rerun_paths.under(plan.site), most_tabs) for plan, state in sites
+        ]
         self._recording_id = sites[0][0].site if one else rerun_paths.ALL_SITES
         self._layouts: tuple[Layout, ...] = ()
         self._budget = LayoutBudget()

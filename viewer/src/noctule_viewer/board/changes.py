@@ -1,7 +1,8 @@
 """What has newly appeared on the map, and what is gone from it, for some minutes after."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import acos, cos, degrees, hypot, pi, sin
 
 from noctule.messages_pb2 import Contour
@@ -24,10 +25,15 @@ class Object:
     end: Point
     radius_m: float = 0.0
 
-    @property
+    @cached_property
     def middle(self) -> Point:
         """Where its label belongs."""
         return (self.start[0] + self.end[0]) / 2, (self.start[1] + self.end[1]) / 2
+
+    @cached_property
+    def length_m(self) -> float:
+        """Of a wall."""
+        return _apart_m(self.start, self.end)
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,9 @@ class Changes:
     """Follows the contours of a site. Times are those of one clock, in seconds."""
 
     def __init__(self) -> None:
-        self._known: list[_Known] = []
+        self._present: list[_Known] = []
+        self._missing: list[_Known] = []
+        self._contour: Contour | None = None
         self._settled_s: float | None = None
 
     def note(self, contour: Contour, now_s: float) -> None:
@@ -59,22 +67,30 @@ class Changes:
             if not contour.walls and not contour.cylinders:
                 return
             self._settled_s = now_s + _SETTLES_S
-        present = list(_objects(contour))[:_MOST_OBJECTS]
-        kept = []
-        for known in self._known:
-            found = next((one for one in present if _is_same(known.object, one)), None)
-            if found is not None:
-                present = [one for one in present if not _is_same(known.object, one)]
-                kept.append(replace(known, object=found, last_s=now_s))
-            elif now_s - known.last_s < SHOWN_S:
-                kept.append(known)
-        self._known = [*kept, *(_Known(one, now_s, now_s) for one in present)][:_MOST_OBJECTS]
+        if contour is not self._contour:
+            self._compare(list(_objects(contour))[:_MOST_OBJECTS], now_s)
+            self._contour = contour
+        self._present = [replace(known, last_s=now_s) for known in self._present]
+        self._missing = [known for known in self._missing if now_s - known.last_s < SHOWN_S]
+
+    def _compare(self, objects: Sequence[Object], now_s: float) -> None:
+        """Each of ``objects`` is there since the first of those that it is the same as: walls merge and are split."""
+        known = [*self._present, *self._missing]
+        present, met = [], set[int]()
+        for one in objects:
+            same = [number for number, other in enumerate(known) if _is_same(other.object, one)]
+            met.update(same)
+            present.append(_Known(one, min((known[number].first_s for number in same), default=now_s), now_s))
+        missing = [other for number, other in enumerate(known) if number not in met]
+        self._present, self._missing = present, missing[: _MOST_OBJECTS - len(present)]
 
     def changes(self, now_s: float) -> list[Change]:
         """What is new or gone, the last of it first."""
         if self._settled_s is None:
             return []
-        found = [change for known in self._known if (change := self._change(known, now_s)) is not None]
+        found = [
+            change for known in (*self._present, *self._missing) if (change := self._change(known, now_s)) is not None
+        ]
         return sorted(found, key=lambda change: -change.since_s)
 
     def _change(self, known: _Known, now_s: float) -> Change | None:
@@ -100,10 +116,11 @@ def _is_same(one: Object, other: Object) -> bool:
         return False
     if one.kind == "cylinder":
         return _apart_m(one.start, other.start) < max(_SAME_PLACE_M, min(one.radius_m, other.radius_m))
-    length_m = _apart_m(one.start, one.end)
-    other_m = _apart_m(other.start, other.end)
+    length_m, other_m = one.length_m, other.length_m
     if not length_m or not other_m:
         return _apart_m(one.start, other.start) < _SAME_PLACE_M
+    if _apart_m(one.middle, other.middle) > (length_m + other_m) / 2 + _SAME_PLACE_M:
+        return False  # at once: most pairs of walls are far from each other
     along = ((one.end[0] - one.start[0]) / length_m, (one.end[1] - one.start[1]) / length_m)
     beside = ((other.end[0] - other.start[0]) / other_m, (other.end[1] - other.start[1]) / other_m)
     parallel = abs(along[0] * beside[0] + along[1] * beside[1])

@@ -6,8 +6,9 @@ from functools import partial
 import rerun as rr
 
 from noctule import rerun_paths
+from noctule.rerun_together import Together
 from noctule_viewer.board import documents, map_box
-from noctule_viewer.board.entries import Entries, together
+from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.unit_health import Health, UnitHealth
@@ -64,7 +65,7 @@ def draw_scale(box: MapBox) -> Entries:
         show_labels=True,
         draw_order=_SCALE_ORDER,
     )
-    yield rerun_paths.SCALE, together(strips, labels)
+    yield rerun_paths.SCALE, Together(strips, labels)
 
 
 def _marks(units: Sequence[UnitHealth], heard: Heard) -> rr.Points2D:

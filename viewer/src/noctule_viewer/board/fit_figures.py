@@ -1,14 +1,14 @@
 """How well the map is known, and how well it explains what units hear: figures over time."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import cos, sin, sqrt
+from math import sqrt
 from statistics import median
 
 import numpy as np
 
-from noctule import poses
-from noctule.messages_pb2 import Contour, Wall
-from noctule_viewer.board.looks import Look
+from noctule import poses, walls
+from noctule.messages_pb2 import Contour
+from noctule_viewer.board.heard_sweeps import HeardSweep
 
 _NEAR_M = 0.10  # an echo farther from all that the map has is not explained by it
 _SLACK_RAD = 0.05
@@ -19,7 +19,7 @@ def errors_mm(contour: Contour) -> dict[str, float]:
     worse axis of corners, cylinders and poses. A kind that has none is left out.
     """
     found = {
-        "walls": [_wall_sigma_m(wall) for wall in contour.walls if len(wall.covariance) == 4],
+        "walls": [sigma_m for wall in contour.walls if (sigma_m := walls.middle_sigma_m(wall)) is not None],
         "corners": [_worst_m(each.covariance, 2) for each in contour.corners if len(each.covariance) == 4],
         "cylinders": [_worst_m(each.covariance, 3) for each in contour.cylinders if len(each.covariance) == 9],
         "unit poses": [
@@ -31,16 +31,16 @@ def errors_mm(contour: Contour) -> dict[str, float]:
     return {kind: 1e3 * median(sigmas_m) for kind, sigmas_m in found.items() if sigmas_m}
 
 
-def residuals_m(contour: Contour, looks: Mapping[str, Look]) -> np.ndarray:
-    """(echoes,) for each echo of ``looks``, by unit, its range minus the distance of what is nearest to it of all that
+def residuals_m(contour: Contour, sweeps: Mapping[str, HeardSweep]) -> np.ndarray:
+    """(echoes,) for each echo of ``sweeps``, by unit, its range minus the distance of what is nearest to it of all that
     ``contour`` has in the beam. NaN where that is nothing; units whose places are unknown are left out.
     """
     placed = {each.unit: (each.x_m, each.y_m, each.heading_rad) for each in contour.poses if poses.is_placed(each)}
     found = [np.zeros(0)]
-    for unit, look in looks.items():
-        pose = placed.get(unit, look.pose)
+    for unit, sweep in sweeps.items():
+        pose = placed.get(unit, sweep.pose)
         if pose is not None:
-            found.append(_of_unit(contour, look, pose))
+            found.append(_of_unit(contour, sweep, pose))
     return np.concatenate(found)
 
 
@@ -55,14 +55,14 @@ def fit(residual_m: np.ndarray) -> dict[str, float]:
     return {"explained": 100 * len(explained_m) / len(residual_m)} | distance
 
 
-def _of_unit(contour: Contour, look: Look, pose: tuple[float, float, float]) -> np.ndarray:
-    heard = np.isfinite(look.range_m)
-    range_m = look.range_m[heard]
-    direction_rad = pose[2] + look.bearing_rad[heard]
+def _of_unit(contour: Contour, sweep: HeardSweep, pose: tuple[float, float, float]) -> np.ndarray:
+    heard = np.isfinite(sweep.range_m)
+    range_m = sweep.range_m[heard]
+    direction_rad = pose[2] + sweep.bearing_rad[heard]
     candidates = [np.full(len(range_m), np.nan)]
     for distance_m, towards_rad in _echoers(contour, pose[:2]):
         off_rad = np.abs((direction_rad - towards_rad + np.pi) % (2 * np.pi) - np.pi)
-        inside = off_rad <= look.beam_width_rad / 2 + _SLACK_RAD
+        inside = off_rad <= sweep.beam_width_rad / 2 + _SLACK_RAD
         candidates.append(np.where(inside, range_m - distance_m, np.nan))
     return _least(np.stack(candidates))
 
@@ -90,13 +90,6 @@ def _echoers(contour: Contour, place: Sequence[float]) -> Iterator[tuple[float, 
 
 def _polar(way_m: np.ndarray, radius_m: float) -> tuple[float, float]:
     return float(np.hypot(*way_m)) - radius_m, float(np.arctan2(way_m[1], way_m[0]))
-
-
-def _wall_sigma_m(wall: Wall) -> float:
-    """rho = x cos(theta) + y sin(theta), at the wall's middle."""
-    x_m, y_m = (wall.start.x_m + wall.end.x_m) / 2, (wall.start.y_m + wall.end.y_m) / 2
-    slopes = np.array([x_m * sin(wall.theta_rad) - y_m * cos(wall.theta_rad), 1.0])
-    return sqrt(max(0.0, float(slopes @ np.reshape(wall.covariance, (2, 2)) @ slopes)))
 
 
 def _worst_m(covariance: Sequence[float], size: int) -> float:

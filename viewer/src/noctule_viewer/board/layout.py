@@ -10,25 +10,27 @@ from noctule_viewer import blueprint
 from noctule_viewer.board import echo_history, polar
 from noctule_viewer.board.map_box import MapBox
 
-MOST_TABS = 30  # a layout takes about 50 kB of the relay for each
+MOST_TABS = 30  # of all sites: a layout takes about 125 kB of the relay's memory for each
 _SHOW_RAYS_OF = 4  # units; the rays of more hide the map, and each unit's own tab shows them
 
 
 @dataclass(frozen=True)
 class Layout:
     """What the layout of a site depends on: tabs are a fixed list, and so are the bounds of the map. ``under`` is what
-    its entities are under, as rerun_paths.under() has it, empty where the relay shows one site only.
+    its entities are under, as rerun_paths.under() has it, empty where the relay shows one site only. No more than the
+    first ``most_tabs`` units have tabs.
     """
 
     units: tuple[str, ...]
     box: MapBox | None
     site: str = ""
     under: str = ""
+    most_tabs: int = MOST_TABS
 
     def views(self) -> rrb.Vertical:
         """Alarms, and under them the tabs."""
         alarms = rrb.TextDocumentView(origin=self._at(rerun_paths.ALARMS), name="Alarms", titlebar=False)
-        of_units = map(self._unit, self.units[:MOST_TABS])
+        of_units = map(self._unit, self.units[: self.most_tabs])
         tabs = rrb.Tabs(self._site(), *of_units, self._figures(), active_tab=0)
         return rrb.Vertical(alarms, tabs, row_shares=[1, 7], name=self.site)
 
@@ -89,6 +91,11 @@ class Layout:
         return rrb.VisualBounds2D(
             x_range=[self.box.left_m, self.box.right_m], y_range=[-self.box.top_m, -self.box.bottom_m]
         )
+
+
+def tabs_of_each(sites: int) -> int:
+    """How many units of each of so many ``sites`` have tabs."""
+    return max(1, MOST_TABS // sites)
 
 
 def blueprint_of(sites: Sequence[Layout]) -> rrb.Blueprint:

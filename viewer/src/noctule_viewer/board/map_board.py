@@ -14,6 +14,7 @@ from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.turns import Turns
 
 _FIGURES_EVERY_S, _CHANGES_EVERY_S, _PATHS_EVERY_S = 15.0, 15.0, 1.0
+_RECENT_S = 600.0  # a unit that has not swept for longer says nothing of the map as it is
 _FLOOR_PLAN = (98, 116, 146)
 _FLOOR_PLAN_ORDER = 2.0  # above the grid of metres, below all that was measured
 
@@ -28,15 +29,14 @@ class MapBoard:
         self._path_turns = Turns(_PATHS_EVERY_S, now)
 
     def statics(self) -> Entries:
-        """What stands for good."""
-        if self._plan.floor_plan_m:
-            lines = rr.LineStrips2D(
-                self._plan.floor_plan_m,
-                colors=[_FLOOR_PLAN],
-                radii=rr.Radius.ui_points(1.0),
-                draw_order=_FLOOR_PLAN_ORDER,
-            )
-            yield rerun_paths.FLOOR_PLAN, lines
+        """What stands for good: a floor plan without lines too, for a recording may give an earlier one back."""
+        lines = rr.LineStrips2D(
+            self._plan.floor_plan_m,
+            colors=[_FLOOR_PLAN],
+            radii=rr.Radius.ui_points(1.0),
+            draw_order=_FLOOR_PLAN_ORDER,
+        )
+        yield rerun_paths.FLOOR_PLAN, lines
 
     def entries(self, heard: Heard) -> Entries:
         """What is due now."""
@@ -62,7 +62,7 @@ def _figures(heard: Heard) -> Iterator[tuple[str, rr.AsComponents]]:
     assert heard.contour is not None
     for kind, error_mm in fit_figures.errors_mm(heard.contour).items():
         yield rerun_paths.map_error(kind), rr.Scalars(error_mm)
-    newest = {unit: looks[-1] for unit, looks in heard.looks.items()}
+    newest = {unit: sweeps[-1] for unit, sweeps in heard.sweeps.items() if heard.now_s - sweeps[-1].time_s < _RECENT_S}
     for figure, value in fit_figures.fit(fit_figures.residuals_m(heard.contour, newest)).items():
         yield rerun_paths.map_fit(figure), rr.Scalars(value)
 

@@ -7,10 +7,11 @@ from math import hypot
 import rerun as rr
 
 from noctule import rerun_paths
+from noctule.rerun_together import Together
 from noctule.site import Pose2
 from noctule.unit_colours import unit_colour
 from noctule_viewer.board.changes import Change, Point, outline_m
-from noctule_viewer.board.entries import Entries, together
+from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.words import age
 
 _NEW, _GONE = (120, 255, 130), (255, 110, 200)
@@ -40,7 +41,7 @@ def draw_changes(changes: Sequence[Change], now_s: float) -> Entries:
         show_labels=True,
         draw_order=_LABEL_ORDER,
     )
-    yield rerun_paths.CHANGES, together(lines, labels)
+    yield rerun_paths.CHANGES, Together(lines, labels)
 
 
 def draw_path(unit: str, stops: Sequence[Pose2], waypoint: int | None) -> Entries:
@@ -65,7 +66,7 @@ def draw_path(unit: str, stops: Sequence[Pose2], waypoint: int | None) -> Entrie
         show_labels=True,
         draw_order=_ORDER,
     )
-    yield rerun_paths.planned_path(unit), together(lines, dots)
+    yield rerun_paths.planned_path(unit), Together(lines, dots)
 
 
 def _dashes(line: Sequence[Point]) -> list[list[Point]]:

@@ -10,10 +10,11 @@ import numpy as np
 import rerun as rr
 
 from noctule import rerun_paths
+from noctule.rerun_together import Together
 from noctule.unit_colours import unit_colour
 from noctule_viewer.board import bearings
-from noctule_viewer.board.entries import Entries, together
-from noctule_viewer.board.looks import Look
+from noctule_viewer.board.entries import Entries
+from noctule_viewer.board.heard_sweeps import HeardSweep
 
 EDGE, LOWER_EDGE = 1.2, 1.35  # of the view, with room for the bearings' labels, each of which hangs below its place
 SILENT, FAULTY = (96, 108, 126), (235, 64, 64)
@@ -25,9 +26,11 @@ _LABELLED_RAD = [radians(turned) for turned in range(-180, 180, 45)]
 _ARC_POINTS = 6
 
 
-def outermost_m(looks: Sequence[Look]) -> float:
-    """The range of the outermost circle: a whole number of steps, beyond the farthest echo of all ``looks``."""
-    farthest_m = max((float(np.nanmax(each.range_m)) for each in looks if np.isfinite(each.range_m).any()), default=1.0)
+def outermost_m(sweeps: Sequence[HeardSweep]) -> float:
+    """The range of the outermost circle: a whole number of steps, beyond the farthest echo of all ``sweeps``."""
+    farthest_m = max(
+        (float(np.nanmax(each.range_m)) for each in sweeps if np.isfinite(each.range_m).any()), default=1.0
+    )
     step_m = _step_m(farthest_m)
     return step_m * ceil(farthest_m / step_m)
 
@@ -58,34 +61,34 @@ def draw_rings(unit: str, outermost_m: float, beam_width_rad: float) -> Entries:
         show_labels=True,
         draw_order=1.0,
     )
-    yield rerun_paths.unit_rings(unit), together(lines, labels)
+    yield rerun_paths.unit_rings(unit), Together(lines, labels)
 
 
-def draw_polar(unit: str, look: Look, outermost_m: float) -> Entries:
+def draw_polar(unit: str, sweep: HeardSweep, outermost_m: float) -> Entries:
     """Echoes as arcs as wide as the beam, with the nearest one's range; at the edge grey dots where nothing was heard,
     and red ones where the sensor failed.
     """
-    heard = np.flatnonzero(np.isfinite(look.range_m))
-    across_rad = look.beam_width_rad * np.linspace(-0.5, 0.5, _ARC_POINTS)
+    heard = np.flatnonzero(np.isfinite(sweep.range_m))
+    across_rad = sweep.beam_width_rad * np.linspace(-0.5, 0.5, _ARC_POINTS)
     arcs = [
-        _places(look.bearing_rad[each] + across_rad, np.full(_ARC_POINTS, look.range_m[each] / outermost_m))
+        _places(sweep.bearing_rad[each] + across_rad, np.full(_ARC_POINTS, sweep.range_m[each] / outermost_m))
         for each in heard
     ]
     lines = rr.LineStrips2D(arcs, colors=[unit_colour(unit)], radii=rr.Radius.ui_points(1.6), draw_order=10.0)
-    edge = [*look.bearing_rad[look.silent], *look.bearing_rad[look.faulty]]
-    colours = [SILENT] * int(look.silent.sum()) + [FAULTY] * int(look.faulty.sum())
+    edge = [*sweep.bearing_rad[sweep.silent], *sweep.bearing_rad[sweep.faulty]]
+    colours = [SILENT] * int(sweep.silent.sum()) + [FAULTY] * int(sweep.faulty.sum())
     places = [_place(bearing_rad, 1.0) for bearing_rad in edge]
     labels = [""] * len(edge)
     if len(heard):
-        nearest = heard[np.argmin(look.range_m[heard])]
-        range_m, bearing_rad = float(look.range_m[nearest]), float(look.bearing_rad[nearest])
+        nearest = heard[np.argmin(sweep.range_m[heard])]
+        range_m, bearing_rad = float(sweep.range_m[nearest]), float(sweep.bearing_rad[nearest])
         places.append(_place(bearing_rad, range_m / outermost_m))
         colours.append(unit_colour(unit))
         labels.append(f"nearest {range_m:.2f} m, {bearings.words(bearing_rad)}")
     dots = rr.Points2D(
         places, colors=colours, labels=labels, show_labels=True, radii=rr.Radius.ui_points(3.5), draw_order=11.0
     )
-    yield rerun_paths.unit_polar(unit), together(lines, dots)
+    yield rerun_paths.unit_polar(unit), Together(lines, dots)
 
 
 def _step_m(farthest_m: float) -> float:

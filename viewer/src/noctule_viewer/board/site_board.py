@@ -19,10 +19,13 @@ _RINGS_EVERY_S, _POLAR_EVERY_S, _HISTORY_EVERY_S = 1.0, 2.0, 8.0  # one unit aft
 
 
 class SiteBoard:
-    """Draws ``state``. Where the relay shows several sites, its entities are ``under`` the site's name."""
+    """Draws ``state``. Where the relay shows several sites, its entities are ``under`` the site's name; ``most_tabs``
+    as in Layout.
+    """
 
-    def __init__(self, plan: SitePlan, state: SiteState, under: str = "") -> None:
+    def __init__(self, plan: SitePlan, state: SiteState, under: str = "", most_tabs: int = MOST_TABS) -> None:
         self.site, self.under = plan.site, under
+        self._most_tabs = most_tabs
         self.worst = ""  # trouble, by what was drawn last
         self._state = state
         self._map = MapBoard(plan)
@@ -40,7 +43,7 @@ class SiteBoard:
 
     def layout(self) -> Layout:
         """What is wanted of the layout, by what was drawn last."""
-        return Layout(self._units, self._box, self.site, self.under)
+        return Layout(self._units, self._box, self.site, self.under, self._most_tabs)
 
     def heard(self) -> Heard:
         """What the site has said until now."""
@@ -49,7 +52,7 @@ class SiteBoard:
     def entries(self, heard: Heard, elsewhere: Sequence[str] = ()) -> Entries:
         """What is due now; ``elsewhere`` are the troubles of the other sites."""
         units = self._health.of(heard)
-        with_tabs = units[:MOST_TABS]
+        with_tabs = units[: self._most_tabs]
         self._units = tuple(unit.unit for unit in units)
         self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
         self.worst = documents.worst(self.site, units, heard)
@@ -60,19 +63,19 @@ class SiteBoard:
             yield from drawing.draw_temperatures(with_tabs)
         for unit in self._take_due_sheets(with_tabs):
             yield from drawing.draw_sheet(unit, heard)
-        yield from self._looks(with_tabs, heard)
+        yield from self._pictures(with_tabs, heard)
         yield from self._map.entries(heard)
 
-    def _looks(self, units: list[UnitHealth], heard: Heard) -> Entries:
-        looks = {unit.unit: heard.looks[unit.unit] for unit in units if unit.unit in heard.looks}
-        outermost_m = {unit: polar.outermost_m(of_unit) for unit, of_unit in looks.items()}
-        newest_s = {unit: of_unit[-1].time_s for unit, of_unit in looks.items()}
+    def _pictures(self, units: list[UnitHealth], heard: Heard) -> Entries:
+        sweeps = {unit.unit: heard.sweeps[unit.unit] for unit in units if unit.unit in heard.sweeps}
+        outermost_m = {unit: polar.outermost_m(of_unit) for unit, of_unit in sweeps.items()}
+        newest_s = {unit: of_unit[-1].time_s for unit, of_unit in sweeps.items()}
         if (unit := self._rings_turns.take(outermost_m)) is not None:
-            yield from polar.draw_rings(unit, outermost_m[unit], looks[unit][-1].beam_width_rad)
+            yield from polar.draw_rings(unit, outermost_m[unit], sweeps[unit][-1].beam_width_rad)
         if (unit := self._polar_turns.take(newest_s)) is not None:
-            yield from polar.draw_polar(unit, looks[unit][-1], outermost_m[unit])
+            yield from polar.draw_polar(unit, sweeps[unit][-1], outermost_m[unit])
         if (unit := self._history_turns.take(newest_s)) is not None:
-            yield from echo_history.draw_echo_history(unit, looks[unit], outermost_m[unit], heard.now_s)
+            yield from echo_history.draw_echo_history(unit, sweeps[unit], outermost_m[unit], heard.now_s)
 
     def _take_due_sheets(self, units: list[UnitHealth]) -> list[UnitHealth]:
         """Those whose sheet is due, or whose health is another. They are noted as drawn, and other units forgotten."""

@@ -7,7 +7,7 @@ from time import monotonic, time
 
 from noctule import poses
 from noctule.messages_pb2 import Contour, ServiceStatus, Sweep, UnitStatus
-from noctule_viewer.board.looks import Look, Looks
+from noctule_viewer.board.heard_sweeps import AHEAD_S, HeardSweep, HeardSweeps
 
 _MOST_UNITS = 1_000  # as strangers could name them
 
@@ -24,7 +24,7 @@ class Heard:
     service_silent_s: dict[str, float] = field(default_factory=dict)
     swept_s: dict[str, float] = field(default_factory=dict)  # UTC: when the last sweep was made
     stands_m: dict[str, tuple[float, float]] = field(default_factory=dict)  # where: as the contour has it, or the sweep
-    looks: dict[str, Sequence[Look]] = field(default_factory=dict)  # by unit: its last sweeps
+    sweeps: dict[str, Sequence[HeardSweep]] = field(default_factory=dict)  # by unit: its last sweeps
     contour: Contour | None = None
     own_trouble: str = ""  # of the viewer's own way over the bus
 
@@ -42,7 +42,7 @@ class SiteState:
         self._service_heard_s: dict[str, float] = {}
         self._swept_s: dict[str, float] = {}
         self._stated_m: dict[str, tuple[float, float]] = {}
-        self._looks = Looks()
+        self._sweeps = HeardSweeps()
         self._contour: Contour | None = None
         self._own_trouble = "the viewer waits for a router"
 
@@ -76,7 +76,7 @@ class SiteState:
         """A sweep as it was made."""
         with self._lock:
             self._note_swept(sweep.unit, sweep.start.ToNanoseconds() / 1e9)
-            self._looks.note(sweep)
+            self._sweeps.note(sweep, self._utc())
             if sweep.HasField("pose") and not poses.is_unknown(sweep.pose) and sweep.unit in self._swept_s:
                 self._stated_m[sweep.unit] = sweep.pose.x_m, sweep.pose.y_m
 
@@ -103,14 +103,16 @@ class SiteState:
                 service_silent_s={name: now_s - heard_s for name, heard_s in self._service_heard_s.items()},
                 swept_s=dict(self._swept_s),
                 stands_m=self._stated_m | _placed_m(self._contour),
-                looks=self._looks.all(),
+                sweeps=self._sweeps.all(),
                 contour=self._contour,
                 own_trouble=self._own_trouble,
             )
 
     def _note_swept(self, unit: str, swept_s: float) -> None:
         if unit in self._swept_s or len(self._swept_s) < _MOST_UNITS:
-            self._swept_s[unit] = max(swept_s, self._swept_s.get(unit, 0.0))
+            before_s = self._swept_s.get(unit, 0.0)
+            ahead = before_s > self._utc() + AHEAD_S  # a clock was wrong, or still is
+            self._swept_s[unit] = swept_s if ahead else max(swept_s, before_s)
 
 
 def _placed_m(contour: Contour | None) -> dict[str, tuple[float, float]]:

@@ -9,23 +9,19 @@ import numpy as np
 
 from noctule import poses
 from noctule.air import speed_of_sound_m_s
-from noctule.messages_pb2 import (
-    READING_STATUS_ECHO,
-    READING_STATUS_NO_ECHO,
-    READING_STATUS_UNSPECIFIED,
-    Reading,
-    Sweep,
-)
+from noctule.messages_pb2 import Sweep
+from noctule.readings import flight_s, heard_nothing
 
-MOST_LOOKS = 120  # of a unit: half an hour, at a sweep every 16 s
-_MOST_UNITS = 60  # as strangers could name more; a unit's looks take up to 100 kB
+MOST_SWEEPS = 120  # of a unit: half an hour, at a sweep every 16 s
+_MOST_UNITS = 60  # as strangers could name more; a unit's sweeps take up to 100 kB
+AHEAD_S = 60.0  # what is dated further into the future was dated by a wrong clock
 _FARTHEST_M = 20.0  # beyond any sensor's range
 _ROOM_C = 20.0
 _BEAM_RAD = radians(22.5)  # where nobody says: the mapper's own default
 
 
 @dataclass(frozen=True)
-class Look:
+class HeardSweep:
     """One sweep. Arrays are (n,); ranges are NaN where there was no echo. A reading that is neither echo nor silence is
     a fault of the sensor.
     """
@@ -43,52 +39,50 @@ class Look:
         return ~self.silent & np.isnan(self.range_m)
 
 
-def look(sweep: Sweep) -> Look:
+def heard_sweep(sweep: Sweep) -> HeardSweep:
     """The sweep's readings, their ranges corrected as far as the sweep says how."""
     sensor = sweep.sensor
     celsius = sweep.air_temperature_c if sweep.HasField("air_temperature_c") else _ROOM_C
-    flights_s = np.array([_flight_s(reading) for reading in sweep.readings])
+    flights_s = np.array([flight_s(reading) for reading in sweep.readings], dtype=float)  # None is NaN
     range_m = flights_s * speed_of_sound_m_s(celsius) / 2 - sensor.range_bias_m + sensor.face_offset_m
-    return Look(
+    return HeardSweep(
         time_s=sweep.start.ToNanoseconds() / 1e9,
         bearing_rad=np.array([reading.bearing_rad for reading in sweep.readings]),
         range_m=np.where((range_m > 0) & (range_m <= _FARTHEST_M), range_m, np.nan),
-        silent=np.array([_heard_nothing(reading) for reading in sweep.readings], dtype=bool),
+        silent=np.array([heard_nothing(reading) for reading in sweep.readings], dtype=bool),
         beam_width_rad=sensor.beam_width_rad if sensor.HasField("beam_width_rad") else _BEAM_RAD,
         pose=_pose(sweep),
     )
 
 
-class Looks:
-    """The last looks of each unit, the newest last. For several threads, under a lock of theirs."""
+class HeardSweeps:
+    """The last sweeps of each unit, the newest last. For several threads, under a lock of theirs."""
 
     def __init__(self) -> None:
-        self._looks: dict[str, deque[Look]] = {}
+        self._sweeps: dict[str, deque[HeardSweep]] = {}
 
-    def note(self, sweep: Sweep) -> None:
-        """A sweep as it was made; one that is older than the newest is left out, and so is one without readings."""
-        if not sweep.readings or (sweep.unit not in self._looks and len(self._looks) >= _MOST_UNITS):
+    def note(self, sweep: Sweep, now_s: float) -> None:
+        """A sweep as it was made; one that is older than the newest is left out, and so is one without readings. What
+        is dated in the future, by the UTC ``now_s``, gives way to what is older. The unit that was not heard for
+        longest gives way to a new one.
+        """
+        if not sweep.readings:
             return
-        made, before = look(sweep), self._looks.setdefault(sweep.unit, deque(maxlen=MOST_LOOKS))
+        made, before = heard_sweep(sweep), self._sweeps.pop(sweep.unit, deque(maxlen=MOST_SWEEPS))
+        if len(self._sweeps) >= _MOST_UNITS:
+            del self._sweeps[next(iter(self._sweeps))]
+        self._sweeps[sweep.unit] = before
+        while before and before[-1].time_s > now_s + AHEAD_S and before[-1].time_s > made.time_s:
+            before.pop()
         if not before or made.time_s > before[-1].time_s:
             before.append(made)
 
-    def all(self) -> dict[str, Sequence[Look]]:
+    def all(self) -> dict[str, Sequence[HeardSweep]]:
         """By unit."""
-        return {unit: tuple(looks) for unit, looks in self._looks.items()}
+        return {unit: tuple(sweeps) for unit, sweeps in self._sweeps.items()}
 
 
 def _pose(sweep: Sweep) -> tuple[float, float, float] | None:
     pose = sweep.pose
     stated = sweep.HasField("pose") and not poses.is_unknown(pose)
     return (pose.x_m, pose.y_m, pose.heading_rad) if stated else None
-
-
-def _flight_s(reading: Reading) -> float:
-    echo = reading.status in (READING_STATUS_UNSPECIFIED, READING_STATUS_ECHO)
-    return reading.time_of_flight_s if echo and reading.HasField("time_of_flight_s") else np.nan
-
-
-def _heard_nothing(reading: Reading) -> bool:
-    unsaid = reading.status == READING_STATUS_UNSPECIFIED and not reading.HasField("time_of_flight_s")
-    return unsaid or reading.status == READING_STATUS_NO_ECHO
