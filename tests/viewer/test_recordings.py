@@ -51,10 +51,17 @@ def test_days_are_in_the_order_of_recording_whatever_the_clock_said(tmp_path: Pa
 
 def test_the_days_that_were_recorded_last_are_kept_whatever_the_clock_says(tmp_path: Path) -> None:
     week = [record(tmp_path, MONDAY + timedelta(number)) for number in range(7)]
-    assert days.outdated(tmp_path, 7) == []
-    record(tmp_path, date(2099, 1, 1))  # a clock that is wrong for a moment costs a day, and no more
-    record(tmp_path, date(2099, 1, 1))
-    assert days.outdated(tmp_path, 7) == week[:1]
+    assert days.outdated(tmp_path, 7, "2026-11-29") == []
+    assert days.outdated(tmp_path, 7, "2026-11-30") == week[:1]
+    # A clock that is wrong for a moment costs a day, and no more.
+    assert days.outdated(tmp_path, 7, "2099-01-01") == week[:1]
+    week.pop(0).unlink()
+    for _ in range(2):
+        record(tmp_path, date(2099, 1, 1))
+        assert days.outdated(tmp_path, 7, "2099-01-01") == []
+    assert days.outdated(tmp_path, 7, "2026-11-29") == []
+    assert days.outdated(tmp_path, 1, "2026-11-29")[:-2] == week[:-1]
+    assert days.outdated(tmp_path, 20, "2026-11-30") == []
 
 
 def saved(path: Path, rows: int) -> list[int]:
@@ -135,6 +142,22 @@ def test_a_full_disk_stops_the_recording_and_says_so_until_there_is_room(tmp_pat
         wait_until(lambda: "has 500 MB left" in recorder.trouble, "the full disk is not told")
         free[0] = AMPLE
         wait_until(lambda: len(write.started) == 2 and not recorder.trouble, "nothing is written any more")
+
+
+def test_on_a_full_disk_a_new_day_makes_room_by_the_oldest(tmp_path: Path) -> None:
+    today, write = [MONDAY + timedelta(2)], Writers()
+    oldest, newer, newest = (record(tmp_path, MONDAY + timedelta(number)) for number in range(3))
+
+    def free_bytes(_: Path) -> int:
+        return LEAST_FREE_BYTES - 1 if oldest.exists() else AMPLE
+
+    with Recorder(tmp_path, 3, write, today=lambda: today[0], free_bytes=free_bytes, pause_s=0.1) as recorder:
+        wait_until(lambda: "MB left" in recorder.trouble, "the disk is not full")
+        assert oldest.exists()
+        today[0] += timedelta(1)
+        wait_until(lambda: len(write.started) == 1 and not recorder.trouble, "nothing is recorded on the new day")
+    assert write.files == ["2026-11-26.000004.rrd"]
+    assert not oldest.exists() and newer.exists() and newest.exists()
 
 
 def test_a_writer_that_ends_is_told_and_another_follows(tmp_path: Path) -> None:

@@ -64,9 +64,10 @@ def next_file(folder: Path, today: date) -> Path:
     return folder / f"{today.isoformat()}.{last + 1:06d}.rrd"
 
 
-def outdated(folder: Path, keep_days: int) -> Sequence[Path]:
-    """The files of all days but the ``keep_days`` that were recorded last."""
-    return [file for day in days(folder)[:-keep_days] for file in day.files]
+def outdated(folder: Path, keep_days: int, today: str) -> Sequence[Path]:
+    """The files of all days but ``today``, recorded or not yet, and the ``keep_days - 1`` others recorded last."""
+    others = [day for day in days(folder) if day.name != today]
+    return [file for day in others[: max(len(others) - (keep_days - 1), 0)] for file in day.files]
 
 
 def _numbered(folder: Path) -> list[tuple[int, str, Path]]:

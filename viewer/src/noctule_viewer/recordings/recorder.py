@@ -89,12 +89,12 @@ class Recorder:
 
     def _record_one_file(self) -> str:
         """Until the file is full, its day is over, or close(). Returns what is wrong, where something is."""
+        day = self._today()
+        self._delete_outdated(day)  # first of all, because it may make the room that is lacking
         if trouble := self._lack_of_space():
             return trouble
-        day = self._today()
         path = days.next_file(self._folder, day)
         writer = self._start(path)
-        self._delete_outdated()
         began_s = monotonic()
         try:
             while not self._closed.wait(_LOOK_EVERY_S):
@@ -120,8 +120,8 @@ class Recorder:
             f"{LEAST_FREE_BYTES / 1e6:.0f} are kept free: delete what you don't need, or keep fewer days"
         )
 
-    def _delete_outdated(self) -> None:
-        for file in days.outdated(self._folder, self._keep_days):
+    def _delete_outdated(self, today: date) -> None:
+        for file in days.outdated(self._folder, self._keep_days, today.isoformat()):
             file.unlink(missing_ok=True)
             _log.info("deleted %s: %d days are kept", file.name, self._keep_days)
 
