@@ -76,7 +76,11 @@ class Recorder:
         self._thread.join(2 * _END_WITHIN_S)
 
     def _run(self) -> None:
-        self._first()
+        try:
+            self._first()
+        except OSError as error:
+            self._trouble = f"the hours before are not shown: {error.strerror}"
+            _log.warning("%s", self._trouble)
         while not self._closed.is_set():
             try:
                 self._trouble = self._record_one_file()
@@ -109,6 +113,8 @@ class Recorder:
                     return trouble
         finally:
             _end(writer)
+            if path.exists():
+                rrd_file.cut_incomplete_end(path)  # Rerun ends in the middle of a message
         return ""
 
     def _lack_of_space(self) -> str:
@@ -135,7 +141,7 @@ def folder_of_recordings(folder: Path) -> Iterator[Path | None]:
     with FolderLock(folder, Owner("viewer", "", "recordings")):
         last = days.newest(folder)
         try:
-            if last is not None and (cut := rrd_file.mend(last)):
+            if last is not None and (cut := rrd_file.cut_incomplete_end(last)):
                 _log.warning("%s was cut off: %d bytes of a drawing that was not complete are gone", last.name, cut)
         except OSError as error:
             raise FolderError(f"can't read {last}: {error.strerror}: move it away") from error
