@@ -39,11 +39,17 @@ def days(folder: Path) -> list[Day]:
     return sorted(found, key=lambda each: _number(each.files[-1]))
 
 
-def chosen(folder: Path, name: str | None) -> Day:
-    """The day of that name as ``2026-11-28``, or the last. Raises RecordingsError."""
+def recorded(folder: Path) -> list[Day]:
+    """All days in ``folder``, at least one. Raises RecordingsError."""
     found = days(folder)
     if not found:
         raise RecordingsError(f"there are no recordings in {folder}: noctule-viewer run --record {folder} makes them")
+    return found
+
+
+def chosen(folder: Path, name: str | None) -> Day:
+    """The day of that name as ``2026-11-28``, or the last. Raises RecordingsError."""
+    found = recorded(folder)
     if name is None:
         return found[-1]
     for day in found:
