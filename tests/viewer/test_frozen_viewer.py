@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from mapper.rerun_relay import relay, viewer
-from mapper.test_rerun_link import AT_ONCE_S, draw_noise, link, put_s, text, wait_for_drawn
+from mapper.test_rerun_link import draw_noise, link, put_s, text, wait_for_drawn
 from system.processes import wait_until
 
 from noctule_mapper.rerun_view.drawing import Drawing
 
+HELD_UP_S = 2.0  # far under the 5 s that a blocked put would take, far over what a busy machine adds
 DRAWINGS = 100  # of 190 kB each: far more than the buffers of a line hold
 
 
@@ -36,5 +37,5 @@ def test_a_frozen_viewer_holds_up_neither_the_mapper_nor_other_viewers(tmp_path:
             seen = sum(chunk.num_rows for chunk in frozen.seen()["noise"])
             frozen.thaw()
             wait_until(lambda: frozen.wait_for("farewell"), "a viewer that goes on does not see the present")
-    assert slowest_s < AT_ONCE_S
+    assert slowest_s < HELD_UP_S
     assert seen < DRAWINGS / 2, "the viewer was not frozen, so that this shows nothing"

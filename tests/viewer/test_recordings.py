@@ -1,6 +1,8 @@
 """Recordings by day: what is kept, what a power cut leaves, and that a relay that was started again shows the past."""
 
+import errno
 import subprocess
+import tracemalloc
 import warnings
 from collections.abc import Iterator
 from datetime import date, timedelta
@@ -51,10 +53,17 @@ def test_days_are_in_the_order_of_recording_whatever_the_clock_said(tmp_path: Pa
 
 def test_the_days_that_were_recorded_last_are_kept_whatever_the_clock_says(tmp_path: Path) -> None:
     week = [record(tmp_path, MONDAY + timedelta(number)) for number in range(7)]
-    assert days.outdated(tmp_path, 7) == []
-    record(tmp_path, date(2099, 1, 1))  # a clock that is wrong for a moment costs a day, and no more
-    record(tmp_path, date(2099, 1, 1))
-    assert days.outdated(tmp_path, 7) == week[:1]
+    assert days.outdated(tmp_path, 7, "2026-11-29") == []
+    assert days.outdated(tmp_path, 7, "2026-11-30") == week[:1]
+    # A clock that is wrong for a moment costs a day, and no more.
+    assert days.outdated(tmp_path, 7, "2099-01-01") == week[:1]
+    week.pop(0).unlink()
+    for _ in range(2):
+        record(tmp_path, date(2099, 1, 1))
+        assert days.outdated(tmp_path, 7, "2099-01-01") == []
+    assert days.outdated(tmp_path, 7, "2026-11-29") == []
+    assert days.outdated(tmp_path, 1, "2026-11-29")[:-2] == week[:-1]
+    assert days.outdated(tmp_path, 20, "2026-11-30") == []
 
 
 def saved(path: Path, rows: int) -> list[int]:
@@ -86,16 +95,32 @@ def test_a_recording_that_was_cut_off_in_mid_drawing_is_readable_up_to_there(tmp
         file.truncate(sizes[6] + 100)
     with pytest.raises(RuntimeError):
         numbers(path)
-    assert rrd_file.mend(path) == 100
+    assert rrd_file.cut_incomplete_end(path) == 100
     assert numbers(path) == [str(number) for number in range(7)]
-    assert rrd_file.mend(path) == 0
+    assert rrd_file.cut_incomplete_end(path) == 0
+
+
+def test_zeros_that_a_power_cut_has_left_at_the_end_are_no_messages(tmp_path: Path) -> None:
+    path = tmp_path / "2026-11-23.000001.rrd"
+    size = saved(path, 3)[-1]
+    with path.open("ab") as file:
+        file.write(bytes(20_000_000))
+    tracemalloc.start()
+    try:
+        assert rrd_file.cut_incomplete_end(path) == 0
+        assert len(rrd_file.excerpt(path, 1_000_000)) <= size
+        _, most_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most_bytes < 1_000_000  # 118 MB when each 16 zeros were a message
+    assert len(numbers(path)) == 3
 
 
 @pytest.mark.parametrize("contents", [b"", b"RRF2", b"something else"])
 def test_a_file_that_is_no_recording_is_left_as_it_is(tmp_path: Path, contents: bytes) -> None:
     path = tmp_path / "2026-11-23.000001.rrd"
     path.write_bytes(contents)
-    assert rrd_file.mend(path) == 0
+    assert rrd_file.cut_incomplete_end(path) == 0
     assert path.read_bytes() == contents
 
 
@@ -123,7 +148,36 @@ def test_a_new_day_begins_a_new_file_and_the_days_before_the_last_are_deleted(tm
         wait_until(lambda: len(list(tmp_path.iterdir())) == 2, "the days before are still there")
     assert write.files[-1] == "2026-11-26.000004.rrd"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["2026-11-25.000003.rrd", "2026-11-26.000004.rrd"]
-    assert all(writer.poll() is not None for writer in write.started)
+    wait_until(lambda: all(writer.poll() is not None for writer in write.started), "a writer goes on")
+
+
+def test_a_file_that_ends_while_the_viewer_runs_is_readable(tmp_path: Path) -> None:
+    write, complete_bytes = Writers(), 0
+
+    def start(path: Path) -> subprocess.Popen[bytes]:
+        nonlocal complete_bytes
+        complete_bytes = saved(path, 10)[6]
+        with path.open("r+b") as file:
+            file.truncate(complete_bytes + 100)  # Rerun ends at once when it is asked to
+        return write(path)
+
+    with Recorder(tmp_path, 2, start, free_bytes=lambda _: AMPLE):
+        wait_until(lambda: write.started, "nothing is written")
+    path = tmp_path / write.files[0]
+    wait_until(lambda: path.stat().st_size == complete_bytes, "its incomplete end is still there")
+    assert numbers(path) == [str(number) for number in range(7)]
+
+
+def test_the_recording_begins_though_the_past_can_not_be_shown(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail() -> None:
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    write = Writers()
+    with Recorder(tmp_path, 2, write, fail, free_bytes=lambda _: AMPLE) as recorder:
+        wait_until(lambda: write.started and not recorder.trouble, "nothing is written")
+    assert "the hours before are not shown: Resource temporarily unavailable" in caplog.text
 
 
 def test_a_full_disk_stops_the_recording_and_says_so_until_there_is_room(tmp_path: Path) -> None:
@@ -137,13 +191,29 @@ def test_a_full_disk_stops_the_recording_and_says_so_until_there_is_room(tmp_pat
         wait_until(lambda: len(write.started) == 2 and not recorder.trouble, "nothing is written any more")
 
 
-def test_a_writer_that_ends_is_told_and_another_follows(tmp_path: Path) -> None:
+def test_on_a_full_disk_a_new_day_makes_room_by_the_oldest(tmp_path: Path) -> None:
+    today, write = [MONDAY + timedelta(2)], Writers()
+    oldest, newer, newest = (record(tmp_path, MONDAY + timedelta(number)) for number in range(3))
+
+    def free_bytes(_: Path) -> int:
+        return LEAST_FREE_BYTES - 1 if oldest.exists() else AMPLE
+
+    with Recorder(tmp_path, 3, write, today=lambda: today[0], free_bytes=free_bytes, pause_s=0.1) as recorder:
+        wait_until(lambda: "MB left" in recorder.trouble, "the disk is not full")
+        assert oldest.exists()
+        today[0] += timedelta(1)
+        wait_until(lambda: len(write.started) == 1 and not recorder.trouble, "nothing is recorded on the new day")
+    assert write.files == ["2026-11-26.000004.rrd"]
+    assert not oldest.exists() and newer.exists() and newest.exists()
+
+
+def test_a_writer_that_ends_is_logged_and_another_follows(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     write = Writers()
-    with Recorder(tmp_path, 2, write, free_bytes=lambda _: AMPLE, pause_s=2.0) as recorder:
+    with Recorder(tmp_path, 2, write, free_bytes=lambda _: AMPLE, pause_s=0.1) as recorder:
         wait_until(lambda: len(write.started) == 1, "nothing is written")
         write.started[0].kill()
-        wait_until(lambda: "ended by itself, with status -9" in recorder.trouble, "its end is not told")
-        wait_until(lambda: len(write.started) == 2, "no other follows")
+        wait_until(lambda: "ended by itself, with status -9" in caplog.text, "its end is not logged")
+        wait_until(lambda: len(write.started) == 2 and not recorder.trouble, "no other follows")
 
 
 def draw(relay: Relay, first: int, count: int, static: bool = False) -> None:
@@ -170,7 +240,7 @@ def test_a_relay_that_was_killed_shows_after_its_restart_what_it_has_shown_befor
 
     def recorded() -> bool:
         complete.write_bytes(file.read_bytes())
-        rrd_file.mend(complete)
+        rrd_file.cut_incomplete_end(complete)
         return complete.stat().st_size > 1000 and len(numbers(complete)) == 20
 
     wait_until(recorded, "not all was recorded", every_s=0.5)

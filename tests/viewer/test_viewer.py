@@ -302,6 +302,8 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
             "(Cannot assign requested address): name another address",
         ),
         (("open", "--url", "foo"), "foo is no relay: give rerun+http://127.0.0.1:9876/proxy"),
+        (("run", "--floor-plan-at", "1,2,90"), "a floor plan belongs to a site: give --site too"),
+        (("days", "no_such_folder"), "there are no recordings in no_such_folder: noctule-viewer run --record"),
     ],
 )
 def test_what_no_relay_can_be_is_refused_in_one_line(arguments: tuple[str, ...], told: str) -> None:

@@ -106,7 +106,7 @@ def run(
         else:
             print(f"Watch the map at {relay.page}", flush=True)
 
-    if floor_plan and not site:
+    if (floor_plan or floor_plan_at) and not site:
         _fail("a floor plan belongs to a site: give --site too", 2)
     from noctule_viewer.board.site_plan import read  # Numpy and Zenoh take a while to import
     from noctule_viewer.serve import Recorded, Watched, serve
@@ -158,7 +158,11 @@ def days_(
     folder: Annotated[Path, typer.Argument(help="Where noctule-viewer run --record has recorded.")],
 ) -> None:
     """List the days that were recorded, and how large they are."""
-    for day in days.days(folder):
+    try:
+        found = days.recorded(folder)
+    except NoctuleError as error:
+        _fail(str(error))
+    for day in found:
         print(f"{day.name} {day.size_bytes / 1e6:8.1f} MB")
 
 

@@ -39,11 +39,17 @@ def days(folder: Path) -> list[Day]:
     return sorted(found, key=lambda each: _number(each.files[-1]))
 
 
-def chosen(folder: Path, name: str | None) -> Day:
-    """The day of that name as ``2026-11-28``, or the last. Raises RecordingsError."""
+def recorded(folder: Path) -> list[Day]:
+    """All days in ``folder``, at least one. Raises RecordingsError."""
     found = days(folder)
     if not found:
         raise RecordingsError(f"there are no recordings in {folder}: noctule-viewer run --record {folder} makes them")
+    return found
+
+
+def chosen(folder: Path, name: str | None) -> Day:
+    """The day of that name as ``2026-11-28``, or the last. Raises RecordingsError."""
+    found = recorded(folder)
     if name is None:
         return found[-1]
     for day in found:
@@ -64,9 +70,10 @@ def next_file(folder: Path, today: date) -> Path:
     return folder / f"{today.isoformat()}.{last + 1:06d}.rrd"
 
 
-def outdated(folder: Path, keep_days: int) -> Sequence[Path]:
-    """The files of all days but the ``keep_days`` that were recorded last."""
-    return [file for day in days(folder)[:-keep_days] for file in day.files]
+def outdated(folder: Path, keep_days: int, today: str) -> Sequence[Path]:
+    """The files of all days but ``today``, recorded or not yet, and the ``keep_days - 1`` others recorded last."""
+    others = [day for day in days(folder) if day.name != today]
+    return [file for day in others[: max(len(others) - (keep_days - 1), 0)] for file in day.files]
 
 
 def _numbered(folder: Path) -> list[tuple[int, str, Path]]:

@@ -76,7 +76,11 @@ class Recorder:
         self._thread.join(2 * _END_WITHIN_S)
 
     def _run(self) -> None:
-        self._first()
+        try:
+            self._first()
+        except OSError as error:
+            self._trouble = f"the hours before are not shown: {error.strerror}"
+            _log.warning("%s", self._trouble)
         while not self._closed.is_set():
             try:
                 self._trouble = self._record_one_file()
@@ -89,12 +93,12 @@ class Recorder:
 
     def _record_one_file(self) -> str:
         """Until the file is full, its day is over, or close(). Returns what is wrong, where something is."""
+        day = self._today()
+        self._delete_outdated(day)  # first of all, because it may make the room that is lacking
         if trouble := self._lack_of_space():
             return trouble
-        day = self._today()
         path = days.next_file(self._folder, day)
         writer = self._start(path)
-        self._delete_outdated()
         began_s = monotonic()
         try:
             while not self._closed.wait(_LOOK_EVERY_S):
@@ -109,6 +113,8 @@ class Recorder:
                     return trouble
         finally:
             _end(writer)
+            if path.exists():
+                rrd_file.cut_incomplete_end(path)  # Rerun ends in the middle of a message
         return ""
 
     def _lack_of_space(self) -> str:
@@ -120,8 +126,8 @@ class Recorder:
             f"{LEAST_FREE_BYTES / 1e6:.0f} are kept free: delete what you don't need, or keep fewer days"
         )
 
-    def _delete_outdated(self) -> None:
-        for file in days.outdated(self._folder, self._keep_days):
+    def _delete_outdated(self, today: date) -> None:
+        for file in days.outdated(self._folder, self._keep_days, today.isoformat()):
             file.unlink(missing_ok=True)
             _log.info("deleted %s: %d days are kept", file.name, self._keep_days)
 
@@ -135,7 +141,7 @@ def folder_of_recordings(folder: Path) -> Iterator[Path | None]:
     with FolderLock(folder, Owner("viewer", "", "recordings")):
         last = days.newest(folder)
         try:
-            if last is not None and (cut := rrd_file.mend(last)):
+            if last is not None and (cut := rrd_file.cut_incomplete_end(last)):
                 _log.warning("%s was cut off: %d bytes of a drawing that was not complete are gone", last.name, cut)
         except OSError as error:
             raise FolderError(f"can't read {last}: {error.strerror}: move it away") from error

@@ -1,10 +1,12 @@
 """The frame of Rerun's files: messages one after the other, of which a power cut leaves the last one incomplete.
 
 A file is a head of 12 bytes, then messages, each with its kind and length as two 64-bit numbers, little-endian, in
-front. After the message of kind 0, if there is one, comes an index of the file. This is Rerun 0.41's "RRF2".
+front. The message of kind 0, if there is one, is the last: an index of the file, or zeros that a power cut has left.
+This is Rerun 0.41's "RRF2".
 """
 
 import struct
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -16,14 +18,17 @@ _END, _STORE_INFO, _CHUNK = 0, 1, 2
 _START_BYTES = 4_000_000  # of a long file: what never changes comes first in it
 
 
-def mend(path: Path) -> int:
-    """Cut an incomplete message off the end of a file, which no reader would take. Returns how many bytes that were."""
+def cut_incomplete_end(path: Path) -> int:
+    """Cut an incomplete message off the end of a file: Rerun's reader refuses such a file. Returns the bytes cut off.
+
+    Raises OSError.
+    """
     size = path.stat().st_size
     with path.open("r+b") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             return 0
-        messages = list(_messages(file, size))
-        kind, _, end = messages[-1] if messages else (_STORE_INFO, 0, _HEAD_BYTES)
+        last = deque(_messages(file, size), maxlen=1)
+        kind, _, end = last[0] if last else (_STORE_INFO, 0, _HEAD_BYTES)
         if kind == _END or end >= size:
             return 0
         file.truncate(end)
@@ -50,7 +55,7 @@ def excerpt(path: Path, most_bytes: int) -> bytes:
 
 
 def _messages(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
-    """Kind, begin and end of each complete message."""
+    """Kind, begin and end of each complete message, up to that of kind _END."""
     begin = _HEAD_BYTES
     while begin + _FRAME.size <= size:
         file.seek(begin)
@@ -59,4 +64,6 @@ def _messages(file: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
         if end > size:
             return
         yield kind, begin, end
+        if kind == _END:
+            return
         begin = end
