@@ -125,6 +125,32 @@ def arc_silent(stand: Stand, rng: np.random.Generator) -> Sweeps:
     return sweep
 
 
+def beside_a_dead_bearing(make: Make) -> Make:
+    """The fault of a unit that has had a dead bearing for long."""
+
+    def both(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        faulty, dead = make(stand, rng), between_alike(stand)
+
+        def sweep(number: int) -> np.ndarray:
+            range_m = faulty(number)
+            range_m[dead] = math.nan
+            return range_m
+
+        return sweep
+
+    return both
+
+
+def between_alike(stand: Stand) -> int:
+    """A bearing that always answers, as both its neighbours do, from one reflector."""
+    heard = np.isfinite(stand.clear_m).all(axis=0)
+    return next(
+        n
+        for n in range(1, len(heard) - 1)
+        if heard[n - 1 : n + 2].all() and np.ptp(stand.clear_m[:, n - 1 : n + 2]) < 0.02
+    )
+
+
 THREE, FIVE = 3, 5  # sweeps
 
 # name: what happens, its name, and by which sweep it must be named
@@ -156,5 +182,10 @@ FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
     "moved 5 cm": (moved(0.05), messages.FAULT_KIND_MOVED, FIVE),
     "moved 20 cm": (moved(0.2), messages.FAULT_KIND_MOVED, FIVE),
     "moved 20 cm and turned 20 degrees": (moved(0.2, 20.0), messages.FAULT_KIND_MOVED, FIVE),
+}
+WITH_A_DEAD_BEARING: dict[str, tuple[Make, messages.FaultKind, int]] = {
+    name: (beside_a_dead_bearing(make), kind, named_by)
+    for name, (make, kind, named_by) in FAULTS.items()
+    if name in ("turned 25 degrees", "moved 20 cm", "ranges 3 % longer")
 }
 FROM_A_SWEEPS_BEGINNING = frozenset(name for name in FAULTS if name.startswith(("slips", "play")))

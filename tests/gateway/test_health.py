@@ -1,19 +1,23 @@
 """What a judge remembers, forgets and lets be: over restarts, recoveries, other poses, sweeps that come twice."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from gateway.health_rooms import Stand, look, stand_of
+from gateway.health_rooms import COARSE_RAD, Stand, look, stand_of
 from gateway.serving import FIXED, site_file
+from mapper.fixed_units import BEARINGS_RAD
 
+from noctule import bounds
 from noctule import messages_pb2 as messages
 from noctule.messages_pb2 import Sweep
 from noctule.site import Unit, load
 from noctule_gateway.health import memory_file
 from noctule_gateway.health.dead_bearing import NAMED_AFTER
 from noctule_gateway.health.judge import Judge, Memory
+from noctule_gateway.health.look import Look
 from noctule_gateway.unit.sweep_health import SweepHealth
 
 PLACE = (1.0, 2.0, 0.5)
@@ -56,11 +60,8 @@ def test_a_fault_is_over_after_three_well_sweeps_and_those_meanwhile_are_still_f
 
 def test_the_sweep_that_names_a_fault_says_which_before_it_are_suspect(judge: Judge) -> None:
     verdicts = [judge.judge(look(SILENCE, number), PLACE) for number in range(3)]
-    assert [one.suspect_before for one in verdicts] == [
-        0,
-        2,
-        0,
-    ]  # and the one in whose midst it may have begun
+    # And the one in whose midst it may have begun.
+    assert [one.suspect_before for one in verdicts] == [0, 2, 0]
     assert verdicts[1].findings[0].since_ns == look(SILENCE, 0).start_ns
 
 
@@ -83,6 +84,69 @@ def test_at_another_pose_of_the_site_file_the_past_begins_anew(
     assert kinds(judge) == [messages.FAULT_KIND_TURNED]
     for number in range(LEARNT_AFTER):
         assert not judge.judge(look(turned.hears(rng), number), (1.0, 2.0, 0.7)).findings
+
+
+@pytest.mark.parametrize("readings", [3, 30, 60])
+def test_a_sweep_that_stop_has_cut_short_changes_nothing(
+    judge: Judge, stand: Stand, rng: np.random.Generator, readings: int
+) -> None:
+    turned = stand.turned(9.0)
+    for number in range(4):
+        judge.judge(look(turned.hears(rng), number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    past, since_ns = judge.memory.past, judge.findings[0].since_ns
+    for number in range(4, 14):
+        judge.judge(look(turned.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), PLACE)
+        judge.judge(look(turned.hears(rng), number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    assert (judge.findings[0].since_ns, judge.memory.past) == (since_ns, past)
+
+
+def test_a_second_sweep_of_another_plan_starts_a_new_past(judge: Judge, stand: Stand, rng: np.random.Generator) -> None:
+    coarse = Stand(stand.room, stand.pose, COARSE_RAD)
+    judge.judge(look(coarse.hears(rng), 0, COARSE_RAD), PLACE)
+    assert len(judge.memory.past.bearing_rad) == len(BEARINGS_RAD)
+    judge.judge(look(coarse.hears(rng), 1, COARSE_RAD), PLACE)
+    assert judge.memory.past.bearing_rad == tuple(COARSE_RAD)
+
+
+def test_a_cut_sweep_amid_those_that_show_a_fault_is_suspect_too(judge: Judge) -> None:
+    judge.judge(look(SILENCE, 0), PLACE)
+    judge.judge(look(SILENCE[:10], 1, BEARINGS_RAD[:10]), PLACE)
+    verdict = judge.judge(look(SILENCE, 2), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_SILENT]
+    assert verdict.suspect_before == 3
+
+
+def test_of_a_fault_that_follows_another_only_its_own_sweeps_are_suspect(judge: Judge) -> None:
+    for number in range(1200):
+        judge.judge(failing(messages.READING_STATUS_NO_SENSOR, number), PLACE)
+    verdicts = [judge.judge(failing(messages.READING_STATUS_STUCK_HIGH, 1200 + number), PLACE) for number in range(2)]
+    assert kinds(judge) == [messages.FAULT_KIND_STUCK_HIGH]
+    assert verdicts[1].suspect_before == 2
+    assert judge.findings[0].since_ns == look(SILENCE, 1200).start_ns
+
+
+def test_suspect_sweeps_are_never_more_than_a_record_may_say(
+    judge: Judge, stand: Stand, rng: np.random.Generator
+) -> None:
+    judge.judge(failing(messages.READING_STATUS_NO_SENSOR, 0), PLACE)
+    for number in range(1, 1200):  # cut ones end no streak
+        readings = 3 + number % 2
+        judge.judge(look(stand.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), PLACE)
+    verdict = judge.judge(failing(messages.READING_STATUS_NO_SENSOR, 1200), PLACE)
+    assert verdict.suspect_before == bounds.MOST_SUSPECT
+    bounds.check(Sweep(faults=verdict.spoiled_by, suspect_before=verdict.suspect_before))
+
+
+def test_a_fixed_unit_that_is_carried_now_has_no_faults_of_its_place(
+    judge: Judge, stand: Stand, rng: np.random.Generator
+) -> None:
+    turned = stand.turned(9.0)
+    for number in range(4):
+        judge.judge(look(turned.hears(rng), number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    assert not judge.judge(look(turned.hears(rng), 4, fixed=False), ()).findings
 
 
 def test_one_bearing_that_never_answers_again_is_named_and_spoils_no_sweep(
@@ -126,6 +190,10 @@ def test_a_sweep_that_comes_again_is_judged_as_it_was_and_counts_once(tmp_path: 
     assert health.flagged == 3
     (fault,) = health.faults()
     assert fault.kind == messages.FAULT_KIND_NO_SENSOR
+
+
+def failing(status: messages.ReadingStatus, number: int) -> Look:
+    return replace(look(SILENCE, number), status=(status,) * len(SILENCE))
 
 
 def no_sensor(number: int) -> messages.Reading:
