@@ -143,7 +143,7 @@ def beside_a_dead_bearing(make: Make) -> Make:
 
 def between_alike(stand: Stand) -> int:
     """A bearing that always answers, as both its neighbours do, from one reflector."""
-    heard = np.isfinite(stand.clear_m).all(axis=0)
+    heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
     return next(
         n
         for n in range(1, len(heard) - 1)

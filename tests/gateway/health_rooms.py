@@ -75,6 +75,7 @@ def look(range_m: np.ndarray, number: int, bearings_rad: np.ndarray = BEARINGS_R
         forward=number % 2 == 0,
         fixed=fixed,
         start_ns=(number + 1) * SWEEP_NS,
+        clock_epoch="e1",
     )
 
 

@@ -1,19 +1,28 @@
 """What a judge remembers, forgets and lets be: over restarts, recoveries, other poses, sweeps that come twice."""
 
+import json
 import math
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zenoh
 from gateway.health_rooms import COARSE_RAD, Stand, look, stand_of
-from gateway.serving import FIXED, site_file
+from gateway.model_unit import ModelUnit
+from gateway.serving import FIXED, SITE, connected, running, site_file
+from gateway.tcp_unit import tcp_unit
 from mapper.fixed_units import BEARINGS_RAD
+from system.processes import wait_until
 
 from noctule import bounds
 from noctule import messages_pb2 as messages
+from noctule.client import Client
+from noctule.faults import sentence
 from noctule.messages_pb2 import Sweep
 from noctule.site import Unit, load
+from noctule_gateway.health import judge as judging
 from noctule_gateway.health import memory_file
 from noctule_gateway.health.dead_bearing import NAMED_AFTER
 from noctule_gateway.health.judge import Judge, Memory
@@ -69,7 +78,7 @@ def test_a_restart_forgets_neither_the_fault_nor_the_past(judge: Judge, stand: S
     turned = stand.turned(9.0)
     for number in range(4):
         judge.judge(look(turned.hears(rng), number), PLACE)
-    again = Judge(memory_file.from_json(memory_file.to_json(judge.memory)))
+    again = Judge(memory_file.from_text(memory_file.to_text(judge.memory)))
     assert again.findings == judge.findings != ()
     again.judge(look(turned.hears(rng), 4), PLACE)
     assert kinds(again) == [messages.FAULT_KIND_TURNED]
@@ -164,16 +173,61 @@ def test_one_bearing_that_never_answers_again_is_named_and_spoils_no_sweep(
     assert (kinds(judge), verdict.spoiled_by) == ([messages.FAULT_KIND_BEARING_SILENT], ())
 
 
+WELL = {"version": 2, "place": [], "bearing_rad": [0.1], "skipped": 0, "rows": [[1.5], [None]], "usual": [-2.5]}
+FOUND = [int(messages.FAULT_KIND_TURNED), 5, "e1", 0.5, "turned", 0]
+
+
+def memory(**other: object) -> str:
+    return memory_file.sealed(json.dumps({**WELL, "findings": [FOUND], **other}))
+
+
+def found(number: int, value: object) -> str:
+    """A memory in which that part of the finding is another."""
+    return memory(findings=[[*FOUND[:number], value, *FOUND[number + 1 :]]])
+
+
+def test_a_file_that_is_a_memory_is_read(tmp_path: Path) -> None:
+    (tmp_path / "u1.health").write_text(memory())
+    (fault,) = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite").faults("e1")
+    assert (fault.kind, fault.since.ToNanoseconds(), fault.confidence) == (messages.FAULT_KIND_TURNED, 5, 0.5)
+
+
 @pytest.mark.parametrize(
-    "text", ["", "{}", "[1]", '{"version": 2}', '{"version": 1, "rows": [[1]], "bearing_rad": []}']
+    "text",
+    [
+        "",
+        "{}",
+        json.dumps({**WELL, "findings": [FOUND]}),
+        memory().replace("turned", "burned"),
+        memory()[:-5],
+        *map(memory_file.sealed, ("", "{}", "[1]", "1", '{"version": 2}')),
+        memory(version=1),
+        memory(bearing_rad=[]),
+        memory(bearing_rad=["0.1"]),
+        memory(rows=[[math.inf]]),
+        memory(rows=[["1.5"]]),
+        memory(rows=[[10**400]]),
+        memory(skipped=10**400),
+        memory(usual=[math.nan]),
+        memory(place="abc"),
+        memory(findings=[[]]),
+        memory(findings=[FOUND[:3]]),
+        memory(findings=[[[]]]),
+        memory(findings=5),
+        *(found(1, value) for value in ("x", 1.5, -1, 10**400, 10**19, None)),
+        found(2, 5),
+        *(found(3, value) for value in ("0.5", 1.5, -0.1, math.nan, 10**400, None)),
+        found(4, 5),
+        found(5, "x"),
+    ],
 )
 def test_a_file_that_is_no_memory_is_begun_anew(tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "u1.health").write_text(text)
     with pytest.raises(ValueError):
         memory_file.read(tmp_path / "u1.health")
     health = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite")
-    assert health.faults() == []
-    assert "can't be read and is begun anew" in caplog.text
+    assert health.faults("e1") == []
+    assert "can't be read; the gateway learns again what the unit hears" in caplog.text
 
 
 def test_where_there_is_no_file_nothing_is_known(tmp_path: Path) -> None:
@@ -184,12 +238,62 @@ def test_a_sweep_that_comes_again_is_judged_as_it_was_and_counts_once(tmp_path: 
     health = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite")
     for sequence in (1, 2, 2, 2, 3, 3, 4):
         message = Sweep(unit="u1", boot=1, sequence=sequence, readings=[no_sensor(n) for n in range(13)])
-        health.judge(message)
+        health.judge(message, bytes([sequence]))
         assert list(message.faults) == ([messages.FAULT_KIND_NO_SENSOR] if sequence >= 2 else [])
         assert message.suspect_before == (2 if sequence == 2 else 0)
     assert health.flagged == 3
-    (fault,) = health.faults()
+    (fault,) = health.faults("")
     assert fault.kind == messages.FAULT_KIND_NO_SENSOR
+
+
+def test_a_memory_that_could_not_be_written_is_written_with_the_next_sweep(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    health = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite")
+    (tmp_path / "u1.health-new").mkdir()  # in its way
+    for sequence in range(2):
+        health.judge(Sweep(sequence=sequence, readings=[no_sensor(n) for n in range(13)]), bytes([sequence]))
+    first = health.memory()
+    assert first is not None
+    health.save(first)
+    assert "the health file can't be written; after a restart the gateway learns again" in caplog.text
+    (tmp_path / "u1.health-new").rmdir()
+    second = health.memory()
+    assert second is not None and second == first
+    health.save(second)
+    assert health.memory() is None
+    assert [one.kind for one in memory_file.read(tmp_path / "u1.health").findings] == [messages.FAULT_KIND_NO_SENSOR]
+
+
+def test_since_when_is_left_open_where_the_clock_has_been_set_since(tmp_path: Path) -> None:
+    health = SweepHealth(unit(tmp_path), "attic", tmp_path / "u1.sqlite")
+    for sequence in range(2):
+        readings = [no_sensor(n) for n in range(13)]
+        health.judge(Sweep(sequence=sequence, clock_epoch="e1", readings=readings), bytes([sequence]))
+    (before,), (after,) = health.faults("e1"), health.faults("e2")
+    assert before.HasField("since") and "(since 1970-01-01 00:00 UTC, " in sentence(before)
+    assert not after.HasField("since") and "(since before the clock was set, " in sentence(after)
+
+
+def test_a_judge_that_fails_keeps_no_sweep_from_the_log_and_is_told_once(
+    tmp_path: Path, router: zenoh.Session, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fails(*_: object) -> None:
+        raise IndexError("a detector")
+
+    monkeypatch.setattr(judging.silence, "suspicions", fails)
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        got: list[Sweep] = []
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            client.on_sweep(got.append)
+            wait_until(lambda: connected(client), "the unit was not connected")
+            with line.lock:
+                for _ in range(2):
+                    line.unit.make_sweep(time.monotonic())
+            wait_until(lambda: len(got) == 2, "no sweep was committed")
+            wait_until(lambda: not line.unit.ring, "no sweep was acknowledged")
+    assert caplog.text.count("u1: a sweep could not be judged; it is kept unjudged") == 1
 
 
 def failing(status: messages.ReadingStatus, number: int) -> Look:

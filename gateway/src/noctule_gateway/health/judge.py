@@ -38,6 +38,7 @@ class Finding:
 
     kind: FaultKind
     since_ns: int  # start of the first sweep that shows it, UTC
+    clock_epoch: str  # of that time
     confidence: float
     words: str
     absent: int = 0  # sweeps since that do not show it
@@ -54,9 +55,9 @@ class Verdict:
 
 @dataclass
 class _Streak:
-    """Sweeps that show one fault: when the first began, and how many were made ``before`` the present one."""
+    """Sweeps that show one fault: the first, and how many were made ``before`` the present one."""
 
-    since_ns: int
+    first: Look
     before: int
     count: int = 0
     nats: float = 0.0
@@ -84,7 +85,7 @@ class Judge:
         self._slips, self._dead = ClockSlips(), DeadBearings()
         self._other_plan: Look | None = None  # the sweep before, if it was not of the past's plan
         self._unwell = 0  # sweeps in a row before this one that show something, or fit nothing
-        self._odd_before: deque[int] = deque(maxlen=_ODD_BEFORE)  # their starts, but of those that are flagged
+        self._odd_before: deque[Look] = deque(maxlen=_ODD_BEFORE)  # of them those that are not flagged
         self.revision = 0  # of the memory: goes up when it changes
 
     @property
@@ -120,7 +121,7 @@ class Judge:
         if verdict.spoiled_by or not (odd or aside):
             self._odd_before.clear()
         elif odd or self._odd_before:
-            self._odd_before.append(look.start_ns)
+            self._odd_before.append(look)
         # One more: the fault may have begun in the midst of it.
         return replace(verdict, suspect_before=min(max(before) + 1, bounds.MOST_SUSPECT) if before else 0)
 
@@ -158,7 +159,7 @@ class Judge:
         """Go on with the streaks and the standing faults; the kinds that are named now."""
         for streak in self._streaks.values():
             streak.before += 1
-        begun = _Streak(next(iter(self._odd_before), look.start_ns), len(self._odd_before))
+        begun = _Streak(next(iter(self._odd_before), look), len(self._odd_before))
         shown = {each.kind: each for each in found}
         clear = any(FAULTS[kind].spoils for kind in shown)
         kept = self._streaks if odd and not clear else {}  # a sweep that shows nothing clearly proves nothing
@@ -169,7 +170,8 @@ class Judge:
             streak.count, streak.nats = streak.count + 1, streak.nats + each.evidence
             if kind not in self._findings and _is_enough(kind, streak):
                 self.revision += 1
-                self._findings[kind] = Finding(kind, streak.since_ns, _sure(kind, streak.nats), each.words)
+                since_ns, epoch = streak.first.start_ns, streak.first.clock_epoch
+                self._findings[kind] = Finding(kind, since_ns, epoch, _sure(kind, streak.nats), each.words)
                 named.append(kind)
         for kind, finding in list(self._findings.items()):
             absent = 0 if kind in shown else finding.absent + (not odd)

@@ -26,7 +26,8 @@ class Look:
     status: tuple[ReadingStatus, ...]
     forward: bool
     fixed: bool
-    start_ns: int  # UTC
+    start_ns: int  # UTC, of the clock's epoch ``clock_epoch``
+    clock_epoch: str
 
     @property
     def heard(self) -> list[int]:
@@ -53,4 +54,5 @@ def look_of(sweep: Sweep, fixed: bool) -> Look:
         forward=len(order) < 2 or order[0] < order[-1],
         fixed=fixed,
         start_ns=sweep.start.ToNanoseconds(),
+        clock_epoch=sweep.clock_epoch,
     )
