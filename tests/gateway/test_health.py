@@ -95,6 +95,40 @@ def test_at_another_pose_of_the_site_file_the_past_begins_anew(
         assert not judge.judge(look(turned.hears(rng), number), (1.0, 2.0, 0.7)).findings
 
 
+def test_a_thermometer_that_is_trimmed_starts_a_new_past(stand: Stand, rng: np.random.Generator) -> None:
+    """At 29 degrees C ranges grow by 1.6 % once 20 are no longer assumed."""
+    judge = Judge()
+    for number in range(LEARNT_AFTER):
+        judge.judge(look(stand.hears(rng), number, air_c=None), PLACE)
+    for number in range(LEARNT_AFTER):
+        assert not judge.judge(look(1.016 * stand.hears(rng), number, air_c=29.0), PLACE).findings
+    assert judge.memory.past.air_measured
+
+
+@pytest.mark.parametrize("share", [-0.025, -0.016, 0.016, 0.025])
+def test_ranges_that_the_air_may_have_changed_are_no_fault_where_nobody_measures_it(
+    stand: Stand, rng: np.random.Generator, share: float
+) -> None:
+    assumed, measured = Judge(), Judge()
+    for number in range(LEARNT_AFTER):
+        assumed.judge(look(stand.hears(rng), number, air_c=None), PLACE)
+        measured.judge(look(stand.hears(rng), number), PLACE)
+    for number in range(100):
+        range_m = (1 + share) * stand.hears(rng)
+        assert not assumed.judge(look(range_m, number, air_c=None), PLACE).findings, number
+        measured.judge(look(range_m, number), PLACE)
+    assert kinds(measured) == [messages.FAULT_KIND_RANGES_JUMPED]
+
+
+def test_ranges_four_percent_longer_are_a_fault_with_assumed_air_too(stand: Stand, rng: np.random.Generator) -> None:
+    judge = Judge()
+    for number in range(LEARNT_AFTER):
+        judge.judge(look(stand.hears(rng), number, air_c=None), PLACE)
+    for number in range(3):
+        judge.judge(look(1.04 * stand.hears(rng), number, air_c=None), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_RANGES_JUMPED]
+
+
 @pytest.mark.parametrize("readings", [3, 30, 60])
 def test_a_sweep_that_stop_has_cut_short_changes_nothing(
     judge: Judge, stand: Stand, rng: np.random.Generator, readings: int
@@ -173,7 +207,15 @@ def test_one_bearing_that_never_answers_again_is_named_and_spoils_no_sweep(
     assert (kinds(judge), verdict.spoiled_by) == ([messages.FAULT_KIND_BEARING_SILENT], ())
 
 
-WELL = {"version": 2, "place": [], "bearing_rad": [0.1], "skipped": 0, "rows": [[1.5], [None]], "usual": [-2.5]}
+WELL = {
+    "version": 2,
+    "place": [],
+    "bearing_rad": [0.1],
+    "skipped": 0,
+    "air_measured": True,
+    "rows": [[1.5], [None]],
+    "usual": [-2.5],
+}
 FOUND = [int(messages.FAULT_KIND_TURNED), 5, "e1", 0.5, "turned", 0]
 
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gateway.health_faults import FAULTS, FROM_A_SWEEPS_BEGINNING, WITH_A_DEAD_BEARING, Sweeps, between_alike
+from gateway.health_faults import AIR_C, FAULTS, FROM_A_SWEEPS_BEGINNING, WITH_A_DEAD_BEARING, Sweeps, between_alike
 from gateway.health_rooms import Stand, look, marks_in, stand_of
 
 from noctule import messages_pb2 as messages
@@ -60,7 +60,8 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
             faulty = begun_within(stand, rng, faulty)
         named = None
         for number in range(named_by + 2):
-            verdict = judge.judge(look(faulty(number), LEARNT_AFTER + number), PLACE)
+            air_c = AIR_C.get(name, 20.0)
+            verdict = judge.judge(look(faulty(number), LEARNT_AFTER + number, air_c=air_c), PLACE)
             for finding in verdict.findings:
                 if finding.kind != kind:
                     wrong.append((seed, number + 1, FaultKind.Name(finding.kind), finding.words))

@@ -198,7 +198,7 @@ class Judge:
         if self._past.rows:
             self._findings = {kind: one for kind, one in self._findings.items() if kind not in _OF_THE_PLACE}
             self.revision += 1
-        self._place, self._past = place, Past(look.bearing_rad if look.fixed else ())
+        self._place, self._past = place, Past(look.bearing_rad if look.fixed else (), air_measured=look.air_measured)
         self._watch = PlaceWatch()
         self._dead.restart()
 

@@ -35,6 +35,7 @@ def to_text(memory: Memory) -> str:
                 "place": memory.place,
                 "bearing_rad": past.bearing_rad,
                 "skipped": past.skipped,
+                "air_measured": past.air_measured,
                 "rows": [[None if math.isnan(one_m) else round(one_m, 4) for one_m in row] for row in past.rows],
                 "usual": memory.usual,
                 "findings": [
@@ -87,7 +88,7 @@ def _memory(found: dict[str, Any]) -> Memory:
         raise ValueError("a row of another length")
     return Memory(
         place=tuple(_number(each) for each in found["place"]),
-        past=Past(bearings_rad, rows, _count(found["skipped"])),
+        past=Past(bearings_rad, rows, _count(found["skipped"]), bool(found["air_measured"])),
         usual=tuple(_number(each) for each in found["usual"]),
         findings=tuple(_finding(one) for one in found["findings"] if one[0] in FAULTS),
     )

@@ -23,12 +23,15 @@ Row = tuple[float, ...]
 
 
 class Past:
-    """Ranges by bearing (NaN for silence) of up to 15 sweeps of one plan. What it tells is worked out at each entry."""
+    """Ranges by bearing (NaN for silence) of up to 15 sweeps of one plan, all with the air measured or all
+    with it assumed. What it tells is worked out at each entry."""
 
-    def __init__(self, bearing_rad: Sequence[float] = (), rows: Sequence[Row] = (), skipped: int = 0) -> None:
+    def __init__(
+        self, bearing_rad: Sequence[float] = (), rows: Sequence[Row] = (), skipped: int = 0, air_measured: bool = False
+    ) -> None:
         self.bearing_rad = tuple(bearing_rad)
         self.rows: deque[Row] = deque(rows, _KEPT)
-        self.skipped = skipped
+        self.skipped, self.air_measured = skipped, air_measured
         self._work_out()
 
     def __len__(self) -> int:
@@ -40,8 +43,8 @@ class Past:
         return len(self.rows) >= ENOUGH
 
     def fits_plan(self, look: Look) -> bool:
-        """The sweep was made at the same bearings."""
-        return _same_bearings(look.bearing_rad, self.bearing_rad)
+        """The sweep was made at the same bearings, and its air measured or assumed alike."""
+        return look.air_measured == self.air_measured and _same_bearings(look.bearing_rad, self.bearing_rad)
 
     def add(self, look: Look, but: Collection[int] = ()) -> bool:
         """Take in a sweep that is well; False if it is passed over. At the bearings ``but`` it stays as it was."""
@@ -74,8 +77,8 @@ class Past:
 
 
 def same_plan(look: Look, other: Look) -> bool:
-    """Both sweeps were made at the same bearings."""
-    return _same_bearings(look.bearing_rad, other.bearing_rad)
+    """Both sweeps were made at the same bearings, and the air measured or assumed for both."""
+    return look.air_measured == other.air_measured and _same_bearings(look.bearing_rad, other.bearing_rad)
 
 
 def _same_bearings(bearings_rad: Sequence[float], others_rad: Sequence[float]) -> bool:
