@@ -118,17 +118,22 @@ def clock_slips(air_c: float) -> Make:
     return make
 
 
-def arc_silent(stand: Stand, rng: np.random.Generator) -> Sweeps:
-    """The side of the sweep with more echoes, over 180 degrees."""
-    heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
-    dead = slice(0, 41) if heard[:41].sum() >= heard[20:].sum() else slice(20, None)
+def arc_silent(degrees: float) -> Make:
+    """The arc in which the most bearings answer."""
+    readings = round(degrees / 4.5) + 1
 
-    def sweep(_number: int) -> np.ndarray:
-        range_m = stand.hears(rng)
-        range_m[dead] = math.nan
-        return range_m
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
+        first = int(np.convolve(heard, np.ones(readings), "valid").argmax())
 
-    return sweep
+        def sweep(_number: int) -> np.ndarray:
+            range_m = stand.hears(rng)
+            range_m[first : first + readings] = math.nan
+            return range_m
+
+        return sweep
+
+    return make
 
 
 def beside_a_dead_bearing(make: Make) -> Make:
@@ -176,12 +181,14 @@ FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
     "ranges 3 % longer": (ranges(1.03), messages.FAULT_KIND_RANGES_JUMPED, THREE),
     "ranges 3 % shorter": (ranges(0.97), messages.FAULT_KIND_RANGES_JUMPED, THREE),
     "ranges 6 cm longer": (ranges(longer_m=0.06), messages.FAULT_KIND_RANGES_JUMPED, THREE),
+    "noise of 6 cm": (noise(sigma_m=0.06), messages.FAULT_KIND_TOO_NOISY, THREE),
     "noise of 10 cm": (noise(sigma_m=0.1), messages.FAULT_KIND_TOO_NOISY, THREE),
     "noise of 20 cm": (noise(sigma_m=0.2), messages.FAULT_KIND_TOO_NOISY, THREE),
     "clock slips": (clock_slips(20.0), messages.FAULT_KIND_CLOCK_SLIPS, THREE),
     "clock slips at 5 degrees C": (clock_slips(5.0), messages.FAULT_KIND_CLOCK_SLIPS, THREE),
     "clock slips at 30 degrees C": (clock_slips(30.0), messages.FAULT_KIND_CLOCK_SLIPS, THREE),
-    "an arc falls silent": (arc_silent, messages.FAULT_KIND_ARC_SILENT, THREE),
+    "an arc of 130 degrees falls silent": (arc_silent(130.5), messages.FAULT_KIND_ARC_SILENT, THREE),
+    "an arc of 180 degrees falls silent": (arc_silent(180.0), messages.FAULT_KIND_ARC_SILENT, THREE),
     "turned 5 degrees": (turned(5.0), messages.FAULT_KIND_TURNED, FIVE),
     "turned 5 degrees back": (turned(-5.0), messages.FAULT_KIND_TURNED, FIVE),
     "turned 25 degrees": (turned(25.0), messages.FAULT_KIND_TURNED, FIVE),
