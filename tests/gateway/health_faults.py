@@ -200,8 +200,9 @@ FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
 }
 AIR_C = {"clock slips at 5 degrees C": 5.0, "clock slips at 30 degrees C": 30.0}  # the others: 20
 WITH_A_DEAD_BEARING: dict[str, tuple[Make, messages.FaultKind, int]] = {
-    name: (beside_a_dead_bearing(make), kind, named_by)
-    for name, (make, kind, named_by) in FAULTS.items()
-    if name in ("turned 25 degrees", "moved 20 cm", "ranges 3 % longer")
+    "turned 5 degrees": (turned(5.0), messages.FAULT_KIND_TURNED, FIVE),
+    "moved 5 cm": (moved(0.05), messages.FAULT_KIND_MOVED, FIVE),
+    # Its neighbours stay within 5 cm of their past, so that each of these sweeps shows the dead bearing too.
+    "ranges 4 cm longer": (ranges(longer_m=0.04), messages.FAULT_KIND_RANGES_JUMPED, THREE),
 }
 FROM_A_SWEEPS_BEGINNING = frozenset(name for name in FAULTS if name.startswith(("slips", "play")))

@@ -6,7 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gateway.health_faults import AIR_C, FAULTS, FROM_A_SWEEPS_BEGINNING, WITH_A_DEAD_BEARING, Sweeps, between_alike
+from gateway.health_faults import (
+    AIR_C,
+    FAULTS,
+    FROM_A_SWEEPS_BEGINNING,
+    WITH_A_DEAD_BEARING,
+    Sweeps,
+    beside_a_dead_bearing,
+    between_alike,
+)
 from gateway.health_rooms import Stand, look, marks_in, stand_of
 
 from noctule import messages_pb2 as messages
@@ -79,7 +87,7 @@ def test_a_dead_bearing_hides_no_other_fault(name: str) -> None:
     for seed in range(SEEDS):
         stand, judge = dead_bearing(seed)
         judge, rng = copy.deepcopy(judge), np.random.default_rng(1000 + seed)
-        faulty = begun_within(stand, rng, make(stand, rng))
+        faulty = begun_within(stand, rng, beside_a_dead_bearing(make)(stand, rng))
         verdicts = [judge.judge(look(faulty(number), number), PLACE) for number in range(named_by)]
         found = {finding.kind for verdict in verdicts for finding in verdict.findings}
         named += kind in found
