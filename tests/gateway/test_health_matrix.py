@@ -87,7 +87,9 @@ def test_a_dead_bearing_hides_no_other_fault(name: str) -> None:
     for seed in range(SEEDS):
         stand, judge = dead_bearing(seed)
         judge, rng = copy.deepcopy(judge), np.random.default_rng(1000 + seed)
-        faulty = begun_within(stand, rng, beside_a_dead_bearing(make)(stand, rng))
+        faulty = beside_a_dead_bearing(lambda one, draw, make=make: begun_within(one, draw, make(one, draw)))(
+            stand, rng
+        )
         verdicts = [judge.judge(look(faulty(number), number), PLACE) for number in range(named_by)]
         found = {finding.kind for verdict in verdicts for finding in verdict.findings}
         named += kind in found
