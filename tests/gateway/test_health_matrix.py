@@ -23,7 +23,7 @@ from noctule_gateway.health.judge import Judge
 
 SEEDS = 20
 LEARNT_AFTER = 16  # sweeps
-BESIDE_A_DEAD_BEARING = SEEDS - 3  # the bearing's mark is heard less often; of 300 such units 7 were named too late
+BESIDE_A_DEAD_BEARING = SEEDS - 3  # the bearing's mark is heard less often
 ALL_ANEW = 70  # sweeps, of which each fourth enters a past of fifteen
 PLACE = (0.0, 0.0, 0.0)
 LEAST_MARKS = 4  # with three, a motion is named where all fit it: gateway/README.md, "Health"
