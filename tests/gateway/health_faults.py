@@ -7,13 +7,14 @@ import numpy as np
 from gateway.health_rooms import Noise, Stand, noisy, shifted, stand_of
 
 from noctule import messages_pb2 as messages
+from noctule.air import speed_of_sound_m_s
 
 Sweeps = Callable[[int], np.ndarray]  # the n-th sweep with the fault: ranges (61,)
 Make = Callable[[Stand, np.random.Generator], Sweeps]
 
 PERIOD_DEG = 8 * 360 / 4075.77  # a half step that is lost costs a magnetic period (firmware/simulator/README.md)
 HALF_STEPS_PER_BEARING = 51  # 4.5 degrees
-COUNTER_TURN_M = 16.384e-3 * 343.42 / 2  # 2^16 ticks of 0.25 us, at 20 degrees C
+COUNTER_TURN_S = 2**16 * 0.25e-6
 
 
 def repeats(*values_m: float) -> Make:
@@ -103,26 +104,62 @@ def noise(sigma_m: float = 0.0032, false: float = 0.04) -> Make:
     return lambda stand, rng: lambda _number: stand.hears(rng, Noise(sigma_m=sigma_m, false=false))
 
 
-def clock_slips(stand: Stand, rng: np.random.Generator) -> Sweeps:
-    def sweep(_number: int) -> np.ndarray:
-        range_m = stand.hears(rng)
-        slipped = np.where(range_m > COUNTER_TURN_M, range_m - COUNTER_TURN_M, range_m + COUNTER_TURN_M)
-        return np.where(rng.random(len(range_m)) < 0.25, slipped, range_m)
+def clock_slips(air_c: float) -> Make:
+    turn_m = COUNTER_TURN_S * speed_of_sound_m_s(air_c) / 2
 
-    return sweep
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        def sweep(_number: int) -> np.ndarray:
+            range_m = stand.hears(rng)
+            slipped = np.where(range_m > turn_m, range_m - turn_m, range_m + turn_m)
+            return np.where(rng.random(len(range_m)) < 0.25, slipped, range_m)
+
+        return sweep
+
+    return make
 
 
-def arc_silent(stand: Stand, rng: np.random.Generator) -> Sweeps:
-    """The side of the sweep with more echoes, over 180 degrees."""
+def arc_silent(degrees: float) -> Make:
+    """The arc in which the most bearings answer."""
+    readings = round(degrees / 4.5) + 1
+
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
+        first = int(np.convolve(heard, np.ones(readings), "valid").argmax())
+
+        def sweep(_number: int) -> np.ndarray:
+            range_m = stand.hears(rng)
+            range_m[first : first + readings] = math.nan
+            return range_m
+
+        return sweep
+
+    return make
+
+
+def beside_a_dead_bearing(make: Make) -> Make:
+    """The fault of a unit that has had a dead bearing for long."""
+
+    def both(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        faulty, dead = make(stand, rng), between_alike(stand)
+
+        def sweep(number: int) -> np.ndarray:
+            range_m = faulty(number)
+            range_m[dead] = math.nan
+            return range_m
+
+        return sweep
+
+    return both
+
+
+def between_alike(stand: Stand) -> int:
+    """A bearing that always answers, as both its neighbours do, from one reflector."""
     heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
-    dead = slice(0, 41) if heard[:41].sum() >= heard[20:].sum() else slice(20, None)
-
-    def sweep(_number: int) -> np.ndarray:
-        range_m = stand.hears(rng)
-        range_m[dead] = math.nan
-        return range_m
-
-    return sweep
+    return next(
+        n
+        for n in range(1, len(heard) - 1)
+        if heard[n - 1 : n + 2].all() and np.ptp(stand.clear_m[:, n - 1 : n + 2]) < 0.02
+    )
 
 
 THREE, FIVE = 3, 5  # sweeps
@@ -144,10 +181,14 @@ FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
     "ranges 3 % longer": (ranges(1.03), messages.FAULT_KIND_RANGES_JUMPED, THREE),
     "ranges 3 % shorter": (ranges(0.97), messages.FAULT_KIND_RANGES_JUMPED, THREE),
     "ranges 6 cm longer": (ranges(longer_m=0.06), messages.FAULT_KIND_RANGES_JUMPED, THREE),
+    "noise of 6 cm": (noise(sigma_m=0.06), messages.FAULT_KIND_TOO_NOISY, THREE),
     "noise of 10 cm": (noise(sigma_m=0.1), messages.FAULT_KIND_TOO_NOISY, THREE),
     "noise of 20 cm": (noise(sigma_m=0.2), messages.FAULT_KIND_TOO_NOISY, THREE),
-    "clock slips": (clock_slips, messages.FAULT_KIND_CLOCK_SLIPS, THREE),
-    "an arc falls silent": (arc_silent, messages.FAULT_KIND_ARC_SILENT, THREE),
+    "clock slips": (clock_slips(20.0), messages.FAULT_KIND_CLOCK_SLIPS, THREE),
+    "clock slips at 5 degrees C": (clock_slips(5.0), messages.FAULT_KIND_CLOCK_SLIPS, THREE),
+    "clock slips at 30 degrees C": (clock_slips(30.0), messages.FAULT_KIND_CLOCK_SLIPS, THREE),
+    "an arc of 130 degrees falls silent": (arc_silent(130.5), messages.FAULT_KIND_ARC_SILENT, THREE),
+    "an arc of 180 degrees falls silent": (arc_silent(180.0), messages.FAULT_KIND_ARC_SILENT, THREE),
     "turned 5 degrees": (turned(5.0), messages.FAULT_KIND_TURNED, FIVE),
     "turned 5 degrees back": (turned(-5.0), messages.FAULT_KIND_TURNED, FIVE),
     "turned 25 degrees": (turned(25.0), messages.FAULT_KIND_TURNED, FIVE),
@@ -156,5 +197,12 @@ FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
     "moved 5 cm": (moved(0.05), messages.FAULT_KIND_MOVED, FIVE),
     "moved 20 cm": (moved(0.2), messages.FAULT_KIND_MOVED, FIVE),
     "moved 20 cm and turned 20 degrees": (moved(0.2, 20.0), messages.FAULT_KIND_MOVED, FIVE),
+}
+AIR_C = {"clock slips at 5 degrees C": 5.0, "clock slips at 30 degrees C": 30.0}  # the others: 20
+WITH_A_DEAD_BEARING: dict[str, tuple[Make, messages.FaultKind, int]] = {
+    "turned 5 degrees": (turned(5.0), messages.FAULT_KIND_TURNED, FIVE),
+    "moved 5 cm": (moved(0.05), messages.FAULT_KIND_MOVED, FIVE),
+    # Its neighbours stay within 5 cm of their past, so that each of these sweeps shows the dead bearing too.
+    "ranges 4 cm longer": (ranges(longer_m=0.04), messages.FAULT_KIND_RANGES_JUMPED, THREE),
 }
 FROM_A_SWEEPS_BEGINNING = frozenset(name for name in FAULTS if name.startswith(("slips", "play")))

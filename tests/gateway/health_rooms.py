@@ -11,6 +11,7 @@ import numpy as np
 from mapper.fixed_units import BEARINGS_RAD, FIXED, fixed_room
 from mapper.room import PAPER_SIGMA_M, Room, survey_labelled
 
+from noctule.air import speed_of_sound_m_s
 from noctule.messages_pb2 import READING_STATUS_ECHO, READING_STATUS_NO_ECHO
 from noctule_gateway.health.look import Look
 
@@ -66,15 +67,24 @@ def noisy(clear_m: np.ndarray, rng: np.random.Generator, noise: Noise) -> np.nda
     return np.where(rng.random(len(clear_m)) < noise.lost, math.nan, told_m)
 
 
-def look(range_m: np.ndarray, number: int, bearings_rad: np.ndarray = BEARINGS_RAD, fixed: bool = True) -> Look:
-    """The sweep ``number``; those of even numbers turn forward."""
+def look(
+    range_m: np.ndarray,
+    number: int,
+    bearings_rad: np.ndarray = BEARINGS_RAD,
+    fixed: bool = True,
+    air_c: float | None = 20.0,
+) -> Look:
+    """The sweep ``number``; those of even numbers turn forward. ``air_c`` None: nobody has measured it."""
     return Look(
         bearing_rad=tuple(map(float, bearings_rad)),
         range_m=tuple(map(float, range_m)),
         status=tuple(READING_STATUS_NO_ECHO if math.isnan(one_m) else READING_STATUS_ECHO for one_m in range_m),
+        speed_m_s=speed_of_sound_m_s(20.0 if air_c is None else air_c),
+        air_measured=air_c is not None,
         forward=number % 2 == 0,
         fixed=fixed,
         start_ns=(number + 1) * SWEEP_NS,
+        clock_epoch="e1",
     )
 
 

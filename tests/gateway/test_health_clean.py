@@ -120,3 +120,11 @@ def test_a_hall_with_false_echoes_raises_no_other_alarm() -> None:
     rng = np.random.default_rng(2)
     found = alarms(look(noisy(np.full(61, math.nan), rng, Noise()), number) for number in range(1000))
     assert {one.kind for one in found} <= {messages.FAULT_KIND_NO_ECHO_ANYWHERE}
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_walls_beyond_four_metres_and_a_half_are_no_alarm(fixed: bool) -> None:
+    """The unit takes echoes of up to 36 ms, 6.2 m (firmware/README.md)."""
+    rng, walls_m = np.random.default_rng(4), np.where(np.arange(61) // 5 % 2, 5.0, math.nan)
+    found = alarms(look(noisy(walls_m, rng, Noise()), number, fixed=fixed) for number in range(200))
+    assert {one.kind for one in found} <= {messages.FAULT_KIND_NO_ECHO_ANYWHERE}

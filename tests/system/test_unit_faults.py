@@ -24,6 +24,7 @@ from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
 from noctule_gateway.unit.plans import wanted_plan
 from noctule_gateway.unit.sweep_health import SweepHealth
+from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import AnySweep, Start
 from noctule_gateway.wire.sweep_message import to_message
 
@@ -52,7 +53,7 @@ class Gateway:
         assert isinstance(self._unit.pose, FixedPose)
         start = HostTime(1.8e9 + sweep.start / TICKS_PER_S, 0.001)
         message = to_message(sweep, self._site, self._unit, start, self._unit.pose.pose.message(), None)
-        self.health.judge(message)
+        self.health.judge(message, encode(sweep))
         self.judged.append(message)
         return message
 
@@ -98,7 +99,7 @@ def test_a_broken_part_is_named_in_time(lounge: Site, tmp_path: Path, fault: dic
                 break
         assert [FaultKind.Name(one) for one in sweep.faults] == [FaultKind.Name(kind)]
         assert 1 <= sweep.suspect_before <= by
-        (found,) = gateway.health.faults()
+        (found,) = gateway.health.faults("")
         assert (found.kind, found.confidence > 0.5, bool(found.words), bool(found.advice)) == (kind, True, True, True)
         unit.inject("mended")
 

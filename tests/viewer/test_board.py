@@ -170,6 +170,15 @@ def test_a_unit_whose_sweeps_show_a_fault_needs_attention_since_the_first_of_the
     assert "| fault: turned | turned: it was turned by 5 degrees" in documents.sheet(unit, BEGAN_S)
 
 
+def test_a_fault_from_before_the_clock_was_set_has_no_time(site: Site) -> None:
+    fault = UnitFault(kind=FAULT_KIND_TURNED, words="it was turned", advice="turn it back", confidence=0.9)
+    site.state.note_alive("u1", True)
+    site.state.note_unit(UnitStatus(unit="u1", gateway="g1", detail=faults.sentence(fault), faults=[fault]))
+    (unit,) = site.units()
+    assert (unit.health, unit.since_s) == (Health.ATTENTION, None)
+    assert "(since before the clock was set, 90% sure)" in unit.words
+
+
 def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Site) -> None:
     for unit in ("u10", "u2", "u3"):
         site.unit(unit)

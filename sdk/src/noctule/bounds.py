@@ -18,6 +18,7 @@ M = TypeVar("M", bound=Message)
 
 MAX_READINGS = 64  # a sweep, of a unit
 MAX_UNITS = 4096  # of a site
+MOST_SUSPECT = 1000  # sweeps before the one that names a fault
 MAX_TILES = 4096  # of a grid on the bus: 64 rooms have some hundreds
 _SHOWN = 60  # characters of a refused text
 
@@ -181,7 +182,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "clock_epoch": _ID,
         "life": _NUMBER_32,
         "faults": Many(16, _ENUM),
-        "suspect_before": Number(0, 1000),
+        "suspect_before": Number(0, MOST_SUSPECT),
     },
     "UnitFault": {
         "kind": _ENUM,

@@ -12,5 +12,5 @@ def word(kind: int) -> str:
 
 def sentence(fault: UnitFault) -> str:
     """What was found, since when, how sure, and what to do. It does not change while the fault lasts."""
-    since = f"{fault.since.ToDatetime():%Y-%m-%d %H:%M} UTC"
+    since = f"{fault.since.ToDatetime():%Y-%m-%d %H:%M} UTC" if fault.HasField("since") else "before the clock was set"
     return f"{word(fault.kind)}: {fault.words} (since {since}, {fault.confidence:.0%} sure); {fault.advice}"

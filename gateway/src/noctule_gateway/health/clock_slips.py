@@ -11,11 +11,10 @@ from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.suspicion import Suspicion
 
-SLIP_M = 16.384e-3 * 343.42 / 2  # at 20 degrees C; 2 % more or less in a room
+_SLIP_S = 16.384e-3
 _NEAR_M = 0.025
 _LEAST = 4  # slips, in this sweep and the one before
 _FITTING_SHARE = 0.6  # of the echoes that have not slipped
-_BEYOND_M = 4.5  # what no sensor of this kind hears
 _NATS_EACH = math.log(1 / 0.0008)
 
 
@@ -26,8 +25,8 @@ class ClockSlips:
         self._before = 0
 
     def suspicions(self, look: Look, past: Past | None) -> list[Suspicion]:
-        """Without a past only what is beyond a sensor's reach can be told."""
-        slips = _beyond(look) if past is None else _off_by_a_turn(look, past)
+        """Without a past there is nothing to compare with: a hall's walls may be 6 m off."""
+        slips = 0 if past is None else _off_by_a_turn(look, past)
         both, self._before = slips + self._before, slips
         if not slips or both < _LEAST:
             return []
@@ -37,12 +36,8 @@ class ClockSlips:
 
 def _off_by_a_turn(look: Look, past: Past) -> int:
     """None where the other echoes do not fit the past: then it is something else."""
-    stable = set(past.stable())
+    stable, slip_m = set(past.stable()), _SLIP_S * look.speed_m_s / 2
     off_m = [abs(look.range_m[n] - past.median_m[n]) for n in look.heard if n in stable]
-    slips = sum(abs(one_m - SLIP_M) <= _NEAR_M for one_m in off_m)
+    slips = sum(abs(one_m - slip_m) <= _NEAR_M for one_m in off_m)
     fitting = sum(one_m <= _NEAR_M for one_m in off_m)
     return slips if fitting >= _FITTING_SHARE * (len(off_m) - slips) else 0
-
-
-def _beyond(look: Look) -> int:
-    return sum(_BEYOND_M < look.range_m[n] < _BEYOND_M + SLIP_M for n in look.heard)

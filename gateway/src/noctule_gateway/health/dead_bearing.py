@@ -23,10 +23,11 @@ class DeadBearings:
 
     def __init__(self) -> None:
         self._silent: dict[int, int] = {}
+        self.named: tuple[int, ...] = ()  # the bearings that the sweep before shows to be dead
 
     def restart(self) -> None:
         """The plan or the place is another."""
-        self._silent = {}
+        self._silent, self.named = {}, ()
 
     def suspicions(self, look: Look, past: Past) -> list[Suspicion]:
         """The bearings that have been silent long enough."""
@@ -42,11 +43,12 @@ class DeadBearings:
             self._silent[number] = self._silent.get(number, 0) + 1 if silent else 0
             if self._silent[number] >= NAMED_AFTER:
                 found.append(number)
+        self.named = tuple(found)
         if not found:
             return []
-        told = ", ".join(f"{math.degrees(look.bearing_rad[number]):.0f}" for number in found)
+        listed = ", ".join(f"{math.degrees(look.bearing_rad[number]):.0f}" for number in found)
         nats = NAMED_AFTER * math.log(1 / 0.08)
-        words = f"no echo any more at {told} degrees, though its neighbours hear the same reflector"
+        words = f"no echo any more at {listed} degrees, though its neighbours hear the same reflector"
         return [Suspicion(messages.FAULT_KIND_BEARING_SILENT, nats, words)]
 
     @staticmethod

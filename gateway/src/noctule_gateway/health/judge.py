@@ -1,19 +1,24 @@
 """Judges a unit's sweeps one by one: what is wrong with the unit, since when and how sure, and when it is over.
 
 A fault is named by the sweep that shows it for the ``named_after``-th time in a row, and is over after three sweeps in
-a row that do not show it. A fixed unit's past learns only from sweeps that show nothing.
+a row that do not show it. A fixed unit's past learns only from sweeps that show nothing that spoils them.
+
+A sweep of other bearings than the past's may be one that STOP has cut short, so it changes neither the past nor what
+stands: only a second one in a row at the same bearings is another plan, and starts a new past.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass, field, replace
 
+from noctule import bounds
 from noctule import messages_pb2 as messages
 from noctule.messages_pb2 import FaultKind
 from noctule_gateway.health import blocked, one_value, sensor_line, silence
 from noctule_gateway.health.clock_slips import ClockSlips
 from noctule_gateway.health.dead_bearing import DeadBearings
 from noctule_gateway.health.look import Look
-from noctule_gateway.health.past import Past
+from noctule_gateway.health.past import Past, same_plan
 from noctule_gateway.health.place import PlaceWatch
 from noctule_gateway.health.suspicion import Suspicion
 from noctule_gateway.health.vocabulary import FAULTS
@@ -21,6 +26,7 @@ from noctule_gateway.health.vocabulary import FAULTS
 _OVER_AFTER = 3  # sweeps in a row that do not show it
 _NATS_TO_BE_SURE = 15.0
 _ODD_FOR_LONG = 60  # sweeps in a row that fit nothing and show nothing: the past is no longer this room's
+_ODD_BEFORE = 3  # sweeps that are not well, right before those that show a fault: they count as its first
 _BESIDE = frozenset({messages.FAULT_KIND_BEARING_SILENT, messages.FAULT_KIND_CLOCK_SLIPS})
 
 Place = tuple[float, ...]
@@ -32,6 +38,7 @@ class Finding:
 
     kind: FaultKind
     since_ns: int  # start of the first sweep that shows it, UTC
+    clock_epoch: str  # of that time
     confidence: float
     words: str
     absent: int = 0  # sweeps since that do not show it
@@ -48,7 +55,10 @@ class Verdict:
 
 @dataclass
 class _Streak:
-    since_ns: int
+    """Sweeps that show one fault: the first, and how many were made ``before`` the present one."""
+
+    first: Look
+    before: int
     count: int = 0
     nats: float = 0.0
 
@@ -73,8 +83,9 @@ class Judge:
         self._findings = {each.kind: each for each in memory.findings}
         self._streaks: dict[FaultKind, _Streak] = {}
         self._slips, self._dead = ClockSlips(), DeadBearings()
-        self._unwell = 0  # sweeps in a row before this one that show something
-        self._unwell_since_ns = 0
+        self._other_plan: Look | None = None  # the sweep before, if it was not of the past's plan
+        self._unwell = 0  # sweeps in a row before this one that show something, or fit nothing
+        self._odd_before: deque[Look] = deque(maxlen=_ODD_BEFORE)  # of them those that are not flagged
         self.revision = 0  # of the memory: goes up when it changes
 
     @property
@@ -87,22 +98,47 @@ class Judge:
         """The faults that stand, the gravest first."""
         return tuple(self._findings[kind] for kind in FAULTS if kind in self._findings)
 
+    @property
+    def standing(self) -> Verdict:
+        """The verdict on a sweep that can't be judged itself."""
+        return Verdict(self.findings, tuple(each.kind for each in self.findings if FAULTS[each.kind].spoils))
+
     def judge(self, look: Look, place: Place) -> Verdict:
-        """Judge a sweep; ``place`` is the pose as it is stated: at another one the past begins anew."""
-        if not look.fixed or place != self._place or not self._past.fits_plan(look):
-            self._begin_past(look, place)
-        past = self._past if look.fixed and self._past.is_enough else None
+        """Judge a sweep; ``place`` is the pose as it is stated: at another one a new past starts."""
+        aside = self._is_aside(look, place)
+        past = self._past if look.fixed and self._past.is_enough and not aside else None
         found = self._suspicions(look, past)
+        if aside:
+            found = [each for each in found if FAULTS[each.kind].spoils]  # silence is none of a part of the bearings
         odd = any(FAULTS[each.kind].spoils for each in found) or (past is not None and self._watch.strange)
-        if not self._unwell:
-            self._unwell_since_ns = look.start_ns
-        named = self._count(found, odd)
-        before = self._unwell + 1 if any(FAULTS[kind].spoils for kind in named) else 0
-        self._unwell = self._unwell + 1 if odd else 0
-        if look.fixed:
-            self._learn(look, odd or bool(found))
-        spoiled_by = tuple(each.kind for each in self.findings if FAULTS[each.kind].spoils)
-        return Verdict(self.findings, spoiled_by, before)
+        named = self._count(found, look, odd or aside)
+        before = [self._streaks[kind].before for kind in named if FAULTS[kind].spoils]
+        if not aside:
+            self._unwell = self._unwell + 1 if odd else 0
+            if look.fixed:
+                self._learn(look, found, odd)
+        verdict = self.standing
+        if verdict.spoiled_by or not (odd or aside):
+            self._odd_before.clear()
+        elif odd or self._odd_before:
+            self._odd_before.append(look)
+        # One more: the fault may have begun in the midst of it.
+        return replace(verdict, suspect_before=min(max(before) + 1, bounds.MOST_SUSPECT) if before else 0)
+
+    def _is_aside(self, look: Look, place: Place) -> bool:
+        """The past has nothing to say of this sweep. Starts a new past where the unit, its pose or its plan is
+        another.
+        """
+        other, self._other_plan = self._other_plan, None
+        if look.fixed and place == self._place and self._past.rows:
+            if self._past.fits_plan(look):
+                return False
+            if other is None or not same_plan(look, other):
+                self._other_plan = look
+                return True
+        if not (look.fixed and place == self._place and self._past.fits_plan(look)):
+            self._begin_past(look, place)
+        return False
 
     def _suspicions(self, look: Look, past: Past | None) -> list[Suspicion]:
         """The gravest kind that the sweep shows, and those that may stand beside it."""
@@ -115,22 +151,27 @@ class Judge:
             or one_value.suspicions(look)
             or blocked.suspicions(look, past)
             or silence.suspicions(look, past)
-            or ([] if beside else placed)
+            or ([] if any(FAULTS[each.kind].spoils for each in beside) else placed)
         )
         return main + beside
 
-    def _count(self, found: list[Suspicion], odd: bool) -> list[FaultKind]:
+    def _count(self, found: list[Suspicion], look: Look, odd: bool) -> list[FaultKind]:
         """Go on with the streaks and the standing faults; the kinds that are named now."""
+        for streak in self._streaks.values():
+            streak.before += 1
+        begun = _Streak(next(iter(self._odd_before), look), len(self._odd_before))
         shown = {each.kind: each for each in found}
-        kept = self._streaks if odd and not shown else {}  # a sweep that shows nothing clearly proves nothing
-        self._streaks = kept | {kind: self._streaks.get(kind) or _Streak(self._unwell_since_ns) for kind in shown}
+        clear = any(FAULTS[kind].spoils for kind in shown)
+        kept = self._streaks if odd and not clear else {}  # a sweep that shows nothing clearly proves nothing
+        self._streaks = kept | {kind: self._streaks.get(kind) or replace(begun) for kind in shown}
         named: list[FaultKind] = []
         for kind, each in shown.items():
             streak = self._streaks[kind]
             streak.count, streak.nats = streak.count + 1, streak.nats + each.evidence
             if kind not in self._findings and _is_enough(kind, streak):
                 self.revision += 1
-                self._findings[kind] = Finding(kind, streak.since_ns, _sure(kind, streak.nats), each.words)
+                since_ns, epoch = streak.first.start_ns, streak.first.clock_epoch
+                self._findings[kind] = Finding(kind, since_ns, epoch, _sure(kind, streak.nats), each.words)
                 named.append(kind)
         for kind, finding in list(self._findings.items()):
             absent = 0 if kind in shown else finding.absent + (not odd)
@@ -142,19 +183,22 @@ class Judge:
                 self._findings[kind] = replace(finding, absent=absent)
         return named
 
-    def _learn(self, look: Look, odd: bool) -> None:
+    def _learn(self, look: Look, found: list[Suspicion], odd: bool) -> None:
         spoiled = any(FAULTS[kind].spoils for kind in self._findings)
         if not odd and not spoiled:
+            if any(each.kind == messages.FAULT_KIND_NO_ECHO_ANYWHERE for each in found):
+                return
             if self._past.rows:
                 self._watch.learn_from(look, self._past)
-            self.revision += self._past.add(look)
-        elif self._unwell >= _ODD_FOR_LONG and not self._findings:
+            self.revision += self._past.add(look, but=self._dead.named)
+        elif self._unwell >= _ODD_FOR_LONG and not spoiled:
             self._begin_past(look, self._place)
 
     def _begin_past(self, look: Look, place: Place) -> None:
-        if look.fixed and self._past.rows:
+        if self._past.rows:
             self._findings = {kind: one for kind, one in self._findings.items() if kind not in _OF_THE_PLACE}
-        self._place, self._past = place, Past(look.bearing_rad if look.fixed else ())
+            self.revision += 1
+        self._place, self._past = place, Past(look.bearing_rad if look.fixed else (), air_measured=look.air_measured)
         self._watch = PlaceWatch()
         self._dead.restart()
 

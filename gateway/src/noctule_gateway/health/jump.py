@@ -10,6 +10,7 @@ from statistics import median
 from noctule_gateway.health.marks import Mark
 
 _LEAST_SHARE = 0.012  # of a range: 7 kelvin
+_LEAST_SHARE_ASSUMED = 0.03  # 17 kelvin: where nobody measures the air's temperature, a heating does less
 _LEAST_M = 0.03
 _FITS_M = 0.015
 _LEAST_SPREAD_RAD = math.radians(100.0)
@@ -19,9 +20,10 @@ _FITTING_SHARE = 0.75
 
 @dataclass(frozen=True)
 class Jump:
-    """``fitting`` marks fit it; ``words`` is by how much."""
+    """``fitting`` marks fit it; ``share`` is by how much of its range the median mark is longer; ``words`` says it."""
 
     fitting: int
+    share: float
     words: str
 
 
@@ -35,10 +37,15 @@ def jump_of(marks: list[Mark]) -> Jump | None:
     by_length = [one for one in marks if abs(one.longer_m - length_m) <= _FITS_M]
     found = []
     if abs(share) >= _LEAST_SHARE and _enough(by_share, marks):
-        found.append(Jump(len(by_share), f"all ranges are {share:+.1%}"))
+        found.append(Jump(len(by_share), share, f"all ranges are {share:+.1%}"))
     if abs(length_m) >= _LEAST_M and _enough(by_length, marks):
-        found.append(Jump(len(by_length), f"all ranges are {100 * length_m:+.0f} cm"))
+        found.append(Jump(len(by_length), share, f"all ranges are {100 * length_m:+.0f} cm"))
     return max(found, key=lambda one: one.fitting, default=None)
+
+
+def is_air(jump: Jump, air_measured: bool) -> bool:
+    """The air may have become so much warmer or colder than it was assumed to be: no fault."""
+    return not air_measured and abs(jump.share) < _LEAST_SHARE_ASSUMED
 
 
 def _enough(fitting: list[Mark], marks: list[Mark]) -> bool:

@@ -38,12 +38,12 @@ def suspicions(look: Look) -> list[Suspicion]:
         left = [number for number in left if number not in alike]
     if not values or repeats < _LEAST_SHARE * len(look.range_m):
         return []
-    told = ", ".join(f"{value:.2f} m" for value in values)
+    listed = ", ".join(f"{value:.2f} m" for value in values)
     if exact:
-        return [Suspicion(messages.FAULT_KIND_REPEATS, _EVIDENCE, f"the sensor repeats {told} at every bearing")]
+        return [Suspicion(messages.FAULT_KIND_REPEATS, _EVIDENCE, f"the sensor repeats {listed} at every bearing")]
     if values[0] < _NEAR_M:
-        return [Suspicion(messages.FAULT_KIND_BLOCKED, _EVIDENCE, f"something is {told} before it at every bearing")]
-    return [Suspicion(messages.FAULT_KIND_MOTOR_STUCK, _EVIDENCE, f"it hears the same at every bearing, at {told}")]
+        return [Suspicion(messages.FAULT_KIND_BLOCKED, _EVIDENCE, f"something is {listed} before it at every bearing")]
+    return [Suspicion(messages.FAULT_KIND_MOTOR_STUCK, _EVIDENCE, f"it hears the same at every bearing, at {listed}")]
 
 
 def _most_alike(look: Look, numbers: list[int]) -> set[int]:

@@ -8,7 +8,7 @@ the room's, or the air's.
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from statistics import median
 
 from noctule_gateway.health.look import Look
@@ -23,12 +23,15 @@ Row = tuple[float, ...]
 
 
 class Past:
-    """Ranges by bearing (NaN for silence) of up to 15 sweeps of one plan. What it tells is worked out at each entry."""
+    """Ranges by bearing (NaN for silence) of up to 15 sweeps of one plan, all with the air measured or all
+    with it assumed. What it tells is worked out at each entry."""
 
-    def __init__(self, bearing_rad: Sequence[float] = (), rows: Sequence[Row] = (), skipped: int = 0) -> None:
+    def __init__(
+        self, bearing_rad: Sequence[float] = (), rows: Sequence[Row] = (), skipped: int = 0, air_measured: bool = False
+    ) -> None:
         self.bearing_rad = tuple(bearing_rad)
         self.rows: deque[Row] = deque(rows, _KEPT)
-        self.skipped = skipped
+        self.skipped, self.air_measured = skipped, air_measured
         self._work_out()
 
     def __len__(self) -> int:
@@ -40,18 +43,16 @@ class Past:
         return len(self.rows) >= ENOUGH
 
     def fits_plan(self, look: Look) -> bool:
-        """The sweep was made at the same bearings."""
-        return len(look.bearing_rad) == len(self.bearing_rad) and all(
-            abs(one - other) <= _SAME_BEARING_RAD for one, other in zip(look.bearing_rad, self.bearing_rad, strict=True)
-        )
+        """The sweep was made at the same bearings, and its air measured or assumed alike."""
+        return look.air_measured == self.air_measured and _same_bearings(look.bearing_rad, self.bearing_rad)
 
-    def add(self, look: Look) -> bool:
-        """Take in a sweep that is well; False if it is passed over."""
+    def add(self, look: Look, but: Collection[int] = ()) -> bool:
+        """Take in a sweep that is well; False if it is passed over. At the bearings ``but`` it stays as it was."""
         if len(self.rows) == _KEPT and self.skipped < _EVERY - 1:
             self.skipped += 1
             return False
         self.skipped = 0
-        self.rows.append(look.range_m)
+        self.rows.append(tuple(self.median_m[n] if n in but else one_m for n, one_m in enumerate(look.range_m)))
         self._work_out()
         return True
 
@@ -73,6 +74,17 @@ class Past:
             for number, each in enumerate(self.heard)
             if len(each) >= _STABLE_SHARE * entries and each and _deviation(each, self.median_m[number]) <= _STABLE_M
         ]
+
+
+def same_plan(look: Look, other: Look) -> bool:
+    """Both sweeps were made at the same bearings, and the air measured or assumed for both."""
+    return look.air_measured == other.air_measured and _same_bearings(look.bearing_rad, other.bearing_rad)
+
+
+def _same_bearings(bearings_rad: Sequence[float], others_rad: Sequence[float]) -> bool:
+    return len(bearings_rad) == len(others_rad) and all(
+        abs(one - other) <= _SAME_BEARING_RAD for one, other in zip(bearings_rad, others_rad, strict=True)
+    )
 
 
 def _deviation(values: Sequence[float], middle: float) -> float:

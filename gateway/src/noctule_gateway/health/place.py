@@ -12,7 +12,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.alignment import Alignment, align, stay_fit
-from noctule_gateway.health.jump import jump_of
+from noctule_gateway.health.jump import is_air, jump_of
 from noctule_gateway.health.look import Look
 from noctule_gateway.health.marks import Motion, marks_of, motion_of
 from noctule_gateway.health.noise import NOISY_M, change_m, disagreement_m, scatter_m
@@ -85,7 +85,9 @@ class PlaceWatch:
         marks = marks_of(look, past)
         now = motion_of(marks)
         if (jump := jump_of(marks)) is not None and (now is None or jump.fitting >= now.fitting):
-            self.strange = True
+            self.strange = not is_air(jump, look.air_measured)
+            if not self.strange:
+                return [], 0
             return [Suspicion(messages.FAULT_KIND_RANGES_JUMPED, 7.0 * jump.fitting, jump.words)], None
         fits_best_as_it_was = alignment is not None and not alignment.offset and not self.strange
         return self._moved(look, past, motion), 0 if fits_best_as_it_was else None

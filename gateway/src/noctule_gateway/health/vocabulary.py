@@ -44,7 +44,7 @@ FAULTS: dict[FaultKind, Fault] = {
         most_sure=0.95,
     ),
     messages.FAULT_KIND_PLAY: Fault(
-        "tighten the sensor on the motor's shaft, or measure the backlash anew: noctule rpc SITE UNIT calibrate",
+        "tighten the sensor on the motor's shaft, or measure the backlash again: noctule rpc SITE UNIT calibrate",
         named_after=1,
         most_sure=0.95,
     ),

@@ -43,19 +43,19 @@ def set_aside(path: Path, folder: Path) -> None:
         file = Path(f"{path}{suffix}")
         if file.exists():
             file.rename(folder / file.name)
-    _sync(folder)
-    _sync(path.parent)
+    sync(folder)
+    sync(path.parent)
 
 
 def replace(path: Path, folder: Path) -> None:
     """Set the log's files aside in ``folder`` and put the one at new_path() in their place. Raises OSError."""
     new = Path(f"{path}{_NEW}")
-    _sync(new)
+    sync(new)
     new.rename(f"{path}{_READY}")
-    _sync(path.parent)
+    sync(path.parent)
     set_aside(path, folder)
     Path(f"{path}{_READY}").rename(path)
-    _sync(path.parent)
+    sync(path.parent)
 
 
 def finish_replacing(path: Path) -> None:
@@ -64,10 +64,11 @@ def finish_replacing(path: Path) -> None:
     if ready.exists():
         set_aside(path, set_aside_folder(path))
         ready.rename(path)
-        _sync(path.parent)
+        sync(path.parent)
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk. Raises OSError."""
     file = os.open(path, os.O_RDONLY)
     try:
         os.fsync(file)

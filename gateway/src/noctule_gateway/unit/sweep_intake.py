@@ -70,7 +70,7 @@ class SweepIntake:
     @property
     def faults(self) -> list[UnitFault]:
         """What its sweeps show to be wrong with the unit."""
-        return self._health.faults()
+        return self._health.faults(self._served.clock.look().epoch)
 
     @property
     def flagged(self) -> int:
@@ -87,17 +87,17 @@ class SweepIntake:
         drift = self._clocks.good_drift(sweep.boot_of_life)
         message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
         message.clock_epoch = wall.epoch
-        self._health.judge(message)
+        digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
+        self._health.judge(message, digest)
         memory = self._health.memory()
         arrived_s = time.monotonic()
-        digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
 
         def done(result: Committed | LogError) -> None:
             if isinstance(result, Committed) and result.fresh:
                 self._publish(result.record)
+            self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None))
             if memory is not None:
                 self._health.save(memory)
-            self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None))
 
         self._served.log.append(Arrival(digest, sweep.start, message), done)
 

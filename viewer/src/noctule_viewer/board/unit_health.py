@@ -71,8 +71,10 @@ class UnitsHealth:
         known = self._since.get(unit)
         if known is None or known[0] is not health:
             since_s = None if known is None else now_s
-            if health is Health.ATTENTION and row.status is not None and row.status.faults:
-                since_s = min(fault.since.ToNanoseconds() for fault in row.status.faults) / 1e9
+            faults = row.status.faults if health is Health.ATTENTION and row.status is not None else ()
+            if faults:
+                begun_ns = [fault.since.ToNanoseconds() for fault in faults if fault.HasField("since")]
+                since_s = min(begun_ns) / 1e9 if len(begun_ns) == len(faults) else None
             elif row.since_ns and (health is Health.AWAY or (health is Health.WELL and known is None)):
                 since_s = row.since_ns / 1e9
             self._since[unit] = health, since_s
