@@ -7,6 +7,7 @@ from pathlib import Path
 
 from noctule_gateway.audit import lines
 from noctule_gateway.audit.lines import BEGINNING, Facts
+from noctule_gateway.disk import sync
 
 
 class AuditFile:
@@ -54,7 +55,7 @@ def begin_file(folder: Path, family: str, whose: Facts, number: int, after: str)
     made = AuditFile(path, os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL, 0o640), number, after)
     try:
         made.append([{"event": "file begun", "audit": 1, "after": after} | whose])
-        _sync_folder(folder)
+        sync(folder)
     except OSError:
         made.close()
         path.unlink(missing_ok=True)
@@ -79,12 +80,3 @@ def _write_all(file: int, data: bytes) -> None:
     view = memoryview(data)
     while view:
         view = view[os.write(file, view) :]
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make durable which names the folder holds."""
-    file = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)

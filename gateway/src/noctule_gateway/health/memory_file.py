@@ -10,10 +10,10 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+from noctule_gateway.disk import sync
 from noctule_gateway.health.judge import Finding, Memory
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.vocabulary import FAULTS
-from noctule_gateway.log.log_files import sync
 
 _VERSION = 2
 _MOST_M = 1000.0  # far beyond what a time of flight can be

@@ -4,8 +4,9 @@ A rebuilt log is written beside as ``-new``, and its name becomes ``-ready`` onc
 it takes the log's place, whatever stops the gateway between two steps.
 """
 
-import os
 from pathlib import Path
+
+from noctule_gateway.disk import sync
 
 SUFFIX = ".sqlite"
 FILE_SUFFIXES = ("", "-wal", "-shm", "-head")  # the newest commits are in the -wal alone
@@ -65,12 +66,3 @@ def finish_replacing(path: Path) -> None:
         set_aside(path, set_aside_folder(path))
         ready.rename(path)
         sync(path.parent)
-
-
-def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on the disk. Raises OSError."""
-    file = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)
