@@ -8,6 +8,7 @@ writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
 import re
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def board(browser: Browser, folder: Path, path: Path) -> None:
         site.sweep_as(20)
         shown.open(site.relay.page)
         wait_until(lambda: site.shows_room(shown), "the room is not shown", within_s=WITHIN_S, every_s=2.0)
-        save(shown, path)
+        save(shown, path, meanwhile=lambda: site.live.play([]))  # their statuses: no unit is missed
 
 
 def shows_room(shown: Screen, running: Programs) -> bool:
@@ -62,11 +63,12 @@ def shows_room(shown: Screen, running: Programs) -> bool:
     return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
 
 
-def still(shown: Screen) -> np.ndarray:
+def still(shown: Screen, meanwhile: Callable[[], None]) -> np.ndarray:
     """The picture once its map has been the same for a while."""
     pictures = [shown.picture()]
 
     def is_still() -> bool:
+        meanwhile()
         pictures.append(shown.picture())
         last = pictures[-SAME_LOOKS:]
         return len(last) == SAME_LOOKS and all(np.array_equal(each[MAP], last[0][MAP]) for each in last)
@@ -75,9 +77,9 @@ def still(shown: Screen) -> np.ndarray:
     return pictures[-1]
 
 
-def save(shown: Screen, path: Path) -> None:
+def save(shown: Screen, path: Path, meanwhile: Callable[[], None] = lambda: None) -> None:
     """The picture in 256 colours, which is small and looks the same."""
-    Image.fromarray(still(shown)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.fromarray(still(shown, meanwhile)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
     size = path.stat().st_size
     assert size < MOST_BYTES, f"{path.name} has {size} bytes"
     print(f"{path.relative_to(ROOT)}: {size / 1e3:.0f} kB")
