@@ -74,7 +74,7 @@ class Network:
         _ip("-n", _namespace(host), "address", "replace", f"{self._addresses[host]}/24", "dev", "eth0")
 
     def pull(self, host: str) -> None:
-        """Pull the cable: the host loses its carrier, nobody is told that connections have ended."""
+        """Pull the cable: the host loses its carrier, and no end of a connection is announced."""
         _ip("-n", _namespace(_SWITCH), "link", "set", host, "down")
 
     def take_address(self, host: str) -> None:

@@ -107,7 +107,7 @@ class SeveralHosts:
             self._start_service(host, service)
 
     def cut_power(self, host: str) -> None:
-        """A host is off at once: nobody is told that its connections have ended."""
+        """A host is off at once: no end of a connection is announced."""
         self.network.pull(host)
         for service in self._hosts[host].services():
             if self._running.runs(service):

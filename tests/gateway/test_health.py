@@ -57,6 +57,15 @@ def kinds(judge: Judge) -> list[messages.FaultKind]:
     return [one.kind for one in judge.findings]
 
 
+def named_as_turned(judge: Judge, stand: Stand, rng: np.random.Generator) -> Stand:
+    """The unit's stand once it was turned by 9 degrees and the judge has said so."""
+    turned = stand.turned(9.0)
+    for number in range(4):
+        judge.judge(look(turned.hears(rng), number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    return turned
+
+
 def test_a_fault_is_over_after_three_well_sweeps_and_those_meanwhile_are_still_flagged(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
@@ -87,10 +96,7 @@ def test_a_restart_forgets_neither_the_fault_nor_the_past(judge: Judge, stand: S
 def test_at_another_pose_of_the_site_file_the_past_begins_anew(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
-    turned = stand.turned(9.0)
-    for number in range(4):
-        judge.judge(look(turned.hears(rng), number), PLACE)
-    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    turned = named_as_turned(judge, stand, rng)
     for number in range(LEARNT_AFTER):
         assert not judge.judge(look(turned.hears(rng), number), (1.0, 2.0, 0.7)).findings
 
@@ -133,10 +139,7 @@ def test_ranges_four_percent_longer_are_a_fault_with_assumed_air_too(stand: Stan
 def test_a_sweep_that_stop_has_cut_short_changes_nothing(
     judge: Judge, stand: Stand, rng: np.random.Generator, readings: int
 ) -> None:
-    turned = stand.turned(9.0)
-    for number in range(4):
-        judge.judge(look(turned.hears(rng), number), PLACE)
-    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    turned = named_as_turned(judge, stand, rng)
     past, since_ns = judge.memory.past, judge.findings[0].since_ns
     for number in range(4, 14):
         judge.judge(look(turned.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), PLACE)
@@ -185,10 +188,7 @@ def test_suspect_sweeps_are_never_more_than_a_record_may_say(
 def test_a_fixed_unit_that_is_carried_now_has_no_faults_of_its_place(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
-    turned = stand.turned(9.0)
-    for number in range(4):
-        judge.judge(look(turned.hears(rng), number), PLACE)
-    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+    turned = named_as_turned(judge, stand, rng)
     assert not judge.judge(look(turned.hears(rng), 4, fixed=False), ()).findings
 
 

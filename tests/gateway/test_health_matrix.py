@@ -46,7 +46,7 @@ def unit(seed: int) -> tuple[Stand, Judge]:
 
 
 def begun_within(stand: Stand, rng: np.random.Generator, faulty: Sweeps) -> Sweeps:
-    """The fault begins in the midst of the first sweep."""
+    """The fault begins within the first sweep."""
     cut = int(rng.integers(0, len(stand.bearings_rad)))
 
     def sweep(number: int) -> np.ndarray:

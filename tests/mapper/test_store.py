@@ -1,38 +1,22 @@
 """The mapper's store: nothing twice, nothing lost, nothing beyond the window."""
 
 import math
-import re
 import resource
 import shutil
-import sqlite3
-import subprocess
-import sys
-from contextlib import closing
 from pathlib import Path
-from random import Random
 
 import numpy as np
 import pytest
 from mapper.room import paper_path
+from mapper.stored_sweeps import LOG, cursor, sequences, sweep
 from sdk.host_clocks import Host
 
 from noctule.elapsed import Instant
 from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
-from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.readings.faulty import suspects
-
-LOG = "8c1f"
-
-
-def sweep(number: int, start_s: float | None = None, x_m: float | None = None) -> Sweep:
-    """The ``number``th sweep of a log; by default each from a place of its own, one second apart."""
-    pose = Pose(x_m=number if x_m is None else x_m)
-    message = Sweep(unit="u1", log_id=LOG, log_sequence=number, clock_epoch="one", pose=pose)
-    message.start.FromNanoseconds(int((number if start_s is None else start_s) * 1e9))
-    return message
 
 
 def stop(number: int, x_m: float, heading_deg: float = 0.0, unit: str = "u1", log: str = LOG) -> Sweep:
@@ -47,14 +31,6 @@ def walk(poses: np.ndarray, first: int) -> list[Sweep]:
     for message, (x_m, y_m, heading_rad) in zip(made, poses, strict=True):
         message.pose.CopyFrom(Pose(x_m=x_m, y_m=y_m, heading_rad=heading_rad))
     return made
-
-
-def cursor(number: int) -> Cursor:
-    return Cursor(unit="u1", log_id=LOG, log_sequence=number)
-
-
-def sequences(store: SweepStore) -> list[int]:
-    return [held.log_sequence for held in store.sweeps()]
 
 
 @pytest.fixture
@@ -302,254 +278,6 @@ def test_no_contour_version_is_used_again_by_the_successor_of_a_killed_mapper(pa
     later = SweepStore(left, Window())
     assert later.next_contour_version() > 3
     later.close()
-
-
-def test_a_file_that_is_no_store_is_set_aside_and_a_new_store_begins(path: Path) -> None:
-    letter = "a letter to the editor, long enough to be no database " * 40
-    path.write_text(letter)
-    store = SweepStore(path, Window())
-    assert store.sweeps() == []
-    assert "file is not a database" in store.damage
-    assert (path.parent / "set-aside" / "paper-room.1" / path.name).read_text() == letter
-    store.close()
-
-
-@pytest.mark.parametrize(
-    "statement",
-    [
-        "UPDATE sweep SET record = x'ffff' WHERE log_sequence = 2",
-        "UPDATE sweep SET place_x_m = 70 WHERE log_sequence = 2",
-        "UPDATE sweep SET log_sequence = 70 WHERE log_sequence = 2",
-        "UPDATE sweep SET record = 5 WHERE log_sequence = 2",
-    ],
-)
-def test_a_damaged_sweep_is_not_mapped_and_is_read_again_from_its_log(path: Path, statement: str) -> None:
-    store = SweepStore(path, Window())
-    store.commit([sweep(1), sweep(2), sweep(3)], [cursor(3)])
-    assert [store.next_contour_version() for _ in range(5)][-1] == 5
-    store.close()
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute(statement)
-    reopened = SweepStore(path, Window())
-    assert sequences(reopened) == [1, 3]
-    assert reopened.damage.startswith("the mapper's store was damaged (1 rows of its table sweep do not fit): 2 sound")
-    assert reopened.cursors() == {}
-    assert reopened.next_contour_version() == 6
-    reopened.commit([sweep(1), sweep(2), sweep(3)], [cursor(3)])
-    assert sequences(reopened) == [1, 2, 3]
-    reopened.close()
-    assert SweepStore(path, Window()).damage == ""
-
-
-@pytest.mark.parametrize("table", ["cursor", "contour", "set_aside"])
-def test_a_damaged_row_beside_the_sweeps_loses_no_sweep(path: Path, table: str) -> None:
-    store = SweepStore(path, Window())
-    store.commit([sweep(1), sweep(2)], [cursor(2)])
-    store.set_aside((LOG, 2), "a bug")
-    store.close()
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute(f"UPDATE {table} SET {'version' if table == 'contour' else 'log_sequence'} = 77")
-    reopened = SweepStore(path, Window())
-    assert f"1 rows of its table {table} do not fit" in reopened.damage
-    assert sequences(reopened) == [1]
-    if table == "contour":
-        assert reopened.next_contour_version() > 10**9  # above all that was counted: seconds of UTC
-    reopened.close()
-
-
-def flipped_or_cut(folder: Path, random: Random) -> str:
-    """Flip a bit or cut a file of the store at a place drawn at random; what was done."""
-    file = random.choice([each for each in sorted(folder.iterdir()) if each.is_file() and each.stat().st_size])
-    text = bytearray(file.read_bytes())
-    place = random.randrange(len(text))
-    if random.random() < 0.2:
-        del text[place:]
-    else:
-        text[place] ^= 1 << random.randrange(8)
-    file.write_bytes(text)
-    return f"{file.name} at {place}"
-
-
-def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_mapper(tmp_path: Path) -> None:
-    running, left = tmp_path / "running", tmp_path / "left"
-    store = SweepStore(running / "store.sqlite3", Window())
-    for number in range(1, 41):
-        store.commit([sweep(number)], [cursor(number)])
-    shutil.copytree(running, left)  # as a kill leaves it: all is in the -wal
-    store.close()
-    shutil.copytree(running, tmp_path / "closed")
-    for seed in range(60):
-        folder = tmp_path / "trial"
-        shutil.copytree(left if seed % 2 else tmp_path / "closed", folder)
-        done = flipped_or_cut(folder, Random(seed))
-        spoiled = SweepStore(folder / "store.sqlite3", Window())
-        held = spoiled.sweeps()
-        assert all(one == sweep(one.log_sequence) for one in held), done
-        reached = spoiled.cursors()["u1"].log_sequence if spoiled.cursors() else 0
-        assert {one.log_sequence for one in held} >= set(range(1, reached + 1)), done  # the rest is read again
-        spoiled.commit([sweep(number) for number in range(reached + 1, 42)], [cursor(41)])
-        assert sequences(spoiled) == list(range(1, 42)), done
-        spoiled.close()
-        shutil.rmtree(folder)
-
-
-@pytest.mark.parametrize("change", ["CREATE TABLE later (a)", "ALTER TABLE sweep ADD COLUMN later"])
-def test_a_store_of_a_later_version_is_refused_and_left_as_it_is(path: Path, change: str) -> None:
-    store = SweepStore(path, Window())
-    store.commit([sweep(1)], [])
-    store.close()
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute(change)
-        database.execute("PRAGMA user_version = 5")
-    before = path.read_bytes()
-    with pytest.raises(StoreError, match="has format 5, this mapper reads 4"):
-        SweepStore(path, Window())
-    assert path.read_bytes() == before
-    assert not (path.parent / "set-aside").exists()
-
-
-def test_a_store_of_another_format_is_refused(path: Path) -> None:
-    with sqlite3.connect(path) as database:
-        database.execute("PRAGMA user_version = 9")
-    with pytest.raises(StoreError, match="has format 9"):
-        SweepStore(path, Window())
-
-
-def test_the_file_grows_no_further_once_the_window_is_full(path: Path) -> None:
-    store, pages = SweepStore(path, Window(max_sweeps=100)), []
-    for first in range(1, 3001, 50):
-        store.commit([sweep(number) for number in range(first, first + 50)], [cursor(first + 49)])
-        with closing(sqlite3.connect(path)) as reader:
-            pages += reader.execute("PRAGMA page_count").fetchone()
-    assert max(pages[10:]) <= max(pages[:10]) + 1
-    store.close()
-
-
-WRITER = """
-import sys
-from contextlib import closing
-from pathlib import Path
-from noctule.messages_pb2 import Cursor, Pose, Sweep
-from noctule_mapper.cli import main
-from noctule_mapper.config import Window
-from noctule_mapper.live.store import SweepStore
-
-store = SweepStore(Path(sys.argv[1]), Window())
-number = store.cursors()["u1"].log_sequence if store.cursors() else 0
-while True:
-    batch = []
-    for number in range(number + 1, number + 4):
-        batch.append(Sweep(unit="u1", log_id="8c1f", log_sequence=number, pose=Pose(x_m=number)))
-        batch[-1].start.FromSeconds(number)
-    store.commit(batch, [Cursor(unit="u1", log_id="8c1f", log_sequence=number)])
-    print(number, flush=True)
-"""
-
-
-def test_a_killed_writer_leaves_sweeps_and_cursor_that_agree(path: Path) -> None:
-    for commits_seen in (1, 5, 11):
-        writer = subprocess.Popen([sys.executable, "-c", WRITER, path], stdout=subprocess.PIPE, text=True)
-        assert writer.stdout is not None
-        acknowledged = [int(writer.stdout.readline()) for _ in range(commits_seen)]
-        writer.kill()
-        writer.wait()
-        writer.stdout.close()
-        store = SweepStore(path, Window())
-        reached = store.cursors()["u1"].log_sequence
-        assert reached >= acknowledged[-1]
-        assert sequences(store) == list(range(1, reached + 1))
-        store.close()
-
-
-def test_a_power_cut_takes_the_newest_sweeps_and_their_cursor_goes_back_with_them(path: Path, tmp_path: Path) -> None:
-    store, random = SweepStore(path, Window()), Random(12)
-    for number in range(1, 161):
-        store.commit([sweep(number)], [cursor(number)])
-        if number == 60:
-            store.checkpoint()  # these are in the database; the others begin the -wal again
-    database, wal = path.read_bytes(), Path(f"{path}-wal").read_bytes()
-    store.close()
-    reached = set[int]()
-    for cut in range(30):
-        left = tmp_path / str(cut) / path.name
-        left.parent.mkdir()
-        left.write_bytes(database)
-        unwritten = bytearray(wal)
-        at = random.randrange(len(wal))
-        if cut % 2:
-            del unwritten[at:]  # the end never came to the disk
-        else:
-            block = at - at % 4096
-            unwritten[block : block + 4096] = bytes(4096)  # what came after this block did, and the block did not
-        Path(f"{left}-wal").write_bytes(unwritten)
-        after = SweepStore(left, Window())
-        assert after.damage == ""
-        kept = after.cursors()["u1"].log_sequence if after.cursors() else 0
-        assert sequences(after) == list(range(1, kept + 1))
-        assert 60 <= kept <= 160
-        reached.add(kept)
-        after.close()
-    assert len(reached) > 10, "the cuts were not at different places"
-
-
-SYNCED_WRITER = """
-import os, sys
-from pathlib import Path
-from noctule.messages_pb2 import Cursor, Pose, Sweep
-from noctule_mapper.config import Window
-from noctule_mapper.live.store import SweepStore
-
-store = SweepStore(Path(sys.argv[1]), Window())
-for number in range(1, 401):
-    sweep = Sweep(unit="u1", log_id="8c1f", log_sequence=number, pose=Pose(x_m=number))
-    os.write(1, b"sweep")
-    store.commit([sweep], [Cursor(unit="u1", log_id="8c1f", log_sequence=number)])
-    if number % 20 == 0:
-        os.write(1, b"checkpoint")
-        store.checkpoint()
-os.write(1, b"contour")
-store.next_contour_version()
-os.write(1, b"end")
-store.close()
-"""
-
-
-def test_no_sweep_waits_for_the_disk_and_the_number_of_a_contour_does(path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    trace = path.parent / "trace"
-    calls = ["strace", "-f", "-qq", "-e", "trace=write,fsync,fdatasync", "-o", str(trace)]
-    subprocess.run([*calls, sys.executable, "-c", SYNCED_WRITER, path], check=True, stdout=subprocess.DEVNULL)
-    syncs = {"sweep": 0, "checkpoint": 0, "contour": 0}
-    step = None
-    for line in trace.read_text().splitlines():
-        if written := re.search(r'write\(1, "(\w+)"', line):
-            step = written[1]
-        elif step in syncs and ("fsync(" in line or "fdatasync(" in line):
-            syncs[step] += 1
-    assert syncs["sweep"] == 0
-    assert syncs["checkpoint"] > 0
-    assert syncs["contour"] > 0
-
-
-def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    store, out = SweepStore(path, Window()), path.parent / "out"
-    store.commit([sweep(1), sweep(2)], [cursor(2)])
-    main_of(["backup", str(path.parent), str(out)], status=0)
-    assert capsys.readouterr().out == "paper-room.sqlite3: 2 sweeps, all is sound\n"
-    store.close()
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute("UPDATE sweep SET visit = 9")
-    main_of(["check", str(path.parent)], status=1)
-    assert capsys.readouterr().out == "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
-    restored = SweepStore(out / path.name, Window())
-    assert (sequences(restored), restored.damage) == ([1, 2], "")
-    restored.close()
-
-
-def main_of(arguments: list[str], status: int) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    assert (ended.value.code or 0) == status
 
 
 def test_sweeps_that_turn_out_suspect_leave_the_window_once_and_for_all(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A sensor goes deaf while a site is mapped: everybody who looks at the site is told, and the map rests on what was."""
+"""A sensor goes deaf while a site is mapped: every view of the site names it, and the map rests on what was before."""
 
 import json
 import subprocess

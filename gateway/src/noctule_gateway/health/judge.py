@@ -122,7 +122,7 @@ class Judge:
             self._odd_before.clear()
         elif odd or self._odd_before:
             self._odd_before.append(look)
-        # One more: the fault may have begun in the midst of it.
+        # One more: the fault may have begun within it.
         return replace(verdict, suspect_before=min(max(before) + 1, bounds.MOST_SUSPECT) if before else 0)
 
     def _is_aside(self, look: Look, place: Place) -> bool:
