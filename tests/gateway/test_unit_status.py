@@ -9,7 +9,7 @@ from noctule.messages_pb2 import UnitStatus
 from noctule.site import FixedPose, Pose2, Sensor, Unit
 from noctule_gateway.log.sweep_log import LogState
 from noctule_gateway.status import reset_causes, unit_status
-from noctule_gateway.status.health import TOO_LATE_S, WINDOW_S, Lateness, LineQuality
+from noctule_gateway.status.service_quality import TOO_LATE_S, WINDOW_S, Lateness, LineQuality
 from noctule_gateway.status.unit_state import UnitState
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.codec import FrameReader, encode

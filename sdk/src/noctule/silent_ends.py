@@ -30,7 +30,7 @@ def bound(session: zenoh.Session, connect: Sequence[str], listen: Sequence[str])
     """Bound how long a silent end is waited for, in all connections that ``session`` has or will have.
 
     ``connect`` and ``listen`` are its endpoints; their ports tell which sockets are meant. Those that are accepted have
-    the option from the one that listens. So a client that comes is no reason to look through the sockets of the process,
+    the option from the one that listens. So a client that comes is no reason to look through the process's sockets,
     unless an address was not there yet to listen on.
     """
     if _OPTION is None or not _DESCRIPTORS.is_dir():

@@ -12,7 +12,7 @@ from noctule_gateway.link.link import Link
 from noctule_gateway.log.log_file import Arrival, Committed
 from noctule_gateway.pose import pose_of_sweep
 from noctule_gateway.served_unit import ServedUnit
-from noctule_gateway.status.health import Lateness
+from noctule_gateway.status.service_quality import Lateness
 from noctule_gateway.unit.sweep_health import SweepHealth
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import AnySweep

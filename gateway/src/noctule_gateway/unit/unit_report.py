@@ -8,7 +8,7 @@ from noctule.messages_pb2 import UnitStatus
 from noctule_gateway.link.link import Link
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status import unit_status
-from noctule_gateway.status.health import LineQuality
+from noctule_gateway.status.service_quality import LineQuality
 from noctule_gateway.status.unit_state import UnitState
 from noctule_gateway.unit.sweep_intake import SweepIntake
 
