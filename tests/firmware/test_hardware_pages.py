@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from docs.blocks import blocks
 from system.processes import ROOT
 
@@ -98,3 +99,20 @@ def test_the_site_file_of_the_bench_is_one(tmp_path: Path) -> None:
     (text,) = [block.text for block in blocks(PAGES / "power-up.md") if block.text.startswith("site =")]
     (tmp_path / "attic.toml").write_text(text)
     assert site.load(tmp_path / "attic.toml").unit("u7").serial == 7
+
+
+@pytest.mark.parametrize(
+    ("page", "sentence", "source", "constant"),
+    [
+        ("mount.md", r"never looks beyond (\d+) degrees", "core/plan.c", r"OUTERMOST DEGREES\((\d+)\)"),
+        ("mount.md", r"clockwise at (\d+) half steps/s", "homing.c", r"TOP_SPEED (\d+)"),
+        ("unproven.md", r"against a stop, (\d+) half steps/s", "homing.c", r"TOP_SPEED_AGAINST_STOP (\d+)"),
+        ("commissioning.md", r"It takes -180 to -(\d+)", "core/calibration.c", r"<= BELOW_FORWARD\((\d+)\)"),
+        ("commissioning.md", r"Over (\d+) \(", "core/calibration.c", r"MOST_BACKLASH (\d+)"),
+        ("unproven.md", r"3.3 V is enough, (\d+) µs", "echo.c", r"TRIGGER_TICKS \((\d+) \* TICKS_PER_US\)"),
+        ("wiring.md", r"gives the sensor (\d+) ms to start", "echo.c", r"START_TICKS \((\d+) \* TICKS_PER_MS\)"),
+    ],
+)
+def test_a_number_of_the_pages_is_the_firmwares(page: str, sentence: str, source: str, constant: str) -> None:
+    text = " ".join((PAGES / page).read_text().split())
+    assert re.findall(sentence, text) == re.findall(constant, (ROOT / "firmware/src" / source).read_text())[:1] != []
