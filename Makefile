@@ -1,12 +1,12 @@
-# make demo | test | soak | bench | lint | docs | screenshots | wheels: each does the set-up it needs, and is quick the
-# second time.
+# make demo | test | soak | bench | lint | docs | screenshots | hardware | wheels: each does the set-up it needs, and is
+# quick the second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint docs screenshots wheels setup setup-demo packages-run packages-test \
+.PHONY: demo test soak bench lint docs screenshots hardware wheels setup setup-demo packages-run packages-test \
   firmware firmware-demo clean
 
 demo: packages-run setup-demo firmware-demo
@@ -52,6 +52,10 @@ wheels: $(UV)
 # The pictures of the pages, made again.
 screenshots: packages-test setup firmware
 	PYTHONPATH=tests python tests/viewer/screenshots.py
+
+# The drawings of the hardware pages, made again.
+hardware: setup
+	@python firmware/hardware/drawings/draw.py
 
 packages-run packages-test:
 	@sh deploy/packages.sh $(@:packages-%=%)

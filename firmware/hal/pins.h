@@ -1,4 +1,4 @@
-// The board: what is wired to which pin (the table in ../README.md).
+// The board: what is wired to which pin (the table in ../hardware/wiring.md).
 #ifndef PINS_H
 #define PINS_H
 

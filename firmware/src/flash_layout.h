@@ -18,7 +18,7 @@
 #define DESCRIPTION_CONFIRMED (DESCRIPTION + 17)
 
 #define IMAGE_MAGIC 0x4E49
-#define IMAGE_HARDWARE 1 // the board of README.md, Pins and wiring
+#define IMAGE_HARDWARE 1 // the board of hardware/wiring.md
 
 #define SETTINGS_FIRST_PAGE 0xF600
 #define SETTINGS_SECOND_PAGE 0xF800

@@ -28,7 +28,7 @@ use sonar::{Ailment, Edge, Sonar};
 use std::rc::Rc;
 use switches::Switches;
 
-/// The board's wiring (firmware/README.md).
+/// The board's wiring (firmware/hardware/wiring.md).
 pub const ECHO: (usize, u8) = (1, 0);
 const PORT_1_TRIGGER: u8 = 0x02;
 const PORT_1_LED: u8 = 0x04;
