@@ -110,20 +110,23 @@ def _with_one_wall_more(
     walls = [one for one in solid if isinstance(one, Line)]
     found = [one.promising(free, _LEAST_LINE_NATS) for one in library if one.kind is Line]
     turned = line_candidates(corner_lines(walls, free, scene.data.echoes, config.refinement), scene.data, config)
-    lines = [one for of in (*found, turned) for one in _lines(of, free, scene, config) if not _has([one], barred)]
+    lines = [one for of in (*found, turned) for one in _lines(of, solid, free, scene, config) if not _has([one], barred)]
     tried = [_without_needless_points([*state.objects, line], scene, linked) for line in lines]
     return sorted(tried, key=lambda one: -one[0])
 
 
-def _lines(lines: Candidates, free: np.ndarray, scene: Scene, config: MapperConfig) -> Iterator[Line]:
-    """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them."""
+def _lines(
+    lines: Candidates, solid: Sequence[Reflector], free: np.ndarray, scene: Scene, config: MapperConfig
+) -> Iterator[Line]:
+    """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them
+    beside the ``solid`` objects."""
     data, found = scene.data, []
     for theta_rad, rho_m in lines.parameters[np.argsort(-(lines.gains @ free.astype(np.float32)))[: 4 * _MOST_TRIED]]:
         line = Line(float(theta_rad), float(rho_m))
-        line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, data, config)
+        line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, solid, data, config)
         gain = gains(line, data, config.refinement) * free
         if len(np.unique(data.place[gain > 0])) >= _LEAST_PLACES:
-            worth = float(gain.sum()) - silence_of(line, data, config.refinement)
+            worth = float(gain.sum()) - silence_of(line, data, config.refinement, solid)
             found.append((worth, line, frozenset(np.nonzero(gain)[0].tolist())))
     seen: set[frozenset[int]] = set()
     for _, line, echoes in sorted(found, key=lambda one: -one[0]):
