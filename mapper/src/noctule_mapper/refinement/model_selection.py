@@ -83,8 +83,8 @@ def fitted_alone(
     config: MapperConfig,
     slack: float = _ALONE,
 ) -> Reflector | None:
-    """``start`` beside ``objects``, fitted to the ``free`` echoes, bool (n,), that it explains; None where they don't determine it, a wall's
-    direction to within ``slack`` times what a report needs.
+    """``start`` beside ``objects``, fitted to the ``free`` echoes, bool (n,), that it explains; None where they don't
+    determine it, a wall's direction to within ``slack`` times what a report needs.
     """
     tried: Reflector = start
     for relax in (3.0, 1.5, 1.0):
@@ -207,8 +207,8 @@ _CORNER_STEPS = 6
 def trimmed(
     tried: Reflector, used: np.ndarray, objects: Sequence[Reflector], data: Evidence, config: MapperConfig
 ) -> Reflector:
-    """A wall beside ``objects`` cut to the longest run of its ``used`` feet without a long hole, without a lone foot at its end; anything
-    else as it is.
+    """A wall beside ``objects`` cut to the longest run of its ``used`` feet without a long hole, without a lone foot at
+    its end; anything else as it is.
     """
     if not isinstance(tried, Line) or not used.any():
         return tried
