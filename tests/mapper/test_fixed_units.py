@@ -63,6 +63,16 @@ def test_two_units_that_face_each_other_hear_the_radius_of_the_post_between_them
     assert post.radius_m == pytest.approx(0.1, abs=0.006)
 
 
+@pytest.mark.parametrize("seed", [7004, 7031, 7050])
+def test_what_greedy_growth_alone_missed_is_found(seed: int) -> None:
+    # In the first two a cylinder hides a wall from units that look towards it; the third grows well from its walls.
+    rng = np.random.default_rng(seed)
+    _, verdict = contour_of(*fixed_room(rng), rng)
+    assert verdict.due
+    assert not verdict.missed
+    assert not verdict.false
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_one_unit_alone_makes_no_false_object(seed: int) -> None:
     rng = np.random.default_rng(seed)

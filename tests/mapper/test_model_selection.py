@@ -61,18 +61,18 @@ def test_echoes_that_are_explained_pay_for_nothing() -> None:
     ],
 )
 def test_a_wall_is_cut_to_its_longest_run_of_feet(feet_m: tuple[float, ...], kept_m: tuple[float, float]) -> None:
-    wall = trimmed(Line(0.0, 2.0), np.ones(len(feet_m), bool), facing(feet_m), CONFIG)
+    wall = trimmed(Line(0.0, 2.0), np.ones(len(feet_m), bool), [], facing(feet_m), CONFIG)
     assert isinstance(wall, Line)
     assert (wall.low_m, wall.high_m) == pytest.approx(kept_m)
 
 
 def test_only_echoes_that_are_used_are_feet_and_only_walls_are_cut() -> None:
     used = np.array([True, True, True, False])
-    wall = trimmed(Line(0.0, 2.0), used, facing((0.0, 0.2, 0.4, 0.6)), CONFIG)
+    wall = trimmed(Line(0.0, 2.0), used, [], facing((0.0, 0.2, 0.4, 0.6)), CONFIG)
     assert isinstance(wall, Line)
     assert wall.high_m == pytest.approx(0.4)
     cylinder = Circle(2.5, 0.0, 0.5)
-    assert trimmed(cylinder, used, facing((0.0, 0.2, 0.4, 0.6)), CONFIG) is cylinder
+    assert trimmed(cylinder, used, [], facing((0.0, 0.2, 0.4, 0.6)), CONFIG) is cylinder
 
 
 def is_determined(one: Reflector, sigmas: tuple[float, ...], places: int = 3, fine: bool = False) -> bool:

@@ -56,6 +56,16 @@ def test_what_stands_behind_a_wall_is_not_missed() -> None:
     assert silence_of(beside, data, CONFIG, [aslant]) == 0.0  # between place and cylinder
 
 
+def test_what_stands_behind_a_cylinder_is_not_missed_though_no_look_heard_the_cylinder() -> None:
+    data = from_place(2.0, 1.5, -np.pi / 2)
+    false = Line(-np.pi / 2, -0.8, 1.5, 2.5)  # at y = 0.8, with all its looks' feet about (2, 0.8)
+    before, beside, behind = Circle(2.0, 1.2, 0.1), Circle(2.3, 1.2, 0.1), Circle(2.0, 0.5, 0.1)
+    missed = silence_of(false, data, CONFIG)
+    assert missed > 2 * ONE_LOOK_NATS
+    assert silence_of(false, data, CONFIG, [before]) == 0.0
+    assert silence_of(false, data, CONFIG, [beside, behind]) == missed
+
+
 def test_a_point_claims_nothing() -> None:
     assert silence_of(Spot(2.0, 0.8), from_place(2.0, 1.5, -np.pi / 2), CONFIG) == 0.0
 

@@ -102,6 +102,15 @@ def hidden(
     return (before > 0) & (to_wall > 0) & deep & inside
 
 
+def shaded(reflector: Reflector | Crossing, circle: Circle, echoes: Echoes) -> np.ndarray:
+    """Whether ``circle`` stands between sensor and reflector, bool (n,): its own echo may go past the sensor's beam."""
+    predicted, direction = reflector.ranges(echoes), reflector.directions(echoes)
+    offset_x, offset_y = circle.x_m - echoes.x_m, circle.y_m - echoes.y_m
+    along_m = offset_x * np.cos(direction) + offset_y * np.sin(direction)
+    across_m = offset_y * np.cos(direction) - offset_x * np.sin(direction)
+    return (along_m > 0) & (along_m < predicted) & (np.abs(across_m) < circle.radius_m)
+
+
 def contradictions(reflector: Reflector, data: Evidence, config: RefinementConfig) -> float:
     """How many echoes come from behind the reflector though it is well inside their beam."""
     if isinstance(reflector, Spot):

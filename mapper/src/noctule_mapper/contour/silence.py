@@ -1,6 +1,6 @@
 """Silence: what it costs to claim a reflector where somebody looked and heard nothing of it.
 
-A look that should have heard a reflector, though nothing nearer answered and no wall stands before it, costs the
+A look that should have heard a reflector, though nothing nearer answered and nothing stands before it, costs the
 logarithm of the chance that the reflector stayed silent. Where nobody looked, nothing is known and nothing costs.
 """
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
-from noctule_mapper.contour.likelihood import hidden, reach
+from noctule_mapper.contour.likelihood import hidden, reach, shaded
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
@@ -95,10 +95,14 @@ def _price(
 def _in_sight(
     one: Reflector | Crossing, objects: Sequence[Reflector], looks: Echoes, config: RefinementConfig
 ) -> np.ndarray:
-    """Whether no wall among ``objects`` stands between each of ``looks`` and ``one``, bool (n,)."""
+    """Whether none of ``objects`` stands between each of ``looks`` and ``one``, bool (n,)."""
     own = (one.first, one.second) if isinstance(one, Crossing) else (one,)
     free = np.ones(len(looks), bool)
     for other in objects:
-        if isinstance(other, Line) and not any(other is mine for mine in own):
+        if any(other is mine for mine in own):
+            continue
+        if isinstance(other, Line):
             free &= ~hidden(one, other, looks, looks.sigma_m, config)
+        elif isinstance(other, Circle):
+            free &= ~shaded(one, other, looks)
     return free

@@ -19,20 +19,26 @@ from noctule_mapper.refinement.candidates import Candidates
 from noctule_mapper.refinement.model_selection import covariance_of, finalists, fitted_alone
 
 _LEAST_HOPE = 0.45  # of its price that a rough candidate must gain: its corners may pay for the rest
+_BESIDE = 8.0  # a wall of two near feet knows no direction until it meets another
 _ALIKE = 0.01  # metres or radians: another one so near is the same
 _MOST_SQUARE = 16.0  # squared normalised error of what was heard of a corner, beyond what is usual
 
 
 def others_for(
-    old: Reflector | None, unexplained: np.ndarray, library: Sequence[Candidates], data: Evidence, config: MapperConfig
+    old: Reflector | None,
+    rest: Sequence[Reflector],
+    unexplained: np.ndarray,
+    library: Sequence[Candidates],
+    data: Evidence,
+    config: MapperConfig,
 ) -> Iterator[Reflector]:
     """What may take the place of ``old``, or stand beside all if there is none, fitted to the echoes ``unexplained``,
-    bool (n,), by the other objects.
+    bool (n,), by the ``rest`` of the objects.
     """
     its = unexplained if old is None else unexplained & (gains(old, data, config.refinement) > 0)
     for kind in library:
         for _, start in finalists(kind.touching(its), unexplained, data, config, _LEAST_HOPE):
-            fitted = fitted_alone(start, unexplained, data, config)
+            fitted = fitted_alone(start, unexplained, rest, data, config, _BESIDE)
             if fitted is None or (old is not None and _alike(fitted, old)):
                 continue
             if (gains(fitted, data, config.refinement)[its] > 0).any():

@@ -31,7 +31,7 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
     state = State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
     if not len(data.echoes):
         return state
-    ways = _WAYS if len(data.stands.open) and not data.stands.is_doubted.any() else _WAYS[:1]
+    ways = _WAYS if data.has_fine and not data.stands.is_doubted.any() else _WAYS[:1]
     best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
     if data.has_fine:
         best = _improved(best, library, config)
@@ -176,7 +176,7 @@ def _exchanges(state: State, library: Sequence[Candidates], config: MapperConfig
     for old in (None, *state.objects):
         rest = [one for one in state.objects if one is not old]
         unexplained = scene.explain(scene.claims(rest, links_of(rest, scene, config))).unexplained >= 0.5
-        for other in others_for(old, unexplained, library, scene.data, config):
+        for other in others_for(old, rest, unexplained, library, scene.data, config):
             objects = [*rest, other]
             yield objects
             if isinstance(other, Line):
@@ -243,9 +243,10 @@ def _fit_and_link(
         fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
         of_poses = stated_nats(scene.data.stands, fitted.shared, fitted.errors)
         scene = followed(scene, fitted)
+        moved = fitted.fit.objects
         objects = [
-            trimmed(one, _made_mask(number, claims, fitted.share, scene.data), scene.data, config)
-            for number, one in enumerate(fitted.fit.objects)
+            trimmed(one, _made_mask(number, claims, fitted.share, scene.data), moved, scene.data, config)
+            for number, one in enumerate(moved)
         ]
         links = links_of(objects, scene, config)
     return objects, links, scene, of_poses

@@ -20,6 +20,7 @@ from noctule_mapper.refinement.candidates import Candidates
 
 _FINALISTS = 3  # candidates of each kind that may be fitted before the best of all is chosen
 _LEAST_HOPE = 0.6  # of its price: a rough candidate that gains less won't gain it when fitted
+_ALONE = 2.0  # a wall's corners will tell more of its direction than its own echoes do
 _MOST_HOPE = 1.3  # times its rough gain: what a candidate may gain when fitted
 
 
@@ -43,7 +44,7 @@ def add_objects(
         for gain, start in sorted(hopeful, key=lambda rough: prices[type(rough[1])] - rough[0]):
             if _MOST_HOPE * gain - prices[type(start)] < best_worth:
                 continue
-            fitted = fitted_alone(start, free, data, config)
+            fitted = fitted_alone(start, free, objects, data, config)
             if fitted is None:
                 continue
             worth = worth_of(fitted, free, objects, data, config)
@@ -74,19 +75,28 @@ def finalists(
     return found
 
 
-def fitted_alone(start: Reflector, free: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector | None:
-    """``start`` fitted to the ``free`` echoes, bool (n,), that it explains; None where they don't determine it."""
+def fitted_alone(
+    start: Reflector,
+    free: np.ndarray,
+    objects: Sequence[Reflector],
+    data: Evidence,
+    config: MapperConfig,
+    slack: float = _ALONE,
+) -> Reflector | None:
+    """``start`` beside ``objects``, fitted to the ``free`` echoes, bool (n,), that it explains; None where they don't
+    determine it, a wall's direction to within ``slack`` times what a report needs.
+    """
     tried: Reflector = start
     for relax in (3.0, 1.5, 1.0):
         wide = data.respread(relax)
-        tried = trimmed(tried, free & (gains(tried, wide, config.refinement) > 0), data, config)
+        tried = trimmed(tried, free & (gains(tried, wide, config.refinement) > 0), objects, data, config)
         used = free & (gains(tried, wide, config.refinement) > 0)
         if not is_heard_enough(tried, data.take(used), config):
             return None
         tried, covariance = _stepped(_unbounded(tried), wide.take(np.nonzero(used)[0]))
-    tried = trimmed(tried, free & (gains(tried, data, config.refinement) > 0), data, config)
+    tried = trimmed(tried, free & (gains(tried, data, config.refinement) > 0), objects, data, config)
     places = len(np.unique(data.place[free & (gains(tried, data, config.refinement) > 0)]))
-    return tried if determined(tried, covariance, places, data, config, _ALONE) else None
+    return tried if determined(tried, covariance, places, data, config, slack) else None
 
 
 def _stepped(tried: Reflector, used: Evidence) -> tuple[Reflector, np.ndarray]:
@@ -113,7 +123,6 @@ def _weights(residual_m: np.ndarray, used: Evidence) -> tuple[np.ndarray, np.nda
     return weight, weight * used.sigma_m**2 / used.turn_sigma_rad**2
 
 
-_ALONE = 2.0  # a wall's corners will tell more of its direction than its own echoes do
 _WEAK_PRIOR = 1e-2  # per square metre or radian: keeps what no echo determines where it is
 
 
@@ -195,14 +204,16 @@ def _corner_square(wall: Line, made: Evidence) -> float:
 _CORNER_STEPS = 6
 
 
-def trimmed(tried: Reflector, used: np.ndarray, data: Evidence, config: MapperConfig) -> Reflector:
-    """A wall cut to the longest run of its ``used`` feet without a long hole, without a lone foot at its end; anything
-    else as it is.
+def trimmed(
+    tried: Reflector, used: np.ndarray, objects: Sequence[Reflector], data: Evidence, config: MapperConfig
+) -> Reflector:
+    """A wall beside ``objects`` cut to the longest run of its ``used`` feet without a long hole, without a lone foot at
+    its end; anything else as it is.
     """
     if not isinstance(tried, Line) or not used.any():
         return tried
     along = np.sort(tried.along(data.echoes)[used])
-    runs = np.split(along, np.nonzero(_holes(tried, along, data, config))[0] + 1)
+    runs = np.split(along, np.nonzero(_holes(tried, along, objects, data, config))[0] + 1)
     longest = max(runs, key=len)
     for _ in range(2):
         if data.looks is None and len(longest) > 2 and longest[1] - longest[0] > config.refinement.limits.lone_end_m:
@@ -224,13 +235,16 @@ def sure_stretch(wall: Line, made: Evidence) -> Line:
     return Line(wall.theta_rad, wall.rho_m, float((along + slack_m).min()), float((along - slack_m).max()))
 
 
-def _holes(wall: Line, along_m: np.ndarray, data: Evidence, config: MapperConfig) -> np.ndarray:
+def _holes(
+    wall: Line, along_m: np.ndarray, objects: Sequence[Reflector], data: Evidence, config: MapperConfig
+) -> np.ndarray:
     """Between which feet, sorted (n,), the wall has a hole, bool (n - 1,): where nobody looked with a fine sweep, in
     any long gap.
     """
     if data.looks is None:
         return np.diff(along_m) > config.refinement.limits.longest_hole_m
-    silence = [silence_of_stretch(wall, low_m, high_m, data, config.refinement) for low_m, high_m in pairwise(along_m)]
+    stretches = pairwise(along_m)
+    silence = [silence_of_stretch(wall, low, high, data, config.refinement, objects) for low, high in stretches]
     return np.array(silence) > config.refinement.prices.hole_nats
 
 

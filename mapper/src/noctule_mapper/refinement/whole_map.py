@@ -6,7 +6,7 @@ with the walls that are there, freed of the points that its corners replace, and
 with it. In the end a wall of few echoes, or a cylinder, stands only if the best map without it is worth clearly less.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 
 import numpy as np
 
@@ -32,6 +32,7 @@ _MOST_EXCHANGES = 12  # walls and cylinders without which a map is tried
 _ALIKE_RAD, _ALIKE_M = np.radians(2.5), 0.05  # lines that are one wall
 
 Fitted = Callable[[Sequence[Reflector]], State]
+Completed = Callable[[State, Sequence[Line]], State]
 Linked = Callable[[Sequence[Reflector]], list[Link]]
 
 
@@ -43,23 +44,43 @@ def sure_map(
     if len(np.unique(scene.data.place)) > rare.most_places:
         return state
 
-    def completed(start: State, barred: Line | None = None) -> State:
+    def completed(start: State, barred: Sequence[Line] = ()) -> State:
         return _completed(start, library, scene, fitted, linked, config, barred)
 
-    state = completed(state)
-    judged: list[tuple[Reflector, float]] = []
+    state, left_out = completed(state), list[Line]()
+    while True:
+        state, margins = _judged(state, left_out, completed, scene, fitted, rare.weak_echoes)
+        unsure = sorted((margin, number) for number, margin in margins.items() if margin < rare.sure_nats)
+        if not unsure:
+            return state
+        # Two may each be doubtful and yet not both be missing: the others are judged once more beside what is left.
+        weakest = state.objects[unsure[0][1]]
+        left_out += [weakest] if isinstance(weakest, Line) else []
+        state = fitted([one for one in state.objects if one is not weakest])
+        if len(unsure) == 1:
+            return state
+
+
+def _judged(
+    state: State, left_out: Sequence[Line], completed: Completed, scene: Scene, fitted: Fitted, weak_echoes: float
+) -> tuple[State, dict[int, float]]:
+    """The map that is worth most about ``state``, without what is ``left_out``, and by how much the best map without
+    each weak wall, or cylinder, of it is worth less.
+    """
+    margins: dict[int, float] = {}
     for _ in range(_MOST_EXCHANGES):
-        weakest = _weakest(state, [one for one, _ in judged], scene, rare.weak_echoes)
-        if weakest is None:
+        number = _weakest(state, margins, scene, weak_echoes)
+        if number is None:
             break
+        weakest = state.objects[number]
         rest = fitted([one for one in state.objects if one is not weakest])
-        other = completed(rest, barred=weakest if isinstance(weakest, Line) else None)
+        other = completed(rest, [*left_out, weakest] if isinstance(weakest, Line) else left_out)
         if other.worth > state.worth + _LEAST_RISE_NATS:
-            state, judged = completed(other), []  # the wall taken out may stand beside the one found
+            # The wall taken out may stand beside the one found.
+            state, margins = completed(other, left_out), {}
         else:
-            judged.append((weakest, state.worth - other.worth))
-    unsure = [one for one, margin in judged if margin < rare.sure_nats]
-    return fitted([one for one in state.objects if not any(one is weak for weak in unsure)]) if unsure else state
+            margins[number] = state.worth - other.worth
+    return state, margins
 
 
 def _completed(
@@ -69,7 +90,7 @@ def _completed(
     fitted: Fitted,
     linked: Linked,
     config: MapperConfig,
-    barred: Line | None,
+    barred: Sequence[Line],
 ) -> State:
     """The state with more walls, none of them ``barred``, as long as the whole map is worth more with one."""
     while True:
@@ -78,7 +99,7 @@ def _completed(
             if worth < best.worth - _HOPE_NATS:
                 break
             tried = fitted(objects)
-            best = tried if tried.worth > best.worth and not _has(tried.objects, barred) else best
+            best = tried if tried.worth > best.worth and not _has_any(tried.objects, barred) else best
         if best.worth < state.worth + _LEAST_RISE_NATS:
             return _with_points(state, library, scene, fitted, config)
         state = best
@@ -102,7 +123,7 @@ def _with_one_wall_more(
     scene: Scene,
     linked: Linked,
     config: MapperConfig,
-    barred: Line | None,
+    barred: Sequence[Line],
 ) -> list[tuple[float, list[Reflector]]]:
     """Objects with one line more, and what each such map is worth in nats, the best first."""
     solid = [one for one in state.objects if not isinstance(one, Spot)]
@@ -110,20 +131,24 @@ def _with_one_wall_more(
     walls = [one for one in solid if isinstance(one, Line)]
     found = [one.promising(free, _LEAST_LINE_NATS) for one in library if one.kind is Line]
     turned = line_candidates(corner_lines(walls, free, scene.data.echoes, config.refinement), scene.data, config)
-    lines = [one for of in (*found, turned) for one in _lines(of, free, scene, config) if not _has([one], barred)]
-    tried = [_without_needless_points([*state.objects, line], scene, linked) for line in lines]
+    lines = [one for of in (*found, turned) for one in _lines(of, solid, free, scene, config)]
+    allowed = [one for one in lines if not _has_any([one], barred)]
+    tried = [_without_needless_points([*state.objects, line], scene, linked) for line in allowed]
     return sorted(tried, key=lambda one: -one[0])
 
 
-def _lines(lines: Candidates, free: np.ndarray, scene: Scene, config: MapperConfig) -> Iterator[Line]:
-    """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them."""
+def _lines(
+    lines: Candidates, solid: Sequence[Reflector], free: np.ndarray, scene: Scene, config: MapperConfig
+) -> Iterator[Line]:
+    """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them
+    beside the ``solid`` objects."""
     data, found = scene.data, []
     for theta_rad, rho_m in lines.parameters[np.argsort(-(lines.gains @ free.astype(np.float32)))[: 4 * _MOST_TRIED]]:
         line = Line(float(theta_rad), float(rho_m))
-        line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, data, config)
+        line = trimmed(line, (gains(line, data, config.refinement) > 0) & free, solid, data, config)
         gain = gains(line, data, config.refinement) * free
         if len(np.unique(data.place[gain > 0])) >= _LEAST_PLACES:
-            worth = float(gain.sum()) - silence_of(line, data, config.refinement)
+            worth = float(gain.sum()) - silence_of(line, data, config.refinement, solid)
             found.append((worth, line, frozenset(np.nonzero(gain)[0].tolist())))
     seen: set[frozenset[int]] = set()
     for _, line, echoes in sorted(found, key=lambda one: -one[0]):
@@ -147,29 +172,26 @@ def _worth(objects: Sequence[Reflector], scene: Scene, linked: Linked) -> float:
     return scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
 
 
-def _weakest(state: State, judged: Sequence[Reflector], scene: Scene, most_echoes: float) -> Line | Circle | None:
-    """Of the walls and cylinders not yet ``judged`` the one of fewest echoes, None where none is left. Walls of
+def _weakest(state: State, judged: Container[int], scene: Scene, most_echoes: float) -> int | None:
+    """The number of the wall or cylinder of fewest echoes that is not yet ``judged``, None where none is left. Walls of
     ``most_echoes`` or more are sure; a cylinder never is, for two walls may look like a wide one.
     """
     claims = scene.claims(state.objects, state.links)
     share = np.bincount(claims.maker, scene.explain(claims).share, minlength=len(state.objects))
     left = [
-        (float(share[number]), number, one)
+        (float(share[number]), number)
         for number, one in enumerate(state.objects)
-        if (isinstance(one, Circle) or (isinstance(one, Line) and share[number] < most_echoes))
-        and not any(one is known for known in judged)
+        if (isinstance(one, Circle) or (isinstance(one, Line) and share[number] < most_echoes)) and number not in judged
     ]
-    return min(left)[2] if left else None
+    return min(left)[1] if left else None
 
 
-def _has(objects: Sequence[Reflector], wall: Line | None) -> bool:
-    """Whether one of the objects is that wall, or nearly."""
-    if wall is None:
-        return False
-    middle = wall.at((wall.low_m + wall.high_m) / 2)
-    return any(
-        isinstance(one, Line)
-        and abs(wrapped(np.array(one.theta_rad - wall.theta_rad))) < _ALIKE_RAD
-        and abs(float(one.normal @ middle) - one.rho_m) < _ALIKE_M
-        for one in objects
-    )
+def _has_any(objects: Sequence[Reflector], walls: Sequence[Line]) -> bool:
+    """Whether one of the objects is one of the walls, or nearly."""
+    return any(isinstance(one, Line) and _are_alike(one, wall) for one in objects for wall in walls)
+
+
+def _are_alike(one: Line, wall: Line) -> bool:
+    turn_rad = float(wrapped(np.array(one.theta_rad - wall.theta_rad)))
+    away_m = float(one.normal @ wall.at((wall.low_m + wall.high_m) / 2)) - one.rho_m
+    return abs(turn_rad) < _ALIKE_RAD and abs(away_m) < _ALIKE_M
