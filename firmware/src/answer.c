@@ -5,6 +5,7 @@
 #include "../hal/stack.h"
 #include "../hal/timebase.h"
 #include "../hal/uart.h"
+#include "check.h"
 #include "core/bearing.h"
 #include "core/cobs.h"
 #include "core/crc.h"
@@ -126,6 +127,15 @@ void answer_settings(uint8_t request)
     add8(settings_are_stored());
     for (uint8_t i = 0; i < SETTINGS_BYTES; i++)
         add8(settings[i]);
+    end();
+}
+
+void answer_mechanics(uint8_t request)
+{
+    int16_t slip = check_slip();
+    begin(FRAME_MECHANICS_ANSWER);
+    add8(request);
+    add16(slip == SLIP_UNKNOWN ? BEARING_UNKNOWN : bearing_of_half_step(slip));
     end();
 }
 

@@ -156,6 +156,9 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
     case FRAME_SETTINGS:
         transmit_settings(request);
         break;
+    case FRAME_MECHANICS:
+        transmit_mechanics(request);
+        break;
     case FRAME_ACK:
     case FRAME_ACK_2:
         delivery_acknowledge(frame + 1, length - 1);

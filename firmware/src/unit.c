@@ -5,6 +5,7 @@
 
 #include "../hal/round.h"
 #include "../hal/stepper.h"
+#include "check.h"
 #include "core/backlash.h"
 #include "core/bearing.h"
 #include "core/protocol.h"
@@ -40,9 +41,8 @@ static void become(enum activity next)
 
 static void begin_homing(void)
 {
-    homed = false;
     fault = FAULT_NONE;
-    homing_begin(&calibration);
+    homing_begin(&calibration, homed);
     become(HOMING);
 }
 
@@ -52,7 +52,7 @@ static void go_on(void)
     if (!started && !single) {
         stepper_release();
         become(RESTING);
-    } else if (!homed) {
+    } else if (!homed || check_is_due(&calibration, motor_half_step())) {
         begin_homing();
     } else if (record_has_room(plan.count)) {
         sweep_begin(&plan, waypoint);
@@ -65,6 +65,8 @@ static void go_on(void)
 
 static void end_homing(enum homing_outcome outcome)
 {
+    if (outcome == HOMING_FOUND)
+        check_end(homed ? homing_slip() : SLIP_UNKNOWN);
     homed = outcome == HOMING_FOUND;
     if (!homed) {
         fault = outcome == HOMING_NO_SWITCH ? FAULT_NO_HOME_SWITCH : FAULT_HOME_STAYS_CLOSED;
@@ -77,6 +79,7 @@ static void end_homing(enum homing_outcome outcome)
 static void end_sweep(void)
 {
     single = false;
+    check_count_sweep();
     if (!started || pause_rounds == 0) {
         go_on();
         return;
@@ -171,6 +174,7 @@ uint8_t unit_stop(void)
         motor_end_after(0);
     } else if (activity == HOMING) {
         motor_end_after(0);
+        homed = homed && calibration.home != HOME_STOP; // the motor may have fallen back
         activity = ABANDONING; // no news: for the host that is homing too
     } else if (unit_is_at_rest()) {
         go_on();
@@ -245,7 +249,8 @@ bool unit_take_news(void)
 
 uint8_t unit_flags(void)
 {
-    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0);
+    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0) | (check_slipped() ? STATUS_SLIPPED : 0) |
+           check_number() << STATUS_NUMBER_SHIFT;
 }
 
 uint8_t unit_fault(void)

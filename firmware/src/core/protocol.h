@@ -25,6 +25,7 @@ enum frame_type {
     FRAME_UPDATE = 0x11,
     FRAME_ACK = 0x12,
     FRAME_FOR = 0x13, // names the unit that the frame in it is for
+    FRAME_MECHANICS = 0x15,
 
     FRAME_PUT = 0x20, // from here on to the loader only
     FRAME_PROGRAM = 0x21,
@@ -37,6 +38,7 @@ enum frame_type {
     FRAME_RESULT = 0x84,
     FRAME_REJECTED = 0x85,
     FRAME_SETTINGS_ANSWER = 0x86,
+    FRAME_MECHANICS_ANSWER = 0x87,
     FRAME_LOADER = 0x8A,
     FRAME_SWEEP_2 = 0x90, // of protocol 2; the ring may still hold some when the firmware has been updated
     FRAME_SWEEP = 0x91,
@@ -67,8 +69,13 @@ enum stay { STAY_ASKED, STAY_NO_APPLICATION, STAY_NOT_CONFIRMED, STAY_FLASH_FAIL
 
 #define STATUS_HOMED 0x01
 #define STATUS_STARTED 0x02
+#define STATUS_SLIPPED 0x04
+#define STATUS_NUMBER_SHIFT 4 // of what MECHANICS tells: a host that sees another asks
 
 #define SWEEP_DECREASING 0x01
+#define SWEEP_SLIPPED 0x02
+#define SWEEP_SUSPECT_SHIFT 2 // sweeps before this one
+#define BEARING_UNKNOWN 0x7FFF
 #define TEMPERATURE_NOT_MEASURED 0x7FFF
 #define WAYPOINT_NONE 0xFFFF
 #define SERIAL_NONE 0xFFFFFFFFUL

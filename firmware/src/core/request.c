@@ -14,6 +14,7 @@ uint8_t request_length(uint8_t type)
     case FRAME_STORE:
     case FRAME_RESET:
     case FRAME_SETTINGS:
+    case FRAME_MECHANICS:
         return 2;
     case FRAME_HELLO:
         return 3;

@@ -14,6 +14,7 @@ from noctule_gateway.link.events import (
     Event,
     Identified,
     InLoader,
+    MechanicsRead,
     OrderSettled,
     Refused,
     SettingsRead,
@@ -198,6 +199,10 @@ class UnitServer:
                     changed = self._state.status is None or read.state != self._state.status.state
                     self._state = self._state.said(read)
                     self._report_due_s = 0.0 if changed else self._report_due_s
+                case MechanicsRead(mechanics):
+                    self._state = self._state.measured(mechanics)
+                    self._intake.checked(mechanics)
+                    self._report_due_s = 0.0
                 case SettingsRead():
                     self._commands.settings_read()
                 case SweepRead(sweep):

@@ -28,6 +28,7 @@ NO_SERIAL = 0xFFFFFFFF
 NO_LIFE = 0  # of a unit of protocol 2
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
+NO_SLIP = 0x7FFF
 FIRST_NO_ECHO = 0xFFFFF0  # from here on an echo field names a kind of no echo
 MAX_READINGS = 64
 MAX_REQUEST = 255
@@ -103,6 +104,12 @@ class AskStatus:
 @dataclass(frozen=True)
 class AskClock:
     TYPE: ClassVar = 0x03
+    request: U8
+
+
+@dataclass(frozen=True)
+class AskMechanics:
+    TYPE: ClassVar = 0x15
     request: U8
 
 
@@ -322,6 +329,16 @@ class Status:
         """The unit goes on sweeping until STOP."""
         return bool(self.flags & 0x02)
 
+    @property
+    def slipped(self) -> bool:
+        """The latest check found the bearings off: the motor may slip again."""
+        return bool(self.flags & 0x04)
+
+    @property
+    def mechanics_number(self) -> int:
+        """Another one than last time: MECHANICS has changed. Always 0 in firmware before 0.5, which has none."""
+        return self.flags >> 4
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -367,6 +384,13 @@ class Settings:
 
 
 @dataclass(frozen=True)
+class Mechanics:
+    TYPE: ClassVar = 0x87
+    request: U8
+    slip: I16  # a bearing, or NO_SLIP
+
+
+@dataclass(frozen=True)
 class Loader:
     TYPE: ClassVar = 0x8A
     request: U8
@@ -400,6 +424,8 @@ class Sweep2:
     temperature: I16  # 0.01 degrees C
     flags: U8
     readings: tuple[Reading, ...]
+    slipped: ClassVar = False  # no firmware of then checks its bearings
+    suspect_before: ClassVar = 0
 
     @property
     def boot_of_life(self) -> int:
@@ -425,13 +451,23 @@ class Sweep:
         """As in Hello."""
         return self.life << 16 | self.boot
 
+    @property
+    def slipped(self) -> bool:
+        """The unit's latest check found its bearings off: the motor may slip again."""
+        return bool(self.flags & 0x02)
 
-Enquiry = AskHello | AskStatus | AskClock | AskSettings
+    @property
+    def suspect_before(self) -> int:
+        """So many sweeps before this one were made with bearings that a check found to be off."""
+        return self.flags >> 2
+
+
+Enquiry = AskHello | AskStatus | AskClock | AskSettings | AskMechanics
 Order = (
     Configure | Start | Stop | Single | Home | SetWaypoint | GoTo | Calibrate | TrimTemperature | Store | Reset | Update
 )
 LoaderOrder = Put | Program | Install | Run
 AnySweep = Sweep | Sweep2
 HostFrame = Enquiry | Order | For | LoaderOrder | Ack | Ack2
-UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | AnySweep
+UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Mechanics | Loader | AnySweep
 Frame = HostFrame | UnitFrame
