@@ -14,6 +14,7 @@
 #include "core/ring.h"
 #include "counters.h"
 #include "life.h"
+#include "measure.h"
 #include "motor.h"
 #include "settings.h"
 #include "thermometer.h"
@@ -35,6 +36,12 @@ static void add16(uint16_t value)
 {
     add8((uint8_t)value);
     add8(value >> 8);
+}
+
+static void add24(uint32_t value)
+{
+    add16((uint16_t)value);
+    add8(value >> 16);
 }
 
 static void add32(uint32_t value)
@@ -136,6 +143,17 @@ void answer_mechanics(uint8_t request)
     begin(FRAME_MECHANICS_ANSWER);
     add8(request);
     add16(slip == SLIP_UNKNOWN ? BEARING_UNKNOWN : bearing_of_half_step(slip));
+    add8(measured.kind);
+    add8(measured.outcome);
+    for (uint8_t way = 0; way < 2; way++) {
+        add8(measured.edges[way]);
+        for (uint8_t i = 0; i < MEASURE_EDGES; i++)
+            add16(measured.edge[way][i]);
+    }
+    add16(measured.top);
+    add16(measured.supply);
+    add24(measured.lag);
+    add24(measured.width);
     end();
 }
 

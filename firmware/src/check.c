@@ -48,7 +48,7 @@ int16_t check_slip(void)
 
 uint8_t check_number(void)
 {
-    return number & 0x0F;
+    return number;
 }
 
 bool check_slipped(void)

@@ -20,7 +20,7 @@ bool check_is_due(const __xdata struct calibration *calibration, int16_t half_st
 // Home was found, with the sensor's bearings `slip` half steps too high before, or SLIP_UNKNOWN.
 void check_end(int16_t slip);
 
-// The latest slip, in half steps, and the number of homes found, modulo 16.
+// The latest slip, in half steps, and the number of homes found.
 int16_t check_slip(void);
 uint8_t check_number(void);
 

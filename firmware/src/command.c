@@ -80,6 +80,8 @@ static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
         return store();
     case FRAME_RESET:
         return reset();
+    case FRAME_MEASURE:
+        return unit_measure(payload[0]);
     case FRAME_UPDATE:
         return update_begin(get32(payload));
     default:

@@ -23,6 +23,10 @@ def told(flags: int) -> frames.Sweep:
     return frames.Sweep(1, 1, 7, 1, 0, NO_WAYPOINT, NO_TEMPERATURE, flags, ())
 
 
+def mechanics(slip: int) -> Mechanics:
+    return Mechanics(1, slip, *14 * (0,))
+
+
 def marked(check: StepCheck, flags: int, **fields: Any) -> Sweep:
     sweep = Sweep(clock_epoch="e1", **fields)
     sweep.start.FromSeconds(60)
@@ -45,7 +49,7 @@ def test_what_the_sweeps_show_stays_and_more_suspects_win() -> None:
 
 def test_the_fault_says_by_how_much_since_when_and_what_to_do_until_a_check_finds_none() -> None:
     check = StepCheck("attic", "u1")
-    check.checked(Mechanics(1, TWO_DEGREES))
+    check.checked(mechanics(TWO_DEGREES))
     marked(check, SLIPPED | 10 << 2)
     turned = UnitFault(kind=FAULT_KIND_TURNED)
     fault, other = check.added_to([turned, UnitFault(kind=FAULT_KIND_SLIPPED)], "e1")
@@ -59,7 +63,7 @@ def test_the_fault_says_by_how_much_since_when_and_what_to_do_until_a_check_find
 
 @pytest.mark.parametrize(("slip", "slip_deg"), [(TWO_DEGREES, 2.0), (-TWO_DEGREES, -2.0), (NO_SLIP, None)])
 def test_the_status_tells_the_latest_slip(slip: int, slip_deg: float | None) -> None:
-    status = unit_status.message(UnitState().measured(Mechanics(1, slip)), UNIT)
+    status = unit_status.message(UnitState().measured(mechanics(slip)), UNIT)
     assert status.HasField("slip_rad") == (slip_deg is not None)
     if slip_deg is not None:
         assert degrees(status.slip_rad) == pytest.approx(slip_deg, abs=0.01)

@@ -25,6 +25,7 @@ enum frame_type {
     FRAME_UPDATE = 0x11,
     FRAME_ACK = 0x12,
     FRAME_FOR = 0x13, // names the unit that the frame in it is for
+    FRAME_MEASURE = 0x14,
     FRAME_MECHANICS = 0x15,
 
     FRAME_PUT = 0x20, // from here on to the loader only
@@ -58,7 +59,20 @@ enum result {
 
 enum reason { REASON_NONE, REASON_UNREADABLE, REASON_UNKNOWN_TYPE, REASON_WRONG_LENGTH, REASON_TOO_LONG };
 
-enum state { STATE_IDLE, STATE_SWEEPING, STATE_HOMING, STATE_WAITING, STATE_FAULT, STATE_PAUSING, STATE_TURNING };
+enum state { STATE_IDLE, STATE_SWEEPING, STATE_HOMING, STATE_WAITING, STATE_FAULT, STATE_PAUSING, STATE_TURNING, STATE_MEASURING };
+
+// What MEASURE measures: play, by one edge of the home switch from both sides; a turn, from edge to edge; a round of
+// a sweep's way; one ping.
+enum measure_kind { MEASURE_PLAY, MEASURE_TURN, MEASURE_ROUND, MEASURE_PING };
+
+enum measure_outcome {
+    MEASURED_NOTHING,
+    MEASURED_UNDER_WAY,
+    MEASURED_DONE,
+    MEASURED_NO_SWITCH,
+    MEASURED_STAYS_CLOSED,
+    MEASURED_STOPPED,
+};
 
 enum fault { FAULT_NONE, FAULT_NO_HOME_SWITCH, FAULT_HOME_STAYS_CLOSED };
 

@@ -195,6 +195,7 @@ class UnitStatus(_message.Message):
         STATE_FAULT: _ClassVar[UnitStatus.State]
         STATE_PAUSED: _ClassVar[UnitStatus.State]
         STATE_TURNING: _ClassVar[UnitStatus.State]
+        STATE_MEASURING: _ClassVar[UnitStatus.State]
         STATE_LOADER: _ClassVar[UnitStatus.State]
     STATE_UNSPECIFIED: UnitStatus.State
     STATE_DISCONNECTED: UnitStatus.State
@@ -205,6 +206,7 @@ class UnitStatus(_message.Message):
     STATE_FAULT: UnitStatus.State
     STATE_PAUSED: UnitStatus.State
     STATE_TURNING: UnitStatus.State
+    STATE_MEASURING: UnitStatus.State
     STATE_LOADER: UnitStatus.State
     class CountersEntry(_message.Message):
         __slots__ = ("key", "value")
@@ -377,14 +379,37 @@ class Caller(_message.Message):
     signature: bytes
     def __init__(self, session: _Optional[str] = ..., certificate: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
 
+class Measurement(_message.Message):
+    __slots__ = ("name", "value", "verdict", "words")
+    class Verdict(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        VERDICT_UNSPECIFIED: _ClassVar[Measurement.Verdict]
+        VERDICT_GOOD: _ClassVar[Measurement.Verdict]
+        VERDICT_BAD: _ClassVar[Measurement.Verdict]
+        VERDICT_UNKNOWN: _ClassVar[Measurement.Verdict]
+    VERDICT_UNSPECIFIED: Measurement.Verdict
+    VERDICT_GOOD: Measurement.Verdict
+    VERDICT_BAD: Measurement.Verdict
+    VERDICT_UNKNOWN: Measurement.Verdict
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_FIELD_NUMBER: _ClassVar[int]
+    WORDS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    value: float
+    verdict: Measurement.Verdict
+    words: str
+    def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., verdict: _Optional[_Union[Measurement.Verdict, str]] = ..., words: _Optional[str] = ...) -> None: ...
+
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "under_way")
+    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "measurements", "under_way")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     DETAIL_FIELD_NUMBER: _ClassVar[int]
+    MEASUREMENTS_FIELD_NUMBER: _ClassVar[int]
     UNDER_WAY_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
@@ -392,8 +417,9 @@ class CommandReply(_message.Message):
     status: UnitStatus
     settings: UnitSettings
     detail: str
+    measurements: _containers.RepeatedCompositeFieldContainer[Measurement]
     under_way: bool
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., under_way: _Optional[bool] = ...) -> None: ...
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., measurements: _Optional[_Iterable[_Union[Measurement, _Mapping]]] = ..., under_way: _Optional[bool] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence", "time")

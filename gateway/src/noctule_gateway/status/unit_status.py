@@ -16,6 +16,7 @@ _STATES: dict[int, UnitStatus.State] = {
     State.FAULT: UnitStatus.STATE_FAULT,
     State.PAUSING: UnitStatus.STATE_PAUSED,
     State.TURNING: UnitStatus.STATE_TURNING,
+    State.MEASURING: UnitStatus.STATE_MEASURING,
 }
 _FAULTS = {
     1: "no home switch found within a turn: check the switch and the motor's wiring",

@@ -29,6 +29,7 @@ NO_LIFE = 0  # of a unit of protocol 2
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
 NO_SLIP = 0x7FFF
+NEVER = 0xFFFFFF
 FIRST_NO_ECHO = 0xFFFFF0  # from here on an echo field names a kind of no echo
 MAX_READINGS = 64
 MAX_REQUEST = 255
@@ -54,6 +55,27 @@ class State(IntEnum):
     FAULT = 4
     PAUSING = 5
     TURNING = 6
+    MEASURING = 7
+
+
+class MeasureKind(IntEnum):
+    """What a unit measures of itself."""
+
+    PLAY = 0
+    TURN = 1
+    ROUND = 2
+    PING = 3
+
+
+class Measured(IntEnum):
+    """What became of that."""
+
+    NOTHING = 0
+    UNDER_WAY = 1
+    DONE = 2
+    NO_SWITCH = 3
+    STAYS_CLOSED = 4
+    STOPPED = 5
 
 
 class HomeKind(IntEnum):
@@ -199,6 +221,13 @@ class Reset:
 class AskSettings:
     TYPE: ClassVar = 0x0F
     request: U8
+
+
+@dataclass(frozen=True)
+class Measure:
+    TYPE: ClassVar = 0x14
+    request: U8
+    kind: U8  # a MeasureKind
 
 
 @dataclass(frozen=True)
@@ -388,6 +417,20 @@ class Mechanics:
     TYPE: ClassVar = 0x87
     request: U8
     slip: I16  # a bearing, or NO_SLIP
+    kind: U8  # of the latest measurement, a MeasureKind
+    outcome: U8  # a Measured
+    ups: U8  # how many edges of the home switch it saw on the way up, at these half steps of the motor
+    up_1: I16
+    up_2: I16
+    up_3: I16
+    downs: U8
+    down_1: I16
+    down_2: I16
+    down_3: I16
+    top: I16
+    supply: I16  # VDD above the reference, in 1/512 of that
+    lag: U24  # of a ping's ECHO, in ticks, or NEVER
+    width: U24
 
 
 @dataclass(frozen=True)
@@ -464,7 +507,19 @@ class Sweep:
 
 Enquiry = AskHello | AskStatus | AskClock | AskSettings | AskMechanics
 Order = (
-    Configure | Start | Stop | Single | Home | SetWaypoint | GoTo | Calibrate | TrimTemperature | Store | Reset | Update
+    Configure
+    | Start
+    | Stop
+    | Single
+    | Home
+    | SetWaypoint
+    | GoTo
+    | Calibrate
+    | TrimTemperature
+    | Store
+    | Reset
+    | Update
+    | Measure
 )
 LoaderOrder = Put | Program | Install | Run
 AnySweep = Sweep | Sweep2

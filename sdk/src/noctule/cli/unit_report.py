@@ -15,6 +15,7 @@ from noctule.plain_text import plain
 from noctule.unit_summary import UnitSummary
 
 _TIMEOUT_S = 10.0
+_NOT_MEASURED = "nothing since its gateway began: noctule rpc SITE UNIT self_test"
 
 
 def unit_report(
@@ -52,7 +53,8 @@ def _summary(client: Client, unit: str, count: int) -> UnitSummary:
         why = str(error)
     first = max(status.log_head - count + 1, 1)
     records = client.log(unit, first, max=max(count, 1)) if count and status.log_head else None
-    return UnitSummary(status, settings, why, list(records.sweeps) if records is not None else [])
+    swept = list(records.sweeps) if records is not None else []
+    return UnitSummary(status, settings, why, swept, list(told.measurements))
 
 
 def _lines(site: str, summary: UnitSummary) -> list[str]:
@@ -66,4 +68,6 @@ def _lines(site: str, summary: UnitSummary) -> list[str]:
         lines += replies.lines(status.unit, "settings", known)
     else:
         lines.append(f"{status.unit}: its settings are not known: {summary.settings_error}")
+    lines += ["", f"{status.unit}: what it has measured of itself"]
+    lines += replies.measurements(summary.measurements) if summary.measurements else [f"  {_NOT_MEASURED}"]
     return [*lines, "", f"{status.unit}: its last sweeps", *summary.sweep_lines()]
