@@ -8,8 +8,8 @@
 
 #include "../hal/pins.h"
 #include "../hal/stepper.h"
-#include "check.h"
 #include "core/bearing.h"
+#include "core/check.h"
 #include "core/ramp.h"
 #include "motor.h"
 

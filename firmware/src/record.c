@@ -2,7 +2,7 @@
 #include "record.h"
 
 #include "../hal/timebase.h"
-#include "check.h"
+#include "core/check.h"
 #include "core/memory.h"
 #include "core/protocol.h"
 #include "core/ring.h"

@@ -5,9 +5,9 @@
 
 #include "../hal/round.h"
 #include "../hal/stepper.h"
-#include "check.h"
 #include "core/backlash.h"
 #include "core/bearing.h"
+#include "core/check.h"
 #include "core/protocol.h"
 #include "core/ramp.h"
 #include "homing.h"

@@ -2,6 +2,7 @@
 
 from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -170,3 +171,21 @@ def test_a_reset_in_its_midst_ends_it(tmp_path: Path) -> None:
         unit.inject("reset_pin")
         desk.wait_for(reply.done, 30.0)
         assert reply.result().error == "the unit was reset"
+
+
+def test_a_unit_with_a_stop_tests_what_needs_no_switch(tmp_path: Path) -> None:
+    with desk_with(tmp_path, 'home = "none"\nstop_deg = 160.0') as (_unit, desk):
+        home = frames.Calibrate(0, round(4075.7728 * 256), 0, frames.HomeKind.STOP, round(-160 / 360 * 65536))
+        desk.carry_out(home, 5.0)
+        reply = desk.reply("self_test")
+        assert (reply.done, reply.detail) == (True, "nothing found wrong")
+        without_switch = ["home_switch", "backlash_half_steps", "round_half_steps_lost"]
+        assert list(verdicts(reply, Measurement.VERDICT_UNKNOWN)) == without_switch
+        assert "without a home switch" in desk.reply("measure_gear").error
+
+
+def test_firmware_that_can_not_measure_is_named(tmp_path: Path) -> None:
+    with desk_with(tmp_path) as (_unit, desk):
+        assert desk.known.hello is not None
+        desk.known = desk.known.identified(replace(desk.known.hello, version_minor=4))
+        assert "firmware 0.4.0 can't measure the unit: update it" in desk.reply("self_test").error

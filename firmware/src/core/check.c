@@ -1,8 +1,8 @@
 // When the bearings are checked, and what the sweeps say of it.
 #include "check.h"
 
-#include "core/memory.h"
-#include "core/protocol.h"
+#include "memory.h"
+#include "protocol.h"
 
 #define EVERY 10 // sweeps; an even number ends near home
 #define EVERY_AGAINST_STOP 30 // which is no good to either

@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "core/calibration.h"
-#include "core/memory.h"
+#include "calibration.h"
+#include "memory.h"
 
 // A slip that nobody knows: before the first check, and against an end stop.
 #define SLIP_UNKNOWN 0x7FFF
