@@ -195,8 +195,8 @@ class UnitStatus(_message.Message):
         STATE_FAULT: _ClassVar[UnitStatus.State]
         STATE_PAUSED: _ClassVar[UnitStatus.State]
         STATE_TURNING: _ClassVar[UnitStatus.State]
-        STATE_MEASURING: _ClassVar[UnitStatus.State]
         STATE_LOADER: _ClassVar[UnitStatus.State]
+        STATE_MEASURING: _ClassVar[UnitStatus.State]
     STATE_UNSPECIFIED: UnitStatus.State
     STATE_DISCONNECTED: UnitStatus.State
     STATE_IDLE: UnitStatus.State
@@ -206,8 +206,8 @@ class UnitStatus(_message.Message):
     STATE_FAULT: UnitStatus.State
     STATE_PAUSED: UnitStatus.State
     STATE_TURNING: UnitStatus.State
-    STATE_MEASURING: UnitStatus.State
     STATE_LOADER: UnitStatus.State
+    STATE_MEASURING: UnitStatus.State
     class CountersEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -380,7 +380,7 @@ class Caller(_message.Message):
     def __init__(self, session: _Optional[str] = ..., certificate: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
 
 class Measurement(_message.Message):
-    __slots__ = ("name", "value", "verdict", "words")
+    __slots__ = ("name", "value", "verdict", "words", "time")
     class Verdict(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         VERDICT_UNSPECIFIED: _ClassVar[Measurement.Verdict]
@@ -395,31 +395,33 @@ class Measurement(_message.Message):
     VALUE_FIELD_NUMBER: _ClassVar[int]
     VERDICT_FIELD_NUMBER: _ClassVar[int]
     WORDS_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
     name: str
     value: float
     verdict: Measurement.Verdict
     words: str
-    def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., verdict: _Optional[_Union[Measurement.Verdict, str]] = ..., words: _Optional[str] = ...) -> None: ...
+    time: _timestamp_pb2.Timestamp
+    def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., verdict: _Optional[_Union[Measurement.Verdict, str]] = ..., words: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
 
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "measurements", "under_way")
+    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "under_way", "measurements")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     STATUS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     DETAIL_FIELD_NUMBER: _ClassVar[int]
-    MEASUREMENTS_FIELD_NUMBER: _ClassVar[int]
     UNDER_WAY_FIELD_NUMBER: _ClassVar[int]
+    MEASUREMENTS_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
     error: str
     status: UnitStatus
     settings: UnitSettings
     detail: str
-    measurements: _containers.RepeatedCompositeFieldContainer[Measurement]
     under_way: bool
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., measurements: _Optional[_Iterable[_Union[Measurement, _Mapping]]] = ..., under_way: _Optional[bool] = ...) -> None: ...
+    measurements: _containers.RepeatedCompositeFieldContainer[Measurement]
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., under_way: _Optional[bool] = ..., measurements: _Optional[_Iterable[_Union[Measurement, _Mapping]]] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence", "time")

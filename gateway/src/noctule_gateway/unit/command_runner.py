@@ -186,6 +186,8 @@ class CommandRunner:
             return
         self._measuring = None
         found = self._measured[command.name] = measuring.measurements(self._status())
+        for each in found:
+            each.time.FromNanoseconds(time.time_ns())
         why = measuring.failure()
         command.reply.set_result(
             CommandReply(

@@ -1,6 +1,8 @@
 """The command that prints all that is known of one unit, to be filed with it."""
 
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +12,7 @@ from noctule.cli import replies
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined, nothing_found
 from noctule.client import Client
 from noctule.errors import BusError, NotServedError, ReportError
-from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
+from noctule.messages_pb2 import CommandReply, CommandRequest, Measurement, UnitStatus
 from noctule.plain_text import plain
 from noctule.unit_summary import UnitSummary
 
@@ -69,5 +71,14 @@ def _lines(site: str, summary: UnitSummary) -> list[str]:
     else:
         lines.append(f"{status.unit}: its settings are not known: {summary.settings_error}")
     lines += ["", f"{status.unit}: what it has measured of itself"]
-    lines += replies.measurements(summary.measurements) if summary.measurements else [f"  {_NOT_MEASURED}"]
+    lines += _measured(summary.measurements)
     return [*lines, "", f"{status.unit}: its last sweeps", *summary.sweep_lines()]
+
+
+def _measured(found: Sequence[Measurement]) -> Iterator[str]:
+    """The figures, under the minute in which they were measured."""
+    if not found:
+        yield f"  {_NOT_MEASURED}"
+    for minute, group in groupby(found, lambda each: f"{each.time.ToDatetime():%Y-%m-%d %H:%M} UTC"):
+        yield f"  {minute}"
+        yield from replies.measurements(group)
