@@ -52,7 +52,8 @@ def measurement(passes: Sequence[Mechanics], calibration: Calibrate) -> Measurem
     turn = mean(turns)
     if max(turns) - min(turns) > _AGREES:
         told = ", ".join(map(str, turns))
-        return bad(NAME, f"a turn is {told} half steps, up and down by turns: the motor loses steps", turn)
+        why = "the motor loses steps, or the switch's line is disturbed"
+        return bad(NAME, f"a turn is {told} half steps, up and down by turns: {why}", turn)
     gear = next((each for each in GEARS if abs(turn - each.half_steps_per_turn) <= _AGREES), None)
     named = f"gear {gear.words}" if gear else "no gear known here"
     words = f"{turn:.1f} half steps a turn: {named}"
