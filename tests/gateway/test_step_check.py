@@ -57,6 +57,9 @@ def test_the_fault_says_by_how_much_since_when_and_what_to_do_until_a_check_find
     assert "bearings were off by +2.0 degrees" in sentence(fault)
     assert "since 1970-01-01 00:01 UTC" in sentence(fault) and "noctule rpc attic u1 home" in sentence(fault)
     assert not check.added_to([], "e2")[0].HasField("since")  # the clock has been set
+    check.checked(mechanics(-TWO_DEGREES))
+    marked(check, SLIPPED | 2 << 2)
+    assert check.added_to([], "e1") == [fault]  # the log gets a line for each change of words
     marked(check, 0)
     assert check.added_to([], "e1") == []
 

@@ -16,7 +16,8 @@ class StepCheck:
 
     def __init__(self, site: str, unit: str) -> None:
         self._address = f"{site} {unit}"
-        self._slip_deg: float | None = None
+        self._slip_deg: float | None = None  # at the latest check
+        self._first_slip_deg: float | None = None  # of the fault that stands: its words are to stay the same
         self._since: tuple[int, str] | None = None  # start of the first sweep that says so (ns), and its clock's epoch
 
     def checked(self, mechanics: Mechanics) -> None:
@@ -32,7 +33,8 @@ class StepCheck:
         if not told.slipped:
             self._since = None
             return False
-        self._since = self._since or (sweep.start.ToNanoseconds(), sweep.clock_epoch)
+        if self._since is None:
+            self._since, self._first_slip_deg = (sweep.start.ToNanoseconds(), sweep.clock_epoch), self._slip_deg
         alone = not sweep.faults
         if FAULT_KIND_SLIPPED not in sweep.faults:
             sweep.faults.append(FAULT_KIND_SLIPPED)
@@ -45,7 +47,7 @@ class StepCheck:
         return [self._fault(*self._since, clock_epoch), *(one for one in found if one.kind != FAULT_KIND_SLIPPED)]
 
     def _fault(self, since_ns: int, epoch: str, clock_epoch: str) -> UnitFault:
-        amount = "" if self._slip_deg is None else f" by {self._slip_deg:+.1f} degrees"
+        amount = "" if self._first_slip_deg is None else f" by {self._first_slip_deg:+.1f} degrees"
         fault = UnitFault(
             kind=FAULT_KIND_SLIPPED,
             confidence=_SURE,
