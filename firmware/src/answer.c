@@ -6,6 +6,7 @@
 #include "../hal/timebase.h"
 #include "../hal/uart.h"
 #include "core/bearing.h"
+#include "core/check.h"
 #include "core/cobs.h"
 #include "core/crc.h"
 #include "core/memory.h"
@@ -13,6 +14,7 @@
 #include "core/ring.h"
 #include "counters.h"
 #include "life.h"
+#include "measure.h"
 #include "motor.h"
 #include "settings.h"
 #include "thermometer.h"
@@ -34,6 +36,12 @@ static void add16(uint16_t value)
 {
     add8((uint8_t)value);
     add8(value >> 8);
+}
+
+static void add24(uint32_t value)
+{
+    add16((uint16_t)value);
+    add8(value >> 16);
 }
 
 static void add32(uint32_t value)
@@ -126,6 +134,26 @@ void answer_settings(uint8_t request)
     add8(settings_are_stored());
     for (uint8_t i = 0; i < SETTINGS_BYTES; i++)
         add8(settings[i]);
+    end();
+}
+
+void answer_mechanics(uint8_t request)
+{
+    int16_t slip = check_slip();
+    begin(FRAME_MECHANICS_ANSWER);
+    add8(request);
+    add16(slip == SLIP_UNKNOWN ? BEARING_UNKNOWN : bearing_of_half_step(slip));
+    add8(measured.kind);
+    add8(measured.outcome);
+    for (uint8_t way = 0; way < 2; way++) {
+        add8(measured.edges[way]);
+        for (uint8_t i = 0; i < MEASURE_EDGES; i++)
+            add16(measured.edge[way][i]);
+    }
+    add16(measured.top);
+    add16(measured.supply);
+    add24(measured.lag);
+    add24(measured.width);
     end();
 }
 

@@ -11,6 +11,7 @@ void answer_hello(uint8_t request, uint8_t protocol); // the host's
 void answer_status(uint8_t request);
 void answer_clock(uint8_t request, uint32_t received, uint32_t sent);
 void answer_settings(uint8_t request);
+void answer_mechanics(uint8_t request);
 void answer_result(uint8_t request, uint8_t command, uint8_t result);
 void answer_rejected(uint8_t reason, uint8_t type);
 

@@ -80,6 +80,8 @@ static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
         return store();
     case FRAME_RESET:
         return reset();
+    case FRAME_MEASURE:
+        return unit_measure(payload[0]);
     case FRAME_UPDATE:
         return update_begin(get32(payload));
     default:
@@ -155,6 +157,9 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         break;
     case FRAME_SETTINGS:
         transmit_settings(request);
+        break;
+    case FRAME_MECHANICS:
+        transmit_mechanics(request);
         break;
     case FRAME_ACK:
     case FRAME_ACK_2:

@@ -27,6 +27,8 @@ static __xdata uint32_t triggered;
 static __xdata uint32_t trigger_ended;
 static __xdata uint32_t interval_ticks;
 static __xdata uint32_t value;
+static __xdata uint32_t lag;
+static __xdata uint32_t width;
 static __xdata uint8_t stuck; // readings in a row that found the line stuck high
 static __xdata uint32_t cut; // when the sensor's power was
 
@@ -95,7 +97,7 @@ static void await_interval(void)
 
 static uint32_t measured(uint32_t rise, uint32_t fall)
 {
-    uint32_t width = fall - rise;
+    width = fall - rise;
     if (width < SHORTEST_TICKS)
         return ECHO_TOO_EARLY;
     return width > LONGEST_TICKS ? ECHO_NONE : width;
@@ -109,6 +111,7 @@ static void await_rise(void)
     } else if ((int32_t)(timebase_edge(0) - trigger_ended) < 0) {
         finish(ECHO_TOO_EARLY);
     } else {
+        lag = timebase_edge(0) - trigger_ended;
         phase = AWAITING_FALL;
     }
 }
@@ -125,6 +128,7 @@ static void await_fall(void)
 void echo_ping(uint16_t interval_ms)
 {
     interval_ticks = interval_ms * TICKS_PER_MS;
+    lag = width = ECHO_NEVER;
     phase = AWAITING_INTERVAL;
 }
 
@@ -141,6 +145,16 @@ uint32_t echo_triggered(void)
 uint32_t echo_value(void)
 {
     return value;
+}
+
+uint32_t echo_lag(void)
+{
+    return lag;
+}
+
+uint32_t echo_width(void)
+{
+    return width;
 }
 
 void echo_task(void)

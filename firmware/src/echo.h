@@ -15,6 +15,13 @@ bool echo_is_over(void);
 uint32_t echo_triggered(void);
 uint32_t echo_value(void);
 
+#define ECHO_NEVER 0xFFFFFFUL
+
+// Of the latest ping, in ticks: from the trigger's end to the line's rise, and from there to its fall; ECHO_NEVER where
+// that did not come.
+uint32_t echo_lag(void);
+uint32_t echo_width(void);
+
 void echo_task(void);
 
 #endif

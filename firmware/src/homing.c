@@ -9,6 +9,7 @@
 #include "../hal/pins.h"
 #include "../hal/stepper.h"
 #include "core/bearing.h"
+#include "core/check.h"
 #include "core/ramp.h"
 #include "motor.h"
 
@@ -27,6 +28,7 @@ static const __xdata struct calibration *__xdata calibration;
 static __xdata bool seen;
 static __xdata uint8_t looks_away; // rounds in a row
 static __xdata int16_t closed_at; // half step of the motor
+static __xdata int16_t slip; // of the bearings before, in half steps
 
 static int16_t turn(void)
 {
@@ -37,7 +39,6 @@ static void search(int16_t half_steps)
 {
     seen = false;
     looks_away = 0;
-    stepper_set_position(0);
     motor_turn(half_steps);
 }
 
@@ -60,18 +61,22 @@ static void seek_switch(void)
 }
 
 // Ends in the same phase of the coils every time, and so leaves the rotor in the same place.
-static void seek_stop(void)
+static void seek_stop(bool homed)
 {
+    int16_t down = turn();
+    if (homed) // an eighth of a turn past where it is expected to be
+        down = stepper_position() - bearing_to_half_step(calibration->home_bearing) + down / 8;
     phase = SEEKING_STOP;
-    search(-(turn() / STEPPER_PHASES + 1) * STEPPER_PHASES - stepper_phase());
+    search(-(down / STEPPER_PHASES + 1) * STEPPER_PHASES - stepper_phase());
 }
 
-void homing_begin(const __xdata struct calibration *of_unit)
+void homing_begin(const __xdata struct calibration *of_unit, bool homed)
 {
     calibration = of_unit;
+    slip = SLIP_UNKNOWN;
     ramp_set(of_unit->home == HOME_STOP ? TOP_SPEED_AGAINST_STOP : TOP_SPEED, RAMP_MS);
     if (of_unit->home == HOME_STOP)
-        seek_stop();
+        seek_stop(homed);
     else if (is_at_switch())
         leave_switch();
     else
@@ -112,6 +117,7 @@ static enum homing_outcome switch_step(void)
         return HOMING_GOES_ON;
     if (!seen)
         return HOMING_NO_SWITCH;
+    slip = closed_at + calibration->backlash - switch_half_step(); // the sensor came down with the motor
     // The motor went on for its ramp after the switch was seen.
     motor_set_half_step(stepper_position() - closed_at + switch_half_step());
     return HOMING_FOUND;
@@ -123,6 +129,11 @@ static enum homing_outcome stop_step(void)
         return HOMING_GOES_ON;
     motor_set_half_step(bearing_to_half_step(calibration->home_bearing));
     return HOMING_FOUND;
+}
+
+int16_t homing_slip(void)
+{
+    return slip;
 }
 
 enum homing_outcome homing_step(void)

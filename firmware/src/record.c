@@ -2,6 +2,7 @@
 #include "record.h"
 
 #include "../hal/timebase.h"
+#include "core/check.h"
 #include "core/memory.h"
 #include "core/protocol.h"
 #include "core/ring.h"
@@ -66,7 +67,7 @@ void record_begin(uint32_t start, uint16_t waypoint, bool decreasing)
     put16(timebase_high(start));
     put16(waypoint);
     put16(thermometer_air());
-    ring_put(decreasing ? SWEEP_DECREASING : 0);
+    ring_put((decreasing ? SWEEP_DECREASING : 0) | check_sweep_flags());
     ring_put(0);
 }
 

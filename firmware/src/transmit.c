@@ -57,6 +57,12 @@ void transmit_settings(uint8_t request)
     waiting.request = request;
 }
 
+void transmit_mechanics(uint8_t request)
+{
+    waiting.type = FRAME_MECHANICS_ANSWER;
+    waiting.request = request;
+}
+
 void transmit_result(uint8_t request, uint8_t command, uint8_t result)
 {
     waiting.type = FRAME_RESULT;
@@ -101,6 +107,9 @@ static void begin_answer(void)
         break;
     case FRAME_SETTINGS_ANSWER:
         answer_settings(waiting.request);
+        break;
+    case FRAME_MECHANICS_ANSWER:
+        answer_mechanics(waiting.request);
         break;
     case FRAME_RESULT:
         answer_result(waiting.request, waiting.subject, waiting.outcome);

@@ -13,6 +13,7 @@ void transmit_hello(uint8_t request, uint8_t protocol); // the host's
 void transmit_status(uint8_t request);
 void transmit_clock(uint8_t request, uint32_t received);
 void transmit_settings(uint8_t request);
+void transmit_mechanics(uint8_t request);
 void transmit_result(uint8_t request, uint8_t command, uint8_t result);
 void transmit_rejected(uint8_t reason, uint8_t type);
 

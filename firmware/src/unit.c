@@ -7,14 +7,16 @@
 #include "../hal/stepper.h"
 #include "core/backlash.h"
 #include "core/bearing.h"
+#include "core/check.h"
 #include "core/protocol.h"
 #include "core/ramp.h"
 #include "homing.h"
+#include "measure.h"
 #include "motor.h"
 #include "record.h"
 #include "sweep.h"
 
-static enum activity { RESTING, HOMING, ABANDONING, SWEEPING, AWAITING_ROOM, PAUSING, TURNING } activity;
+static enum activity { RESTING, HOMING, ABANDONING, SWEEPING, AWAITING_ROOM, PAUSING, TURNING, MEASURING } activity;
 static bool has_news; // the state or the waypoint has changed
 static __xdata struct plan plan;
 static __xdata struct calibration calibration;
@@ -40,19 +42,21 @@ static void become(enum activity next)
 
 static void begin_homing(void)
 {
-    homed = false;
     fault = FAULT_NONE;
-    homing_begin(&calibration);
+    homing_begin(&calibration, homed);
     become(HOMING);
 }
 
 // What comes next when the motor rests and no sweep is under way.
 static void go_on(void)
 {
-    if (!started && !single) {
+    if (measure_is_due()) {
+        measure_begin(&calibration, &plan);
+        become(MEASURING);
+    } else if (!started && !single) {
         stepper_release();
         become(RESTING);
-    } else if (!homed) {
+    } else if (!homed || check_is_due(&calibration, motor_half_step())) {
         begin_homing();
     } else if (record_has_room(plan.count)) {
         sweep_begin(&plan, waypoint);
@@ -65,11 +69,14 @@ static void go_on(void)
 
 static void end_homing(enum homing_outcome outcome)
 {
+    if (outcome == HOMING_FOUND)
+        check_end(homed ? homing_slip() : SLIP_UNKNOWN);
     homed = outcome == HOMING_FOUND;
     if (!homed) {
         fault = outcome == HOMING_NO_SWITCH ? FAULT_NO_HOME_SWITCH : FAULT_HOME_STAYS_CLOSED;
         started = false;
         single = false;
+        measure_give_up(outcome == HOMING_NO_SWITCH ? MEASURED_NO_SWITCH : MEASURED_STAYS_CLOSED);
     }
     go_on();
 }
@@ -77,6 +84,7 @@ static void end_homing(enum homing_outcome outcome)
 static void end_sweep(void)
 {
     single = false;
+    check_count_sweep();
     if (!started || pause_rounds == 0) {
         go_on();
         return;
@@ -100,6 +108,10 @@ void unit_task(void)
     case ABANDONING:
     case TURNING:
         if (!motor_is_moving())
+            go_on();
+        break;
+    case MEASURING:
+        if (measure_step())
             go_on();
         break;
     case SWEEPING:
@@ -165,12 +177,19 @@ uint8_t unit_stop(void)
 {
     started = false;
     single = false;
+    if (measure_is_due())
+        measure_give_up(MEASURED_STOPPED);
     if (activity == SWEEPING) {
         sweep_cut_short();
     } else if (activity == TURNING) {
         motor_end_after(0);
+    } else if (activity == MEASURING) {
+        homed = false; // it may have turned too far
+        motor_end_after(0);
+        activity = ABANDONING;
     } else if (activity == HOMING) {
         motor_end_after(0);
+        homed = homed && calibration.home != HOME_STOP; // the motor may have fallen back
         activity = ABANDONING; // no news: for the host that is homing too
     } else if (unit_is_at_rest()) {
         go_on();
@@ -209,6 +228,20 @@ uint8_t unit_go_to(int16_t bearing)
     return RESULT_DONE;
 }
 
+uint8_t unit_measure(uint8_t kind)
+{
+    if (kind > MEASURE_PING || (kind != MEASURE_PING && calibration.home == HOME_STOP))
+        return RESULT_OUT_OF_RANGE;
+    if (activity != RESTING)
+        return RESULT_BUSY;
+    measure_order(kind);
+    if (kind == MEASURE_PING)
+        go_on();
+    else
+        begin_homing();
+    return RESULT_DONE;
+}
+
 uint8_t unit_set_waypoint(uint16_t number)
 {
     if (number != waypoint)
@@ -231,6 +264,8 @@ uint8_t unit_state(void)
         return STATE_WAITING;
     case TURNING:
         return STATE_TURNING;
+    case MEASURING:
+        return STATE_MEASURING;
     default:
         return STATE_PAUSING;
     }
@@ -245,7 +280,8 @@ bool unit_take_news(void)
 
 uint8_t unit_flags(void)
 {
-    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0);
+    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0) | (check_slipped() ? STATUS_SLIPPED : 0) |
+           (uint8_t)((check_number() + measured.number) << STATUS_NUMBER_SHIFT);
 }
 
 uint8_t unit_fault(void)

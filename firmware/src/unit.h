@@ -19,6 +19,7 @@ uint8_t unit_single(void);
 uint8_t unit_home(void);
 uint8_t unit_set_waypoint(uint16_t waypoint);
 uint8_t unit_go_to(int16_t bearing);
+uint8_t unit_measure(uint8_t kind); // an enum measure_kind
 uint8_t unit_calibrate(const __xdata struct calibration *calibration);
 
 // What the unit goes by.

@@ -21,6 +21,7 @@ RAISED_IN = (
     "gateway/src/noctule_gateway/log/log_file.py::damage",
     "gateway/src/noctule_gateway/clock/clock_watch.py",
     "gateway/src/noctule_gateway/service.py",
+    "gateway/src/noctule_gateway/unit/step_check.py",
     "gateway/src/noctule_gateway/bus/unit_on_bus.py::report",
     "gateway/src/noctule_gateway/audit/audit_log.py",
     "mapper/src/noctule_mapper/live/map_worker.py",

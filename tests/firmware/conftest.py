@@ -16,6 +16,7 @@ PURE = [
     "backlash",
     "bearing",
     "calibration",
+    "check",
     "cobs",
     "crc",
     "gesture",

@@ -6,6 +6,7 @@
 #include "backlash.h"
 #include "bearing.h"
 #include "calibration.h"
+#include "check.h"
 #include "cobs.h"
 #include "crc.h"
 #include "gesture.h"
@@ -193,6 +194,28 @@ static void backlash(const char *arguments)
     printf("%d\n", backlash_sensor(motor));
 }
 
+// The kind of home, where the sensor looks, and what happens: s a sweep, a number the slip that a check finds, u a home
+// found for the first time; d asks whether a check is due, f for the next sweep's flags.
+static void check(const char *arguments)
+{
+    struct calibration calibration = calibration_default;
+    int home, half_step, read;
+    sscanf(arguments, "%d %d%n", &home, &half_step, &read);
+    calibration.home = (uint8_t)home;
+    for (const char *rest = arguments + read; *rest != '\0'; rest++)
+        if (*rest == 's')
+            check_count_sweep();
+        else if (*rest == 'd')
+            printf("%d ", check_is_due(&calibration, (int16_t)half_step));
+        else if (*rest == 'f')
+            printf("%d ", check_sweep_flags());
+        else if (*rest == 'u')
+            check_end(SLIP_UNKNOWN);
+        else if (*rest == '-' || (*rest >= '0' && *rest <= '9'))
+            check_end((int16_t)strtol(rest, (char **)&rest, 10)), rest--;
+    puts(".");
+}
+
 static void median(const char *arguments)
 {
     char *rest = (char *)arguments;
@@ -319,6 +342,8 @@ static void answer(const char *command, const char *arguments)
         backlash(arguments);
     else if (strcmp(command, "calibration") == 0)
         is_possible_calibration(arguments);
+    else if (strcmp(command, "check") == 0)
+        check(arguments);
     else if (strcmp(command, "median") == 0)
         median(arguments);
     else if (strcmp(command, "gestures") == 0)

@@ -24,6 +24,8 @@ from noctule_gateway.wire.frames import (
     Hello,
     Home,
     HostFrame,
+    Measure,
+    MeasureKind,
     Order,
     Outcome,
     Rejected,
@@ -46,7 +48,7 @@ CALIBRATION = Calibrate(0, 1043398, 0, 0, -27307)
 DEGREE = 65536 / 360
 
 BETWEEN_SWEEPS = [PLAN, CALIBRATION, Store(0), Home(0)]
-AT_REST_ONLY = [Single(0), GoTo(0, 0)]
+AT_REST_ONLY = [Single(0), GoTo(0, 0), Measure(0, MeasureKind.PLAY)]
 ALWAYS = [Start(0, 500), SetWaypoint(0, 3), TrimTemperature(0, 2000), Stop(0), Reset(0)]
 
 
@@ -242,7 +244,7 @@ def test_hello_makes_a_unit_forget_the_command_of_an_earlier_host(homed, order):
     homed.send(replace(order, request=200))
     second = homed.receive(Result)
     # Run again: those that made the unit busy find it so.
-    busy = {Home.TYPE, Single.TYPE, GoTo.TYPE}
+    busy = {Home.TYPE, Single.TYPE, GoTo.TYPE, Measure.TYPE}
     assert second.result == (Outcome.BUSY if order.TYPE in busy else Outcome.DONE)
 
 
@@ -284,7 +286,7 @@ def test_a_request_of_another_length_is_rejected_by_its_type(unit, request_frame
     assert (after.frames_bad - before.frames_bad, after.frames_unknown, after.waypoint) == (1, 0, NO_WAYPOINT)
 
 
-@pytest.mark.parametrize("kind", [0x00, 0x14, 0x1F, 0x20, 0x23, 0x7F, 0x81, 0x91, 0xFF])
+@pytest.mark.parametrize("kind", [0x00, 0x16, 0x1F, 0x20, 0x23, 0x7F, 0x81, 0x91, 0xFF])
 def test_a_type_that_is_not_in_the_table_is_rejected_as_unknown(unit, kind):
     unit.send_bytes(framed(bytes([kind, 9])))
     assert unit.receive(Rejected) == Rejected(2, kind)

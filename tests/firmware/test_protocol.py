@@ -15,6 +15,7 @@ from noctule_gateway.wire.frames import (
     Ack2,
     AskClock,
     AskHello,
+    AskMechanics,
     AskSettings,
     AskStatus,
     Clock,
@@ -22,6 +23,7 @@ from noctule_gateway.wire.frames import (
     For,
     Hello,
     Home,
+    Mechanics,
     NoEcho,
     Outcome,
     Rejected,
@@ -36,7 +38,13 @@ from noctule_gateway.wire.frames import (
 )
 
 VECTORS = json.loads((Path(__file__).parent / "vectors" / "frames.json").read_text())
-ANSWERS = {AskHello.TYPE: Hello, AskStatus.TYPE: Status, AskClock.TYPE: Clock, AskSettings.TYPE: Settings}
+ANSWERS = {
+    AskHello.TYPE: Hello,
+    AskStatus.TYPE: Status,
+    AskClock.TYPE: Clock,
+    AskSettings.TYPE: Settings,
+    AskMechanics.TYPE: Mechanics,
+}
 UNREADABLE, UNKNOWN_TYPE, WRONG_LENGTH, TOO_LONG = 1, 2, 3, 4
 # 64 readings in one place: the quickest way to the largest sweeps.
 STARE = Configure(0, 0, 0, 64, 29, 600, 100, 0, 1)

@@ -25,6 +25,8 @@ enum frame_type {
     FRAME_UPDATE = 0x11,
     FRAME_ACK = 0x12,
     FRAME_FOR = 0x13, // names the unit that the frame in it is for
+    FRAME_MEASURE = 0x14,
+    FRAME_MECHANICS = 0x15,
 
     FRAME_PUT = 0x20, // from here on to the loader only
     FRAME_PROGRAM = 0x21,
@@ -37,6 +39,7 @@ enum frame_type {
     FRAME_RESULT = 0x84,
     FRAME_REJECTED = 0x85,
     FRAME_SETTINGS_ANSWER = 0x86,
+    FRAME_MECHANICS_ANSWER = 0x87,
     FRAME_LOADER = 0x8A,
     FRAME_SWEEP_2 = 0x90, // of protocol 2; the ring may still hold some when the firmware has been updated
     FRAME_SWEEP = 0x91,
@@ -56,7 +59,20 @@ enum result {
 
 enum reason { REASON_NONE, REASON_UNREADABLE, REASON_UNKNOWN_TYPE, REASON_WRONG_LENGTH, REASON_TOO_LONG };
 
-enum state { STATE_IDLE, STATE_SWEEPING, STATE_HOMING, STATE_WAITING, STATE_FAULT, STATE_PAUSING, STATE_TURNING };
+enum state { STATE_IDLE, STATE_SWEEPING, STATE_HOMING, STATE_WAITING, STATE_FAULT, STATE_PAUSING, STATE_TURNING, STATE_MEASURING };
+
+// What MEASURE measures: play, by one edge of the home switch from both sides; a turn, from edge to edge; a round of
+// a sweep's way; one ping.
+enum measure_kind { MEASURE_PLAY, MEASURE_TURN, MEASURE_ROUND, MEASURE_PING };
+
+enum measure_outcome {
+    MEASURED_NOTHING,
+    MEASURED_UNDER_WAY,
+    MEASURED_DONE,
+    MEASURED_NO_SWITCH,
+    MEASURED_STAYS_CLOSED,
+    MEASURED_STOPPED,
+};
 
 enum fault { FAULT_NONE, FAULT_NO_HOME_SWITCH, FAULT_HOME_STAYS_CLOSED };
 
@@ -67,8 +83,13 @@ enum stay { STAY_ASKED, STAY_NO_APPLICATION, STAY_NOT_CONFIRMED, STAY_FLASH_FAIL
 
 #define STATUS_HOMED 0x01
 #define STATUS_STARTED 0x02
+#define STATUS_SLIPPED 0x04
+#define STATUS_NUMBER_SHIFT 4 // of what MECHANICS tells: a host that sees another asks
 
 #define SWEEP_DECREASING 0x01
+#define SWEEP_SLIPPED 0x02
+#define SWEEP_SUSPECT_SHIFT 2 // sweeps before this one
+#define BEARING_UNKNOWN 0x7FFF
 #define TEMPERATURE_NOT_MEASURED 0x7FFF
 #define WAYPOINT_NONE 0xFFFF
 #define SERIAL_NONE 0xFFFFFFFFUL

@@ -14,8 +14,10 @@ uint8_t request_length(uint8_t type)
     case FRAME_STORE:
     case FRAME_RESET:
     case FRAME_SETTINGS:
+    case FRAME_MECHANICS:
         return 2;
     case FRAME_HELLO:
+    case FRAME_MEASURE:
         return 3;
     case FRAME_START:
     case FRAME_SET_WAYPOINT:

@@ -212,6 +212,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "reset_cause": Text(200),
         "chip_temperature_c": _CHIP_C,
         "faults": Many(16),
+        "slip_rad": _BEARING_RAD,
     },
     # ---- Log and commands: wider than a unit takes, for its gateway answers an operator's mistake in words
     "LogRecords": {
@@ -258,10 +259,17 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "certificate": Data(2**13),
         "signature": Data(2**8),  # DER; 72 bytes with P-256
     },
+    "Measurement": {
+        "name": _ID,
+        "value": Number(-1e9, 1e9),
+        "verdict": _ENUM,
+        "words": _SENTENCES,
+    },
     "CommandReply": {
         "request_id": _ID,
         "error": _SENTENCES,
         "detail": _SENTENCES,
+        "measurements": Many(100),
     },
     # ---- Services
     "Cursor": {

@@ -183,7 +183,7 @@ class UnitFault(_message.Message):
     def __init__(self, kind: _Optional[_Union[FaultKind, str]] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., confidence: _Optional[float] = ..., words: _Optional[str] = ..., advice: _Optional[str] = ...) -> None: ...
 
 class UnitStatus(_message.Message):
-    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since", "faults")
+    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since", "faults", "slip_rad")
     class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         STATE_UNSPECIFIED: _ClassVar[UnitStatus.State]
@@ -196,6 +196,7 @@ class UnitStatus(_message.Message):
         STATE_PAUSED: _ClassVar[UnitStatus.State]
         STATE_TURNING: _ClassVar[UnitStatus.State]
         STATE_LOADER: _ClassVar[UnitStatus.State]
+        STATE_MEASURING: _ClassVar[UnitStatus.State]
     STATE_UNSPECIFIED: UnitStatus.State
     STATE_DISCONNECTED: UnitStatus.State
     STATE_IDLE: UnitStatus.State
@@ -206,6 +207,7 @@ class UnitStatus(_message.Message):
     STATE_PAUSED: UnitStatus.State
     STATE_TURNING: UnitStatus.State
     STATE_LOADER: UnitStatus.State
+    STATE_MEASURING: UnitStatus.State
     class CountersEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -237,6 +239,7 @@ class UnitStatus(_message.Message):
     GATEWAY_VERSION_FIELD_NUMBER: _ClassVar[int]
     SINCE_FIELD_NUMBER: _ClassVar[int]
     FAULTS_FIELD_NUMBER: _ClassVar[int]
+    SLIP_RAD_FIELD_NUMBER: _ClassVar[int]
     site: str
     unit: str
     time: _timestamp_pb2.Timestamp
@@ -261,7 +264,8 @@ class UnitStatus(_message.Message):
     gateway_version: str
     since: _timestamp_pb2.Timestamp
     faults: _containers.RepeatedCompositeFieldContainer[UnitFault]
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ..., gateway_version: _Optional[str] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., faults: _Optional[_Iterable[_Union[UnitFault, _Mapping]]] = ...) -> None: ...
+    slip_rad: float
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ..., gateway_version: _Optional[str] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., faults: _Optional[_Iterable[_Union[UnitFault, _Mapping]]] = ..., slip_rad: _Optional[float] = ...) -> None: ...
 
 class LogRecords(_message.Message):
     __slots__ = ("log_id", "head", "tail", "sweeps", "gaps")
@@ -375,8 +379,32 @@ class Caller(_message.Message):
     signature: bytes
     def __init__(self, session: _Optional[str] = ..., certificate: _Optional[bytes] = ..., signature: _Optional[bytes] = ...) -> None: ...
 
+class Measurement(_message.Message):
+    __slots__ = ("name", "value", "verdict", "words", "time")
+    class Verdict(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+        __slots__ = ()
+        VERDICT_UNSPECIFIED: _ClassVar[Measurement.Verdict]
+        VERDICT_GOOD: _ClassVar[Measurement.Verdict]
+        VERDICT_BAD: _ClassVar[Measurement.Verdict]
+        VERDICT_UNKNOWN: _ClassVar[Measurement.Verdict]
+    VERDICT_UNSPECIFIED: Measurement.Verdict
+    VERDICT_GOOD: Measurement.Verdict
+    VERDICT_BAD: Measurement.Verdict
+    VERDICT_UNKNOWN: Measurement.Verdict
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    VALUE_FIELD_NUMBER: _ClassVar[int]
+    VERDICT_FIELD_NUMBER: _ClassVar[int]
+    WORDS_FIELD_NUMBER: _ClassVar[int]
+    TIME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    value: float
+    verdict: Measurement.Verdict
+    words: str
+    time: _timestamp_pb2.Timestamp
+    def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., verdict: _Optional[_Union[Measurement.Verdict, str]] = ..., words: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
+
 class CommandReply(_message.Message):
-    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "under_way")
+    __slots__ = ("request_id", "done", "error", "status", "settings", "detail", "under_way", "measurements")
     REQUEST_ID_FIELD_NUMBER: _ClassVar[int]
     DONE_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
@@ -384,6 +412,7 @@ class CommandReply(_message.Message):
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     DETAIL_FIELD_NUMBER: _ClassVar[int]
     UNDER_WAY_FIELD_NUMBER: _ClassVar[int]
+    MEASUREMENTS_FIELD_NUMBER: _ClassVar[int]
     request_id: str
     done: bool
     error: str
@@ -391,7 +420,8 @@ class CommandReply(_message.Message):
     settings: UnitSettings
     detail: str
     under_way: bool
-    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., under_way: _Optional[bool] = ...) -> None: ...
+    measurements: _containers.RepeatedCompositeFieldContainer[Measurement]
+    def __init__(self, request_id: _Optional[str] = ..., done: _Optional[bool] = ..., error: _Optional[str] = ..., status: _Optional[_Union[UnitStatus, _Mapping]] = ..., settings: _Optional[_Union[UnitSettings, _Mapping]] = ..., detail: _Optional[str] = ..., under_way: _Optional[bool] = ..., measurements: _Optional[_Iterable[_Union[Measurement, _Mapping]]] = ...) -> None: ...
 
 class Cursor(_message.Message):
     __slots__ = ("unit", "log_id", "log_sequence", "time")

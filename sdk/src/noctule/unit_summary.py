@@ -12,6 +12,7 @@ from noctule.messages_pb2 import (
     READING_STATUS_NO_SENSOR,
     READING_STATUS_STUCK_HIGH,
     READING_STATUS_TOO_EARLY,
+    Measurement,
     ReadingStatus,
     Sweep,
     UnitSettings,
@@ -46,6 +47,7 @@ class UnitSummary:
     settings: UnitSettings | None
     settings_error: str
     sweeps: list[Sweep]
+    measurements: list[Measurement]
 
     @property
     def bearings(self) -> list[BearingStatistics]:
@@ -58,12 +60,13 @@ class UnitSummary:
         return sum(bool(sweep.faults) for sweep in self.sweeps)
 
     def to_json(self) -> str:
-        """One JSON object: {unit, status, settings, settings_error, sweeps, sweeps_flagged, bearings}."""
+        """One JSON object: {unit, status, settings, settings_error, measurements, sweeps, sweeps_flagged, bearings}."""
         whole = {
             "unit": self.status.unit,
             "status": loads(survey.to_json(self.status)),
             "settings": None if self.settings is None else loads(survey.to_json(self.settings)),
             "settings_error": self.settings_error,
+            "measurements": [loads(survey.to_json(each)) for each in self.measurements],
             "sweeps": [sweep.log_sequence for sweep in self.sweeps],
             "sweeps_flagged": self.flagged,
             "bearings": [asdict(each) for each in self.bearings],

@@ -19,6 +19,8 @@ const TEMPE: u8 = 0x04;
 const REFBE: u8 = 0x01;
 const TEMPERATURE_SENSOR: u8 = 0x1E;
 const GROUND: u8 = 0x1F;
+const SUPPLY: u8 = 0x1F;
+const REFERENCE: u8 = 0x1E;
 /// Of SYSCLK / (AD0SC + 1). This and the times below are from memory of the datasheet.
 const FASTEST_SAR_CLOCK: Tick = TICKS_PER_SECOND / 3_000_000;
 const CONVERSION_SAR_CLOCKS: Tick = 10;
@@ -103,7 +105,7 @@ impl Adc {
     /// Call after `sync`.
     ///
     /// # Errors
-    /// A [`Violation`] for a conversion of another input than the temperature sensor.
+    /// A [`Violation`] for a conversion of another input than the temperature sensor and the supply.
     pub fn write(
         &mut self,
         address: u8,
@@ -148,9 +150,10 @@ impl Adc {
     }
 
     fn convert(&mut self, now: Tick, ticks_per_sysclk: Tick) -> Result<Conversion, Violation> {
-        if (self.positive, self.negative) != (TEMPERATURE_SENSOR, GROUND) {
+        let of_supply = (self.positive, self.negative) == (SUPPLY, REFERENCE);
+        if !of_supply && (self.positive, self.negative) != (TEMPERATURE_SENSOR, GROUND) {
             return Err(Violation::rule(format!(
-                "ADC0 converts AMX0P 0x{:02X} against AMX0N 0x{:02X}: only the temperature sensor (0x1E) against ground (0x1F) is modelled",
+                "ADC0 converts AMX0P 0x{:02X} against AMX0N 0x{:02X}: only the temperature sensor (0x1E) against ground (0x1F), and VDD (0x1F) against VREF (0x1E), are modelled",
                 self.positive, self.negative
             )));
         }
@@ -162,7 +165,9 @@ impl Adc {
             && self.vref_is_analog
             && sar_clock >= FASTEST_SAR_CLOCK
             && tracked >= SHORTEST_TRACKING;
-        let code = if means_something {
+        let code = if means_something && of_supply {
+            self.analog.convert_supply(self.reference_settled(sampled_at))
+        } else if means_something {
             self.analog.convert_temperature(self.reference_settled(sampled_at))
         } else {
             self.analog.convert_nothing()
@@ -303,6 +308,18 @@ mod tests {
         adc.write(sfr::ADC0CN, AD0BUSY, READY, 1).unwrap();
         adc.sync(2 * READY);
         assert_eq!(adc.read(sfr::ADC0CN, NEVER), 0);
+    }
+
+    #[test]
+    fn the_supply_is_told_by_how_much_it_exceeds_the_reference() {
+        let mut adc = adc();
+        adc.write(sfr::AMX0P, SUPPLY, READY, 1).unwrap();
+        adc.write(sfr::AMX0N, REFERENCE, READY, 1).unwrap();
+        let codes = convert(&mut adc, 2 * READY);
+        // (3.3 / 2.44 - 1) * 512 = 180, and 164 to 198 by the limits of the reference.
+        assert!((162..200).contains(&codes), "{codes}");
+        adc.analog.supply_v = 2.0;
+        assert!((convert(&mut adc, 3 * READY) as i16) < -80);
     }
 
     #[test]

@@ -19,11 +19,13 @@ const REFERENCE_LIMIT_V: f64 = 0.06;
 const NOISE_LSB: f64 = 0.6;
 /// Until the world says otherwise.
 const ROOM_TEMPERATURE_C: f64 = 20.0;
+const SUPPLY_V: f64 = 3.3;
 pub const CODES: u16 = 1024;
 
 #[derive(Clone)]
 pub struct Analog {
     pub die_temperature_c: f64,
+    pub supply_v: f64,
     sensor_gain_v_per_k: f64,
     sensor_offset_v: f64,
     reference_v: f64,
@@ -40,6 +42,7 @@ impl Analog {
         let of_sensor = |rng: &mut ChaCha8Rng, sigma| error(rng, sigma, WORST_SIGMAS * sigma);
         Self {
             die_temperature_c: ROOM_TEMPERATURE_C,
+            supply_v: SUPPLY_V,
             sensor_gain_v_per_k: SENSOR_GAIN_V_PER_K + of_sensor(&mut rng, SENSOR_GAIN_SIGMA_V_PER_K),
             sensor_offset_v: SENSOR_OFFSET_V + of_sensor(&mut rng, SENSOR_OFFSET_SIGMA_V),
             reference_v: REFERENCE_V + error(&mut rng, REFERENCE_LIMIT_V / 3.0, REFERENCE_LIMIT_V),
@@ -52,6 +55,13 @@ impl Analog {
         let sensor_v = self.sensor_offset_v + self.sensor_gain_v_per_k * self.die_temperature_c;
         let code = sensor_v / (self.reference_v * settled) * f64::from(CODES);
         (code + NOISE_LSB * standard_normal(&mut self.rng)).clamp(0.0, f64::from(CODES - 1)) as u16
+    }
+
+    /// The signed code of the supply against the reference, of which `settled` has built up, in differential mode.
+    pub fn convert_supply(&mut self, settled: f64) -> u16 {
+        let half = f64::from(CODES / 2);
+        let code = (self.supply_v / (self.reference_v * settled) - 1.0) * half;
+        (code + NOISE_LSB * standard_normal(&mut self.rng)).clamp(-half, half - 1.0).floor() as i16 as u16
     }
 
     /// The code of an input that nothing drives.

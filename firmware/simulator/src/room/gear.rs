@@ -18,6 +18,8 @@ pub struct Gear {
     pub pull_in_per_s: f64,
     /// The end stops, either side of forward.
     pub stop_deg: f64,
+    /// Over how much of a turn below -150 degrees the switch is at home, in every turn; without it all the way down.
+    pub home_arc_deg: Option<f64>,
 }
 
 /// What tells a unit where its motor stands.
@@ -43,6 +45,7 @@ impl Default for Gear {
             home_bounce_ms: 0.0,
             pull_in_per_s: 600.0,
             stop_deg: 165.0,
+            home_arc_deg: None,
         }
     }
 }
@@ -65,6 +68,9 @@ impl Gear {
         if !(1.0..=1e6).contains(&self.pull_in_per_s) {
             return Some(("motor.pull_in_per_s", "is outside 1 to a million"));
         }
+        if self.home_arc_deg.is_some_and(|arc| !(1.0..=180.0).contains(&arc)) {
+            return Some(("motor.home_arc_deg", "is outside 1 to 180"));
+        }
         (!(1.0..=720.0).contains(&self.stop_deg)).then_some(("motor.stop_deg", "is outside 1 to 720"))
     }
 }
@@ -85,6 +91,7 @@ mod tests {
             (Gear { home_bounce_ms: -1.0, ..sound }, "motor.home_bounce_ms"),
             (Gear { pull_in_per_s: 0.0, ..sound }, "motor.pull_in_per_s"),
             (Gear { stop_deg: 0.0, ..sound }, "motor.stop_deg"),
+            (Gear { home_arc_deg: Some(0.0), ..sound }, "motor.home_arc_deg"),
         ] {
             assert_eq!(gear.problem().unwrap().0, field);
         }

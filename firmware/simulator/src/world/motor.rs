@@ -74,9 +74,16 @@ impl Motor {
     /// Whether the contact of the home switch is closed, if there is one.
     pub fn home_is_closed(&self) -> bool {
         match self.gear.home {
-            Home::Switch => self.sensor_rad <= HOME_RAD,
-            Home::OpeningSwitch => self.sensor_rad > HOME_RAD,
+            Home::Switch => self.is_at_home(),
+            Home::OpeningSwitch => !self.is_at_home(),
             Home::None => false,
+        }
+    }
+
+    fn is_at_home(&self) -> bool {
+        match self.gear.home_arc_deg {
+            Some(arc) => (HOME_RAD - self.sensor_rad).rem_euclid(TAU) <= arc.to_radians(),
+            None => self.sensor_rad <= HOME_RAD,
         }
     }
 
@@ -245,6 +252,23 @@ mod tests {
         let short_rad = motor.bearing_rad() + 10f64.to_radians();
         assert!((0.0..5.0 / 4075.7728 * TAU).contains(&short_rad), "{short_rad}");
         assert!(!motor.home_is_closed());
+    }
+
+    #[test]
+    fn a_sensor_that_turns_freely_comes_home_once_a_turn() {
+        let gear = Gear { stop_deg: 720.0, home_arc_deg: Some(20.0), ..Gear::default() };
+        let mut motor = Motor::new(gear, 0.0, 0, 0.0);
+        let mut found = vec![];
+        for half_step in 1..=2 * 4076 {
+            let before = motor.home_is_closed();
+            turn(&mut motor, 1, STEP);
+            if motor.home_is_closed() != before {
+                found.push(half_step);
+            }
+        }
+        // 190 degrees up it closes from the other side, at 210 it opens, and so again a turn later.
+        let degrees: Vec<i64> = found.iter().map(|at| (f64::from(*at) * 360.0 / 4075.7728) as i64).collect();
+        assert_eq!(degrees, [190, 210, 550, 570]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from noctule_gateway.clock.regression import Exchange
 from noctule_gateway.errors import CommandError, WrongUnitError
-from noctule_gateway.wire.frames import AnySweep, Hello, Loader, Order, Status
+from noctule_gateway.wire.frames import AnySweep, Hello, Loader, Mechanics, Order, Status
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,13 @@ class StatusRead:
 
 
 @dataclass(frozen=True)
+class MechanicsRead:
+    """What the unit has found out about its motor and gears, after each change."""
+
+    mechanics: Mechanics
+
+
+@dataclass(frozen=True)
 class SettingsRead:
     """Link.settings are known: after the unit was identified, and again after each order that changes them."""
 
@@ -80,4 +87,15 @@ class LinkCounts:
     requests_unanswered: int
 
 
-Event = Identified | Refused | InLoader | Silent | ClockRead | StatusRead | SettingsRead | SweepRead | OrderSettled
+Event = (
+    Identified
+    | Refused
+    | InLoader
+    | Silent
+    | ClockRead
+    | StatusRead
+    | MechanicsRead
+    | SettingsRead
+    | SweepRead
+    | OrderSettled
+)

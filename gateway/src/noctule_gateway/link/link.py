@@ -15,6 +15,7 @@ from noctule_gateway.link.events import (
     Identified,
     InLoader,
     LinkCounts,
+    MechanicsRead,
     Refused,
     SettingsRead,
     Silent,
@@ -36,6 +37,7 @@ from noctule_gateway.wire.frames import (
     Enquiry,
     Hello,
     Loader,
+    Mechanics,
     Order,
     Outcome,
     Result,
@@ -251,6 +253,9 @@ class Link:
             case Settings() if self._requests.answered(frame):
                 self._settings = frame
                 self._enquiries.settings_came()
+            case Mechanics() if self._requests.answered(frame):
+                self._enquiries.mechanics_came()
+                return [MechanicsRead(frame)]
             case Result(result=Outcome.NOT_FOR_THIS_UNIT) if self._requests.answered(frame):
                 return self._greet(now_s, _ANOTHER_UNIT)
             case Result() if self._requests.answered(frame):
@@ -287,6 +292,7 @@ class Link:
     def _status(self, status: Status, now_s: float) -> list[Event]:
         if self._boot.refuted_by_tick(status.tick):
             return self._doubt(now_s)
+        self._enquiries.status_came(status, now_s)
         if self._standing_orders.awaits_status:
             self._standing_orders.begin(status)
             self._go_on()

@@ -13,6 +13,7 @@ from noctule_gateway.wire.frames import (
     MAX_REQUEST,
     AskClock,
     AskHello,
+    AskMechanics,
     AskSettings,
     AskStatus,
     Clock,
@@ -20,6 +21,7 @@ from noctule_gateway.wire.frames import (
     For,
     Hello,
     Loader,
+    Mechanics,
     Order,
     Result,
     Settings,
@@ -32,9 +34,15 @@ ORDER_ATTEMPTS = 8
 _BYTE_S = 10 / 115200  # 8N1
 _ANSWER_S = len(encode(Clock(1, 0, 0))) * _BYTE_S
 
-Answer = Hello | Loader | Status | Clock | Settings | Result
+Answer = Hello | Loader | Status | Clock | Settings | Mechanics | Result
 
-_ANSWERS = {AskHello: (Hello, Loader), AskStatus: Status, AskClock: Clock, AskSettings: Settings}
+_ANSWERS = {
+    AskHello: (Hello, Loader),
+    AskStatus: Status,
+    AskClock: Clock,
+    AskSettings: Settings,
+    AskMechanics: Mechanics,
+}
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from noctule.messages_pb2 import UnitFault
 from noctule_gateway.log.sweep_log import LogState
-from noctule_gateway.wire.frames import Hello, Loader, Status
+from noctule_gateway.wire.frames import Hello, Loader, Mechanics, Status
 
 
 @dataclass(frozen=True)
@@ -16,6 +16,7 @@ class UnitState:
     hello: Hello | None = None  # the latest
     loader: Loader | None = None  # while the unit sits there
     status: Status | None = None  # the latest
+    mechanics: Mechanics | None = None  # the latest of this boot
     lines_opened: int = 0
     log: LogState = field(default_factory=LogState)
     setup_error: str = ""  # the standing order that the unit refused
@@ -30,7 +31,8 @@ class UnitState:
 
     def identified(self, hello: Hello) -> "UnitState":
         """The unit has said who it is."""
-        return replace(self, hello=hello, loader=None, trouble="")
+        kept = self.mechanics if self.hello and self.hello.boot_of_life == hello.boot_of_life else None
+        return replace(self, hello=hello, loader=None, trouble="", mechanics=kept)
 
     def lost(self, why: str, loader: Loader | None = None) -> "UnitState":
         """The unit can't be asked for anything, maybe because it is in its ``loader``."""
@@ -39,6 +41,10 @@ class UnitState:
     def said(self, status: Status) -> "UnitState":
         """The unit has told its status."""
         return replace(self, status=status)
+
+    def measured(self, mechanics: Mechanics) -> "UnitState":
+        """The unit has told what it has found out about its motor and gears."""
+        return replace(self, mechanics=mechanics)
 
     def updating(self, progress: str) -> "UnitState":
         """An update has got as far as ``progress`` says; empty when it is over."""

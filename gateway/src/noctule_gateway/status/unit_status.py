@@ -5,8 +5,8 @@ from noctule.messages_pb2 import UnitStatus
 from noctule.site import PoseKey, Unit, WaypointPath
 from noctule_gateway.status import reset_causes
 from noctule_gateway.status.unit_state import UnitState
-from noctule_gateway.wire.frames import NO_WAYPOINT, Loader, State, Status, Stay
-from noctule_gateway.wire.sweep_message import celsius
+from noctule_gateway.wire.frames import NO_SLIP, NO_WAYPOINT, Loader, State, Status, Stay
+from noctule_gateway.wire.sweep_message import bearing_rad, celsius
 
 _STATES: dict[int, UnitStatus.State] = {
     State.IDLE: UnitStatus.STATE_IDLE,
@@ -16,6 +16,7 @@ _STATES: dict[int, UnitStatus.State] = {
     State.FAULT: UnitStatus.STATE_FAULT,
     State.PAUSING: UnitStatus.STATE_PAUSED,
     State.TURNING: UnitStatus.STATE_TURNING,
+    State.MEASURING: UnitStatus.STATE_MEASURING,
 }
 _FAULTS = {
     1: "no home switch found within a turn: check the switch and the motor's wiring",
@@ -78,6 +79,8 @@ def message(known: UnitState, unit: Unit) -> UnitStatus:
     elif hello is not None:
         result.reset_cause = reset_causes.cause(hello)
         result.serial, result.firmware, result.boot = hello.serial, hello.version, hello.boot
+    if known.mechanics is not None and known.mechanics.slip != NO_SLIP:
+        result.slip_rad = bearing_rad(known.mechanics.slip)
     if status is not None:
         result.homed = status.homed
         temperature_c = celsius(status.temperature)

@@ -13,9 +13,10 @@ from noctule_gateway.log.log_file import Arrival, Committed
 from noctule_gateway.pose import pose_of_sweep
 from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status.service_quality import Lateness
+from noctule_gateway.unit.step_check import StepCheck
 from noctule_gateway.unit.sweep_health import SweepHealth
 from noctule_gateway.wire.codec import encode
-from noctule_gateway.wire.frames import AnySweep
+from noctule_gateway.wire.frames import AnySweep, Mechanics
 from noctule_gateway.wire.sweep_message import to_message, waypoint_of
 
 Call = Callable[[Callable[[], None]], None]
@@ -38,6 +39,8 @@ class SweepIntake:
         self._clocks = BootClocks(served.site.clock == "unit", self._anchor)
         self._lateness = Lateness()
         self._health = SweepHealth(served.unit, served.site.name, served.log.path)
+        self._check = StepCheck(served.site.name, served.unit.name)
+        self._flagged_by_check = 0
 
     def begin_boot(self, boot: int) -> None:
         """The unit has said that it runs under ``boot``, a boot_of_life."""
@@ -69,13 +72,18 @@ class SweepIntake:
 
     @property
     def faults(self) -> list[UnitFault]:
-        """What its sweeps show to be wrong with the unit."""
-        return self._health.faults(self._served.clock.look().epoch)
+        """What its sweeps and its own checks show to be wrong with the unit."""
+        epoch = self._served.clock.look().epoch
+        return self._check.added_to(self._health.faults(epoch), epoch)
 
     @property
     def flagged(self) -> int:
         """Sweeps that carried a fault."""
-        return self._health.flagged
+        return self._health.flagged + self._flagged_by_check
+
+    def checked(self, mechanics: Mechanics) -> None:
+        """The unit has told what its latest check found."""
+        self._check.checked(mechanics)
 
     def take(self, sweep: AnySweep) -> None:
         """A sweep has come from the unit."""
@@ -89,19 +97,22 @@ class SweepIntake:
         message.clock_epoch = wall.epoch
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
         self._health.judge(message, digest)
+        flagged = self._check.mark(message, sweep)
         memory = self._health.memory()
         arrived_s = time.monotonic()
 
         def done(result: Committed | LogError) -> None:
             if isinstance(result, Committed) and result.fresh:
                 self._publish(result.record)
-            self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None))
+            self._call(lambda: self._done(sweep, result, arrived_s, placed=pose is not None, flagged=flagged))
             if memory is not None:
                 self._health.save(memory)
 
         self._served.log.append(Arrival(digest, sweep.start, message), done)
 
-    def _done(self, sweep: AnySweep, result: Committed | LogError, arrived_s: float, placed: bool) -> None:
+    def _done(
+        self, sweep: AnySweep, result: Committed | LogError, arrived_s: float, placed: bool, flagged: bool
+    ) -> None:
         now_s = time.monotonic()
         self._lateness.note(now_s - arrived_s, now_s)
         if isinstance(result, LogError):
@@ -110,6 +121,7 @@ class SweepIntake:
         self._link.committed(sweep, now_s)
         self.committed += result.fresh
         self.without_pose += result.fresh and not placed
+        self._flagged_by_check += result.fresh and flagged
 
     def _anchor(self, boot: int) -> Anchor | None:
         """The newest sweep of ``boot`` in the log, if the host's clock has not been set since."""

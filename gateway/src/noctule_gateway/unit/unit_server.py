@@ -14,6 +14,7 @@ from noctule_gateway.link.events import (
     Event,
     Identified,
     InLoader,
+    MechanicsRead,
     OrderSettled,
     Refused,
     SettingsRead,
@@ -160,6 +161,7 @@ class UnitServer:
             self._advance_update(self._updater, now_s)
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
+            self._commands.advance(now_s)
             self._state = self._hearing.up_to_date(self._state, self._link.counts)
             self._report(self._unit_report.each_second(self._state))
 
@@ -198,6 +200,12 @@ class UnitServer:
                     changed = self._state.status is None or read.state != self._state.status.state
                     self._state = self._state.said(read)
                     self._report_due_s = 0.0 if changed else self._report_due_s
+                    self._commands.status_read(read)
+                case MechanicsRead(mechanics):
+                    self._state = self._state.measured(mechanics)
+                    self._intake.checked(mechanics)
+                    self._commands.mechanics_read(mechanics)
+                    self._report_due_s = 0.0
                 case SettingsRead():
                     self._commands.settings_read()
                 case SweepRead(sweep):
@@ -210,6 +218,8 @@ class UnitServer:
         _log.info("%s: unit %d, firmware %s, boot %d", name, hello.serial, hello.version, hello.boot)
         if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._state.hello is not None)):
             _log.warning("%s has started anew: %s", name, warning)
+        if event.rebooted:
+            self._commands.unit_was_reset()
         self._state = self._state.identified(hello)
         self._intake.begin_boot(hello.boot_of_life)
         self._report_due_s = 0.0

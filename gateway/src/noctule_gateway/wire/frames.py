@@ -28,6 +28,8 @@ NO_SERIAL = 0xFFFFFFFF
 NO_LIFE = 0  # of a unit of protocol 2
 NO_WAYPOINT = 0xFFFF
 NO_TEMPERATURE = 0x7FFF
+NO_SLIP = 0x7FFF
+NEVER = 0xFFFFFF
 FIRST_NO_ECHO = 0xFFFFF0  # from here on an echo field names a kind of no echo
 MAX_READINGS = 64
 MAX_REQUEST = 255
@@ -53,6 +55,27 @@ class State(IntEnum):
     FAULT = 4
     PAUSING = 5
     TURNING = 6
+    MEASURING = 7
+
+
+class MeasureKind(IntEnum):
+    """What a unit measures of itself."""
+
+    PLAY = 0
+    TURN = 1
+    ROUND = 2
+    PING = 3
+
+
+class Measured(IntEnum):
+    """What became of that."""
+
+    NOTHING = 0
+    UNDER_WAY = 1
+    DONE = 2
+    NO_SWITCH = 3
+    STAYS_CLOSED = 4
+    STOPPED = 5
 
 
 class HomeKind(IntEnum):
@@ -103,6 +126,12 @@ class AskStatus:
 @dataclass(frozen=True)
 class AskClock:
     TYPE: ClassVar = 0x03
+    request: U8
+
+
+@dataclass(frozen=True)
+class AskMechanics:
+    TYPE: ClassVar = 0x15
     request: U8
 
 
@@ -192,6 +221,13 @@ class Reset:
 class AskSettings:
     TYPE: ClassVar = 0x0F
     request: U8
+
+
+@dataclass(frozen=True)
+class Measure:
+    TYPE: ClassVar = 0x14
+    request: U8
+    kind: U8  # a MeasureKind
 
 
 @dataclass(frozen=True)
@@ -322,6 +358,16 @@ class Status:
         """The unit goes on sweeping until STOP."""
         return bool(self.flags & 0x02)
 
+    @property
+    def slipped(self) -> bool:
+        """The latest check found the bearings off: the motor may slip again."""
+        return bool(self.flags & 0x04)
+
+    @property
+    def mechanics_number(self) -> int:
+        """Another one than last time: MECHANICS has changed. Always 0 in firmware before 0.5, which has none."""
+        return self.flags >> 4
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -367,6 +413,27 @@ class Settings:
 
 
 @dataclass(frozen=True)
+class Mechanics:
+    TYPE: ClassVar = 0x87
+    request: U8
+    slip: I16  # a bearing, or NO_SLIP
+    kind: U8  # of the latest measurement, a MeasureKind
+    outcome: U8  # a Measured
+    ups: U8  # how many edges of the home switch it saw on the way up, at these half steps of the motor
+    up_1: I16
+    up_2: I16
+    up_3: I16
+    downs: U8
+    down_1: I16
+    down_2: I16
+    down_3: I16
+    top: I16
+    supply: I16  # VDD above the reference, in 1/512 of that
+    lag: U24  # of a ping's ECHO, in ticks, or NEVER
+    width: U24
+
+
+@dataclass(frozen=True)
 class Loader:
     TYPE: ClassVar = 0x8A
     request: U8
@@ -400,6 +467,8 @@ class Sweep2:
     temperature: I16  # 0.01 degrees C
     flags: U8
     readings: tuple[Reading, ...]
+    slipped: ClassVar = False  # no firmware of then checks its bearings
+    suspect_before: ClassVar = 0
 
     @property
     def boot_of_life(self) -> int:
@@ -425,13 +494,35 @@ class Sweep:
         """As in Hello."""
         return self.life << 16 | self.boot
 
+    @property
+    def slipped(self) -> bool:
+        """The unit's latest check found its bearings off: the motor may slip again."""
+        return bool(self.flags & 0x02)
 
-Enquiry = AskHello | AskStatus | AskClock | AskSettings
+    @property
+    def suspect_before(self) -> int:
+        """So many sweeps before this one were made with bearings that a check found to be off."""
+        return self.flags >> 2
+
+
+Enquiry = AskHello | AskStatus | AskClock | AskSettings | AskMechanics
 Order = (
-    Configure | Start | Stop | Single | Home | SetWaypoint | GoTo | Calibrate | TrimTemperature | Store | Reset | Update
+    Configure
+    | Start
+    | Stop
+    | Single
+    | Home
+    | SetWaypoint
+    | GoTo
+    | Calibrate
+    | TrimTemperature
+    | Store
+    | Reset
+    | Update
+    | Measure
 )
 LoaderOrder = Put | Program | Install | Run
 AnySweep = Sweep | Sweep2
 HostFrame = Enquiry | Order | For | LoaderOrder | Ack | Ack2
-UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Loader | AnySweep
+UnitFrame = Hello | Status | Clock | Result | Rejected | Settings | Mechanics | Loader | AnySweep
 Frame = HostFrame | UnitFrame

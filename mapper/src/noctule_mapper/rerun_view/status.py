@@ -16,6 +16,7 @@ _STATES: dict[int, tuple[str, tuple[int, int, int]]] = {
     UnitStatus.STATE_FAULT: ("fault", (214, 80, 80)),
     UnitStatus.STATE_PAUSED: ("paused", (84, 110, 122)),
     UnitStatus.STATE_TURNING: ("turning", (110, 120, 200)),
+    UnitStatus.STATE_MEASURING: ("measuring", (110, 120, 200)),
     UnitStatus.STATE_LOADER: ("loader", (190, 90, 140)),
 }
 _TROUBLE = (

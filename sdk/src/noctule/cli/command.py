@@ -23,6 +23,7 @@ from noctule.plain_text import plain
 
 MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0
+MEASURE_TIMEOUT_S = 200.0  # the gateway gives up after 180
 UPDATE_TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
 
 Timeout = Annotated[float, typer.Option(help="How long to wait for the reply.")]
@@ -67,12 +68,12 @@ def _address(
     context.obj = _Addressed(site, unit, json)
 
 
-def _add_plain(name: str, summary: str) -> None:
+def _add_plain(name: str, summary: str, longest_s: float = TIMEOUT_S) -> None:
     """Add a command that takes nothing."""
 
     @rpc.command(name, help=summary)
     def _plain(
-        context: typer.Context, connect: Connect = DEFAULT_CONNECT, tls: Tls = None, timeout_s: Timeout = TIMEOUT_S
+        context: typer.Context, connect: Connect = DEFAULT_CONNECT, tls: Tls = None, timeout_s: Timeout = longest_s
     ) -> None:
         with joined(context.obj.site, connect, tls) as client:
             _ask(context, client, CommandRequest(), timeout_s)
@@ -89,6 +90,12 @@ for _name, _summary in (
     ("reset", "Reset the unit."),
 ):
     _add_plain(_name, _summary)
+for _name, _summary in (
+    ("measure_gear", "Measure the half steps of a turn; the sensor must be free for a whole one. Takes 70 s."),
+    ("measure_backlash", "Measure the play of the gears, by the home switch met from both sides."),
+    ("self_test", "Test supply, home switch, motor, sensor and clock; the unit must be idle. Takes a minute."),
+):
+    _add_plain(_name, _summary, MEASURE_TIMEOUT_S)
 
 
 @rpc.command()

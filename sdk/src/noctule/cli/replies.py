@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 
 from google.protobuf.message import Message
 
-from noctule.messages_pb2 import Calibration, CommandReply, UnitSettings, UnitStatus
+from noctule.messages_pb2 import Calibration, CommandReply, Measurement, UnitSettings, UnitStatus
 
 DONE = {
     "stop": "told to stop",
@@ -28,6 +28,8 @@ def lines(unit: str, command: str, reply: CommandReply) -> list[str]:
         return [f"{unit}: its settings", *_settings(reply.settings)]
     if command in ("status", "hello") and reply.HasField("status"):
         return [f"{unit}: {state(reply.status)}", *_status(reply.status)]
+    if command not in ("status", "hello") and reply.measurements:
+        return [f"{unit}: {reply.detail}", *measurements(reply.measurements)]
     told = [DONE.get(command, "done"), reply.detail]
     if reply.HasField("status"):
         told.append(f"{state(reply.status)} now")
@@ -42,6 +44,13 @@ def state(status: UnitStatus) -> str:
     return UnitStatus.State.Name(status.state).removeprefix("STATE_").lower()
 
 
+def measurements(found: Iterable[Measurement]) -> Iterator[str]:
+    """A line for each figure: good, bad or unknown, its name, and in words."""
+    for each in found:
+        verdict = Measurement.Verdict.Name(each.verdict).removeprefix("VERDICT_").lower()
+        yield f"  {verdict:<8} {each.name.replace('_', ' '):<24} {each.words}"
+
+
 def _status(status: UnitStatus) -> Iterator[str]:
     rows = [
         ("detail", status.detail),
@@ -51,6 +60,7 @@ def _status(status: UnitStatus) -> Iterator[str]:
         ("boot", status.boot),
         ("last reset", status.reset_cause),
         ("homed", "yes" if status.homed else "no"),
+        ("latest slip", f"{math.degrees(status.slip_rad):+.1f} degrees" if status.HasField("slip_rad") else ""),
         ("waypoint", status.waypoint if status.HasField("waypoint") else "none"),
         ("clock error", f"{status.clock_error_s * 1e3:.2f} ms, drift {status.clock_drift * 1e6:.0f} ppm"),
         ("chip", f"{status.chip_temperature_c:.1f} C" if status.HasField("chip_temperature_c") else ""),

@@ -1,6 +1,8 @@
 """The command that prints all that is known of one unit, to be filed with it."""
 
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated
 
@@ -10,11 +12,12 @@ from noctule.cli import replies
 from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined, nothing_found
 from noctule.client import Client
 from noctule.errors import BusError, NotServedError, ReportError
-from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
+from noctule.messages_pb2 import CommandReply, CommandRequest, Measurement, UnitStatus
 from noctule.plain_text import plain
 from noctule.unit_summary import UnitSummary
 
 _TIMEOUT_S = 10.0
+_NOT_MEASURED = "nothing since its gateway began: noctule rpc SITE UNIT self_test"
 
 
 def unit_report(
@@ -52,7 +55,8 @@ def _summary(client: Client, unit: str, count: int) -> UnitSummary:
         why = str(error)
     first = max(status.log_head - count + 1, 1)
     records = client.log(unit, first, max=max(count, 1)) if count and status.log_head else None
-    return UnitSummary(status, settings, why, list(records.sweeps) if records is not None else [])
+    swept = list(records.sweeps) if records is not None else []
+    return UnitSummary(status, settings, why, swept, list(told.measurements))
 
 
 def _lines(site: str, summary: UnitSummary) -> list[str]:
@@ -66,4 +70,15 @@ def _lines(site: str, summary: UnitSummary) -> list[str]:
         lines += replies.lines(status.unit, "settings", known)
     else:
         lines.append(f"{status.unit}: its settings are not known: {summary.settings_error}")
+    lines += ["", f"{status.unit}: what it has measured of itself"]
+    lines += _measured(summary.measurements)
     return [*lines, "", f"{status.unit}: its last sweeps", *summary.sweep_lines()]
+
+
+def _measured(found: Sequence[Measurement]) -> Iterator[str]:
+    """The figures, under the minute in which they were measured."""
+    if not found:
+        yield f"  {_NOT_MEASURED}"
+    for minute, group in groupby(found, lambda each: f"{each.time.ToDatetime():%Y-%m-%d %H:%M} UTC"):
+        yield f"  {minute}"
+        yield from replies.measurements(group)

@@ -1,0 +1,1 @@
+"""What a unit measures of itself on demand: its gear, its play, a test of its parts."""
