@@ -9,6 +9,7 @@
 #include "core/bearing.h"
 #include "core/protocol.h"
 #include "core/ramp.h"
+#include "core/turns.h"
 #include "homing.h"
 #include "motor.h"
 #include "record.h"
@@ -245,7 +246,8 @@ bool unit_take_news(void)
 
 uint8_t unit_flags(void)
 {
-    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0);
+    return STATUS_KNOWS_TURNS | (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0) |
+           (turns_are_set() ? STATUS_IN_TURN : 0);
 }
 
 uint8_t unit_fault(void)

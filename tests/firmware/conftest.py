@@ -26,6 +26,7 @@ PURE = [
     "ramp",
     "request",
     "ring",
+    "turns",
     "wire_layout",
 ]
 

@@ -16,6 +16,7 @@
 #include "ramp.h"
 #include "request.h"
 #include "ring.h"
+#include "turns.h"
 #include "wire_layout.h"
 
 #define MOST_BYTES 4096
@@ -82,7 +83,7 @@ static uint8_t reason_to_reject(void)
         return reason;
     if (request_length(incoming.frame[0]) == REQUEST_UNKNOWN)
         return REASON_UNKNOWN_TYPE;
-    return incoming.length == request_length(incoming.frame[0]) ? REASON_NONE : REASON_WRONG_LENGTH;
+    return request_has_length(incoming.frame[0], incoming.length) ? REASON_NONE : REASON_WRONG_LENGTH;
 }
 
 static void answer_frame(void)
@@ -191,6 +192,28 @@ static void backlash(const char *arguments)
         printf("%d ", motor);
     }
     printf("%d\n", backlash_sensor(motor));
+}
+
+// A turn's tick, the period, now, and for how many ticks turns_task() is called at which interval: when one may ping,
+// the first tick of each time, all from `now`.
+static void turns(const char *arguments)
+{
+    unsigned long start, period, now, ticks, step;
+    sscanf(arguments, "%lu %lu %lu %lu %lu", &start, &period, &now, &ticks, &step);
+    if (!turns_set((uint32_t)start, (uint32_t)period, (uint32_t)now)) {
+        puts("refused");
+        return;
+    }
+    bool could = false;
+    for (unsigned long since = 0; since < ticks; since += step) {
+        bool can = turns_may_ping((uint32_t)(now + since));
+        if (can && !could)
+            printf("%lu ", since);
+        could = can;
+        turns_task((uint32_t)(now + since));
+    }
+    turns_clear();
+    printf("%d %d\n", turns_are_set(), turns_may_ping((uint32_t)now));
 }
 
 static void median(const char *arguments)
@@ -321,6 +344,8 @@ static void answer(const char *command, const char *arguments)
         is_possible_calibration(arguments);
     else if (strcmp(command, "median") == 0)
         median(arguments);
+    else if (strcmp(command, "turns") == 0)
+        turns(arguments);
     else if (strcmp(command, "gestures") == 0)
         gestures(arguments);
     else if (strcmp(command, "ring_clear") == 0)

@@ -122,9 +122,13 @@ class Configure:
 
 @dataclass(frozen=True)
 class Start:
+    """Without a period the unit pings as soon as it is ready; the frame is then as older firmware knows it."""
+
     TYPE: ClassVar = 0x05
     request: U8
     pause_ms: U16
+    turn: int = 0  # U48: the tick of one of its turns
+    period: int = 0  # U32: ticks from turn to turn
 
 
 @dataclass(frozen=True)
@@ -321,6 +325,16 @@ class Status:
     def started(self) -> bool:
         """The unit goes on sweeping until STOP."""
         return bool(self.flags & 0x02)
+
+    @property
+    def knows_turns(self) -> bool:
+        """Its firmware takes a START that says when it may ping."""
+        return bool(self.flags & 0x04)
+
+    @property
+    def in_turn(self) -> bool:
+        """It pings at its turns only."""
+        return bool(self.flags & 0x08)
 
 
 @dataclass(frozen=True)
