@@ -2,9 +2,10 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from noctule_gateway.clock.regression import (
+    TICK_S,
     TICKS_TO_WRAP,
     Exchange,
     HostTime,
@@ -17,6 +18,19 @@ UNKNOWN_BOOT_ERROR_S = 3600.0  # nothing tells how long a sweep has waited; a ri
 _KEPT_BOOTS = 8
 
 Anchor = tuple[int, HostTime]
+
+
+_AHEAD_S = 3.0  # until the next look at a unit's clock has had its effect
+
+
+@dataclass(frozen=True)
+class TickLine:
+    """A unit's ticks as UTC from ``tick`` on; ``error_s`` is one standard deviation for the next seconds."""
+
+    tick: int
+    utc_s: float
+    tick_s: float
+    error_s: float
 
 
 class BootClocks:
@@ -56,6 +70,18 @@ class BootClocks:
         began = self._clocks[self._boot].at(0)
         began_s = began.time_s if began is not None else self._begun_s
         return HostTime(began_s + utc_offset_s, UNKNOWN_BOOT_ERROR_S)
+
+    def line(self, utc_offset_s: float) -> TickLine | None:
+        """The present boot's ticks from its last exchange on; None before the first."""
+        tick = self._last_ticks.get(self._boot)
+        clock = self._clocks.get(self._boot)
+        if tick is None or clock is None:
+            return None
+        here, ahead = clock.at(tick), clock.at(tick + round(_AHEAD_S / TICK_S))
+        if here is None or ahead is None:
+            return None
+        tick_s = (ahead.time_s - here.time_s) / _AHEAD_S * TICK_S
+        return TickLine(tick, here.time_s + utc_offset_s, tick_s, ahead.error_s)
 
     @property
     def error_s(self) -> float:
