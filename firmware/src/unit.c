@@ -246,7 +246,7 @@ bool unit_take_news(void)
 
 uint8_t unit_flags(void)
 {
-    return STATUS_KNOWS_TURNS | (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0) |
+    return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0) |
            (turns_are_set() ? STATUS_IN_TURN : 0);
 }
 

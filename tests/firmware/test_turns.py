@@ -105,7 +105,7 @@ def test_turns_are_kept_over_a_long_pause_and_can_be_moved_in_the_midst_of_a_swe
 
 
 def test_a_start_without_turns_ends_them_and_the_status_says_which(unit):
-    assert unit.ask(AskStatus(0), Status).knows_turns
+    assert unit.greet_again().knows_turns
     assert unit.command(Start(0, 0, now(unit), PERIOD)) == Outcome.DONE
     assert unit.ask(AskStatus(0), Status).in_turn
     in_turns = [next_sweep(unit) for _ in range(2)][-1]

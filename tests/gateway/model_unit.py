@@ -10,7 +10,7 @@ from noctule_gateway.wire.frames import AnySweep, NoEcho, Outcome, Reading, Stat
 TICKS_PER_S = 4_000_000
 RING_SWEEPS = 24
 RESEND_AFTER_S = (0.5, 1.0, 2.0, 4.0)  # "Sweeps are not lost"
-STARTED, KNOWS_TURNS, IN_TURN = 0x02, 0x04, 0x08
+STARTED, IN_TURN = 0x02, 0x08
 CHIP_TEMPERATURE = 3150  # 0.01 degrees C
 OWN_PLAN = frames.Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)  # "Host to unit"
 OWN_CALIBRATION = frames.Calibrate(0, 1_043_397, 0, frames.HomeKind.SWITCH, -27307)  # 4075.77 half steps, -150 degrees
@@ -204,7 +204,7 @@ class ModelUnit:
             protocol=self.protocol,
             serial=self.serial,
             version_major=0,
-            version_minor=1,
+            version_minor=5 if self.knows_turns else 1,
             version_patch=0,
             boot=self.boot,
             reset_cause=self.reset_cause,
@@ -224,7 +224,7 @@ class ModelUnit:
         return frames.Status(
             request=request,
             state=State.WAITING if len(self.ring) >= RING_SWEEPS else state,
-            flags=STARTED * self._started | KNOWS_TURNS * self.knows_turns | IN_TURN * self._in_turn,
+            flags=STARTED * self._started | IN_TURN * self._in_turn,
             fault=0,
             waypoint=self.waypoint,
             bearing=0,

@@ -10,7 +10,7 @@ import pytest
 from gateway.link_rig import AT_REST, SWEEPING, Rig
 from gateway.model_unit import ModelUnit
 from gateway.oscillator import Oscillator, exchanges
-from gateway.test_unit_status import STATUS
+from gateway.test_unit_status import HELLO, STATUS
 
 from noctule.site import load
 from noctule_gateway.clock.boot_clocks import BootClocks, TickLine
@@ -156,7 +156,8 @@ def test_a_site_whose_units_have_times_of_their_own_has_no_common_grid(tmp_path)
 # ---- A unit kept at its turns ----
 
 TURN = Turn(offset_s=0.05, period_s=0.2, slot_s=0.05)
-KNOWS, STARTED, IN_TURN = 0x04, 0x02, 0x08
+STARTED, IN_TURN = 0x02, 0x08
+OLD, NEW = (replace(HELLO, version_minor=minor) for minor in (4, 5))
 UTC_S = 1.8e9
 START = frames.Start(0, 500)
 
@@ -165,10 +166,10 @@ def line(fast: float = 0.01, tick: int = 2**33, utc_s: float = UTC_S, error_s: f
     return TickLine(tick, utc_s, 0.25e-6 / (1 + fast), error_s)
 
 
-def keeper(flags: int = KNOWS | STARTED, turn: Turn | Crowd | None = TURN) -> TurnKeeper:
+def keeper(hello: frames.Hello = NEW, turn: Turn | Crowd | None = TURN) -> TurnKeeper:
     kept = TurnKeeper(turn)
-    kept.met(100.0)
-    kept.said(replace(STATUS, flags=flags))
+    kept.met(hello, 100.0)
+    kept.said(replace(STATUS, flags=STARTED))
     return kept
 
 
@@ -194,7 +195,7 @@ def test_it_is_told_anew_when_it_has_drifted_and_not_before():
     kept = keeper()
     first = kept.start(START, line(), 100.0)
     assert first.period and first.pause_ms == 500
-    kept.said(replace(STATUS, flags=KNOWS | STARTED | IN_TURN))
+    kept.said(replace(STATUS, flags=STARTED | IN_TURN))
     now_s, tick = 110.0, 2**33 + round(4e6 * 1.01 * 10)
     true = line(tick=tick, utc_s=UTC_S + 10)
     assert not kept.is_due(true, now_s)
@@ -214,17 +215,24 @@ def test_a_clock_that_is_not_good_costs_the_turns_and_is_named_after_a_while():
     assert kept.is_due(line(), 131.0)
     assert kept.start(START, line(), 131.0).period
     assert kept.trouble(132.0) == ""
-    kept.said(replace(STATUS, flags=KNOWS | STARTED | IN_TURN))
+    kept.said(replace(STATUS, flags=STARTED | IN_TURN))
     assert not kept.is_due(replace(bad, error_s=1.9 * TURN.clock_error_s), 140.0)  # so it does not come and go
     assert kept.is_due(replace(bad, error_s=2.1 * TURN.clock_error_s), 140.0)
     assert kept.start(START, replace(bad, error_s=2.1 * TURN.clock_error_s), 140.0) == START
 
 
 def test_older_firmware_is_started_as_it_knows_it_and_named():
-    kept = keeper(flags=STARTED)
+    kept = keeper(OLD)
     assert kept.start(START, line(), 100.0) == START
     assert not kept.is_due(line(), 200.0)
     assert "its firmware knows no turns" in kept.trouble(100.0)
+
+
+def test_a_unit_that_does_not_sweep_has_nothing_to_say():
+    for hello in (OLD, NEW):
+        kept = keeper(hello)
+        kept.said(replace(STATUS, flags=0))
+        assert not kept.is_due(line(), 200.0) and kept.trouble(200.0) == ""
 
 
 def test_a_crowd_is_named_and_a_unit_alone_has_nothing_to_say():
@@ -238,9 +246,9 @@ def test_a_crowd_is_named_and_a_unit_alone_has_nothing_to_say():
 def test_a_unit_that_has_lost_its_turns_gets_them_again_and_one_that_is_stopped_does_not():
     kept = keeper()
     kept.start(START, line(), 100.0)
-    kept.said(replace(STATUS, flags=KNOWS | STARTED))  # a START that has not arrived
+    kept.said(replace(STATUS, flags=STARTED))  # a START that has not arrived
     assert kept.is_due(line(), 103.0)
-    kept.said(replace(STATUS, flags=KNOWS))
+    kept.said(replace(STATUS, flags=0))
     assert not kept.is_due(line(), 103.0)
 
 

@@ -51,7 +51,7 @@ def test_a_unit_that_pings_out_of_turn_says_why_where_nothing_graver_is_wrong() 
     known = replace(GOOD, out_of_turn="units near it hear its pings")
     assert unit_status.message(known, UNIT).detail == "units near it hear its pings"
     assert unit_status.message(replace(known, bad_line=True), UNIT).detail.startswith("much of what it sends")
-    assert unit_status.unit_counters(replace(STATUS, flags=0x0E))["unit_in_turn"] == 1
+    assert unit_status.unit_counters(replace(STATUS, flags=0x0A))["unit_in_turn"] == 1
     assert unit_status.unit_counters(STATUS)["unit_in_turn"] == 0
 
 

@@ -34,10 +34,10 @@ away_s = [40.0, 100.0]
 """
 
 
-def room_file(folder: Path, units: int, alone: bool = False) -> Path:
-    """The room with the first ``units`` places; ``alone`` leaves the first one without others."""
+def room_file(folder: Path, units: int) -> Path:
+    """The room with the first ``units`` places."""
     text = _ROOM
-    for (x, y, heading), error in list(zip(CORNERS, OSCILLATORS, strict=True))[: 1 if alone else units]:
+    for (x, y, heading), error in list(zip(CORNERS, OSCILLATORS, strict=True))[:units]:
         text += f"[[unit]]\nposition_m = [{x}, {y}]\nheading_deg = {heading}.0\noscillator_error = {error}\n"
     path = folder / f"room-{units}.toml"
     path.write_text(text)

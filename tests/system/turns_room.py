@@ -55,7 +55,7 @@ class Server:
             match event:
                 case Identified(hello, _):
                     self.clocks.begin(hello.boot_of_life, now_s, UTC_OFFSET_S)
-                    self.keeper.met(now_s)
+                    self.keeper.met(hello, now_s)
                 case ClockRead(exchange):
                     self.clocks.add(exchange)
                 case StatusRead(status):

@@ -67,7 +67,6 @@ enum stay { STAY_ASKED, STAY_NO_APPLICATION, STAY_NOT_CONFIRMED, STAY_FLASH_FAIL
 
 #define STATUS_HOMED 0x01
 #define STATUS_STARTED 0x02
-#define STATUS_KNOWS_TURNS 0x04 // always: older firmware does not
 #define STATUS_IN_TURN 0x08
 
 #define SWEEP_DECREASING 0x01

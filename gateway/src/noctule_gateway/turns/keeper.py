@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from noctule_gateway.clock.boot_clocks import TickLine
 from noctule_gateway.turns.timetable import DRIFTS_S, Crowd, Turn
-from noctule_gateway.wire.frames import Start, Status
+from noctule_gateway.wire.frames import Hello, Start, Status
 
 RENEWED_AFTER_S = 2.0  # at the earliest: a START takes a share of the line
 _RENEWED_WITHIN_S = 60.0  # whatever the unit has made of the last one
@@ -42,17 +42,16 @@ class TurnKeeper:
         self._turn = turn
         self._given: TickTurns | None = None
         self._given_s = self._met_s = 0.0
-        self._knows_turns: bool | None = None
-        self._clock_is_good = self._started = False
+        self._knows_turns = self._clock_is_good = self._started = False
 
-    def met(self, now_s: float) -> None:
-        """The unit has started anew, or is met for the first time: it has no turns."""
+    def met(self, hello: Hello, now_s: float) -> None:
+        """The unit is there, and maybe has started anew: it may have no turns."""
         self._given, self._met_s = None, now_s
-        self._knows_turns, self._clock_is_good = None, False
+        self._knows_turns, self._clock_is_good = hello.knows_turns, False
 
     def said(self, status: Status) -> None:
         """What the unit says of itself."""
-        self._knows_turns, self._started = status.knows_turns, status.started
+        self._started = status.started
         if not status.in_turn:
             self._given = None
 
@@ -84,7 +83,7 @@ class TurnKeeper:
                 f"{self._turn.units} units could hear each other, too many for turns, so it pings as it likes: "
                 "name their rooms in the site file"
             )
-        if self._turn is None or self._given is not None or self._knows_turns is None:
+        if self._turn is None or self._given is not None or not self._started:
             return ""
         if not self._knows_turns:
             return "units near it hear its pings, because its firmware knows no turns: update it"

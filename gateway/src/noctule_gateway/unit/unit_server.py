@@ -222,7 +222,7 @@ class UnitServer:
             _log.warning("%s has started anew: %s", name, warning)
         self._state = self._state.identified(hello)
         self._intake.begin_boot(hello.boot_of_life)
-        self._turns.met(time.monotonic())
+        self._turns.met(hello, time.monotonic())
         self._report_due_s = 0.0
 
     def _lose(self, why: str, loader: Loader | None = None) -> None:

@@ -294,6 +294,11 @@ class Hello:
         """The firmware's version as people write it."""
         return f"{self.version_major}.{self.version_minor}.{self.version_patch}"
 
+    @property
+    def knows_turns(self) -> bool:
+        """Its firmware takes a START that says when it may ping."""
+        return (self.version_major, self.version_minor) >= (0, 5)
+
 
 @dataclass(frozen=True)
 class Status:
@@ -325,11 +330,6 @@ class Status:
     def started(self) -> bool:
         """The unit goes on sweeping until STOP."""
         return bool(self.flags & 0x02)
-
-    @property
-    def knows_turns(self) -> bool:
-        """Its firmware takes a START that says when it may ping."""
-        return bool(self.flags & 0x04)
 
     @property
     def in_turn(self) -> bool:
