@@ -14,6 +14,7 @@ from gateway.test_unit_status import HELLO, STATUS
 
 from noctule.site import load
 from noctule_gateway.clock.boot_clocks import BootClocks, TickLine
+from noctule_gateway.clock.regression import GOOD_DRIFT_ERROR, Exchange
 from noctule_gateway.turns.hearing import HEARD_AFTER_M, Place, could_hear
 from noctule_gateway.turns.keeper import RENEWED_AFTER_S, TurnKeeper, drifted_s, in_ticks
 from noctule_gateway.turns.site_turns import reading_of, site_turns
@@ -216,9 +217,9 @@ def test_a_clock_that_is_not_good_costs_the_turns_and_is_named_after_a_while():
     assert kept.start(START, line(), 131.0).period
     assert kept.trouble(132.0) == ""
     kept.said(replace(STATUS, flags=STARTED | IN_TURN))
-    assert not kept.is_due(replace(bad, error_s=1.9 * TURN.clock_error_s), 140.0)  # so it does not come and go
-    assert kept.is_due(replace(bad, error_s=2.1 * TURN.clock_error_s), 140.0)
-    assert kept.start(START, replace(bad, error_s=2.1 * TURN.clock_error_s), 140.0) == START
+    assert not kept.is_due(replace(bad, error_s=1.4 * TURN.clock_error_s), 140.0)  # so it does not come and go
+    assert kept.is_due(replace(bad, error_s=1.6 * TURN.clock_error_s), 140.0)
+    assert kept.start(START, replace(bad, error_s=1.6 * TURN.clock_error_s), 140.0) == START
 
 
 def test_older_firmware_is_started_as_it_knows_it_and_named():
@@ -266,6 +267,23 @@ def test_a_boots_ticks_are_told_as_utc_with_the_error_of_the_next_seconds():
         host_s = told.utc_s - UTC_S + ahead_s
         assert (unit.tick(host_s) - told.tick) * told.tick_s == pytest.approx(ahead_s, abs=3 * told.error_s)
     assert clocks.error_s < told.error_s < 0.003
+
+
+def test_a_clock_whose_best_exchange_was_long_ago_is_bounded_by_the_latest_one():
+    clocks = BootClocks(nominal=False, anchor=lambda _: None)
+    clocks.begin(5, 1000.0, UTC_S)
+    unit = Oscillator(0.01)
+    for second in range(90):
+        half_trip_s = 20e-6 if second == 9 else 0.8e-3
+        tick = unit.tick(1000.0 + second)
+        clocks.add(Exchange(1000.0 + second - half_trip_s, tick, tick, 1000.0 + second + half_trip_s))
+    told = clocks.line(UTC_S)
+    assert told is not None
+    assert clocks.error_s > 2e-3
+    assert told.error_s < 0.8e-3 + 3.0 * GOOD_DRIFT_ERROR + 0.1e-3
+    assert not clocks.add(Exchange(1090.05, unit.tick(1090.0), unit.tick(1090.0), 1090.06))  # contradicts the line
+    told = clocks.line(UTC_S)
+    assert told is not None and told.error_s > 2e-3
 
 
 def test_a_link_starts_a_running_unit_again_with_its_turns_and_never_one_that_was_stopped():

@@ -47,7 +47,7 @@ def test_two_units_of_one_room_get_slots_that_are_half_a_period_apart(tmp_path: 
             )
             wait_until(lambda: not any(unit_status(client, name).detail for name in lines), "something is wrong")
             (turn_1_s, period_1_s), (turn_2_s, period_2_s) = turns(first), turns(second)
-            # A clock with turns may be off by 2 x 1.9 ms (keeper.py, Turn.clock_error_s): two clocks, two sigma each.
+            # A clock with turns may be off by 1.5 x 2.6 ms (keeper.py, Turn.clock_error_s): two clocks, two sigma each.
             assert abs((turn_2_s - turn_1_s) % period_1_s - period_1_s / 2) < 0.015
             assert abs(period_1_s / period_2_s - 1) < 1e-3
 

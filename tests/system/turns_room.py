@@ -23,6 +23,7 @@ from noctule_gateway.wire.frames import AnySweep, Start, Status
 UTC_OFFSET_S = 1.8e9  # of simulated time
 _ANSWERED_WITHIN_S = 0.008  # mostly
 _LOOK_EVERY_S = 0.001  # while an answer is awaited: a clock is known as well as the answer's time
+# What has come is handed on a look later, as an adapter does that is asked each millisecond.
 _INSTANT_S = 1e-6
 
 
@@ -83,6 +84,7 @@ class TurnsRoom:
     def __init__(self, process: subprocess.Popen[str], servers: list[Server]) -> None:
         self._process, self.servers = process, servers
         self.now_s = self._asked_s = 0.0
+        self._came = self._held = [b""] * len(servers)
         self.truth: list[dict[str, Any]] = []
 
     def run(self, duration_s: float) -> None:
@@ -101,25 +103,27 @@ class TurnsRoom:
         return sum(truth["echoes_of_others"] for truth in self.truth)
 
     def _step(self, end_s: float) -> None:
+        for server, came in zip(self.servers, self._held, strict=True):
+            if came:
+                server.take(server.link.receive(came, self.now_s), self.now_s)
+        self._held = self._came
         feed = [server.output(self.now_s) for server in self.servers]
         if any(feed):
             self._asked_s = self.now_s
         due_s = min(server.link.next_s for server in self.servers)
         look_s = self.now_s + _LOOK_EVERY_S
-        awaits = self.now_s < self._asked_s + _ANSWERED_WITHIN_S
+        awaits = any(self._held) or self.now_s < self._asked_s + _ANSWERED_WITHIN_S
         until_s = min(end_s, look_s if awaits else max(due_s, look_s))
         self._ask(feed=[data.hex() for data in feed], until_s=until_s, stop_at_frame=True)
 
     def _ask(self, **request: Any) -> None:
-        """One request of ``noctule-sim --control``, and what the units have sent meanwhile to their servers."""
+        """One request of ``noctule-sim --control``; what the units have sent is kept."""
         assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
         answer = json.loads(self._process.stdout.readline())
         self.now_s, self.truth = answer["now_s"], answer["truth"]
-        for server, sent in zip(self.servers, answer["sent"], strict=True):
-            if sent:
-                server.take(server.link.receive(bytes.fromhex(sent), self.now_s), self.now_s)
+        self._came = [bytes.fromhex(sent) for sent in answer["sent"]]
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from noctule_gateway.wire.frames import Hello, Start, Status
 
 RENEWED_AFTER_S = 2.0  # at the earliest: a START takes a share of the line
 _RENEWED_WITHIN_S = 60.0  # whatever the unit has made of the last one
+_WORSE = 1.5  # two such clocks may just not meet
 _PATIENCE_S = 30.0  # a clock takes some seconds to be known well; until then there is nothing to say
 
 
@@ -92,7 +93,7 @@ class TurnKeeper:
         return "units near it hear its pings, because its clock is not known well enough for turns: check its line"
 
     def _look(self, line: TickLine | None) -> None:
-        """Whether the clock is good; one that is good may become twice as bad, so that turns don't come and go."""
+        """Whether the clock is good; one that is good may become worse by half, so that turns don't come and go."""
         if isinstance(self._turn, Turn):
-            allowed_s = self._turn.clock_error_s * (2 if self._clock_is_good else 1)
+            allowed_s = self._turn.clock_error_s * (_WORSE if self._clock_is_good else 1)
             self._clock_is_good = line is not None and line.error_s <= allowed_s

@@ -17,7 +17,7 @@ LATE_S = 0.003
 LAG_S = 0.002
 # So far a unit may drift from its turns before it is given them anew.
 DRIFTS_S = 0.0005
-# What is left is for the errors of two clocks (Turn.clock_error_s): 1 ms.
+# What is left is for the errors of two clocks (Turn.clock_error_s).
 SHORTEST_SLOT_S = 0.046
 MOST_SLOTS = 8  # with more, a sweep would be more than twice as long as alone
 
@@ -53,8 +53,8 @@ class Turn:
 
     @property
     def clock_error_s(self) -> float:
-        """The standard deviation that a unit's clock may have: two units may each be off by two of them."""
-        return (self.slot_s - LISTENS_S - LATE_S - LAG_S - 2 * DRIFTS_S) / 4
+        """How large a clock's stated error may be: a third of what the slot leaves for two of them."""
+        return (self.slot_s - LISTENS_S - LATE_S - LAG_S - 2 * DRIFTS_S) / 3
 
 
 @dataclass(frozen=True)
