@@ -230,8 +230,8 @@ def test_older_firmware_is_started_as_it_knows_it_and_named():
 
 
 def test_a_unit_that_does_not_sweep_has_nothing_to_say():
-    for hello in (OLD, NEW):
-        kept = keeper(hello)
+    for hello, turn in ((OLD, TURN), (NEW, TURN), (NEW, Crowd(9))):
+        kept = keeper(hello, turn)
         kept.said(replace(STATUS, flags=0))
         assert not kept.is_due(line(), 200.0) and kept.trouble(200.0) == ""
 

@@ -79,13 +79,13 @@ class TurnKeeper:
 
     def trouble(self, now_s: float) -> str:
         """Why the unit pings out of turn though others may hear it, for the operator; empty if it does not."""
+        if self._turn is None or self._given is not None or not self._started:
+            return ""
         if isinstance(self._turn, Crowd):
             return (
                 f"{self._turn.units} units could hear each other, too many for turns, so it pings as it likes: "
                 "name their rooms in the site file"
             )
-        if self._turn is None or self._given is not None or not self._started:
-            return ""
         if not self._knows_turns:
             return "units near it hear its pings, because its firmware knows no turns: update it"
         if self._clock_is_good or now_s < self._met_s + _PATIENCE_S:
