@@ -49,7 +49,7 @@ def test_two_units_of_one_room_get_slots_that_are_half_a_period_apart(tmp_path: 
             (turn_1_s, period_1_s), (turn_2_s, period_2_s) = turns(first), turns(second)
             # A clock with turns may be off by 1.5 x 2.6 ms (keeper.py, Turn.clock_error_s): two clocks, two sigma each.
             assert abs((turn_2_s - turn_1_s) % period_1_s - period_1_s / 2) < 0.015
-            # Their oscillators differ by 2.1 %. Each clock is known to 2.6 ms for the next 3 s: again two, two sigma each.
+            # The oscillators differ by 2.1 %. Each clock is known to 2.6 ms for the next 3 s: two sigma each again.
             assert abs(period_1_s / period_2_s - 1) < 4 * 2.6e-3 / 3
 
 
