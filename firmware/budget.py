@@ -45,7 +45,7 @@ LATENCY = Budget("interrupts: longest wait", 10, "us")
 ROUND_LIMIT_US = round(16_320 / 3 / 1.5)
 TASKS = (
     *("receive_task", "unit_task", "echo_task", "motor_task", "delivery_task", "transmit_task"),
-    *("surveyor_task", "thermometer_task", "confirmation_task"),
+    *("turns_task", "surveyor_task", "thermometer_task", "confirmation_task"),
 )
 ROUNDS = {
     "round": Budget("longest round of all tasks", ROUND_LIMIT_US, "us"),

@@ -4,11 +4,13 @@
 #include <stdbool.h>
 
 #include "../hal/reset.h"
+#include "../hal/timebase.h"
 #include "core/calibration.h"
 #include "core/little_endian.h"
 #include "core/plan.h"
 #include "core/protocol.h"
 #include "core/request.h"
+#include "core/turns.h"
 #include "core/wire_layout.h"
 #include "delivery.h"
 #include "life.h"
@@ -44,6 +46,18 @@ static uint8_t calibrate(const __xdata uint8_t *payload)
     return unit_calibrate(&wanted);
 }
 
+// `pause_ms`, then, but in a short one, the tick of a turn and the period of turns, 0 for none.
+static uint8_t start(const __xdata uint8_t *payload, uint8_t length)
+{
+    uint32_t period = length == REQUEST_FREE_START ? 0 : get32(payload + 8);
+    if (period == 0)
+        turns_clear();
+    else if (get16(payload + 6) != timebase_high(get32(payload + 2)) ||
+             !turns_set(get32(payload + 2), period, timebase_now()))
+        return RESULT_OUT_OF_RANGE;
+    return unit_start(get16(payload));
+}
+
 static uint8_t store(void)
 {
     if (!unit_is_at_rest())
@@ -57,13 +71,13 @@ static uint8_t reset(void)
     return RESULT_DONE;
 }
 
-static uint8_t run(uint8_t type, const __xdata uint8_t *payload)
+static uint8_t run(uint8_t type, const __xdata uint8_t *payload, uint8_t length)
 {
     switch (type) {
     case FRAME_CONFIGURE:
         return configure(payload);
     case FRAME_START:
-        return unit_start(get16(payload));
+        return start(payload, length);
     case FRAME_STOP:
         return unit_stop();
     case FRAME_SINGLE:
@@ -95,12 +109,12 @@ static bool is_repeat(uint8_t type, uint8_t request, uint32_t crc)
            last.age < REPEATS_WITHIN;
 }
 
-static void run_once(const __xdata uint8_t *frame, uint32_t crc)
+static void run_once(const __xdata uint8_t *frame, uint8_t length, uint32_t crc)
 {
     uint8_t type = frame[0];
     uint8_t request = frame[1];
     if (!is_repeat(type, request, crc)) {
-        last.result = run(type, frame + 2);
+        last.result = run(type, frame + 2, length);
         last.request = request;
         last.type = type;
         last.crc = crc;
@@ -134,10 +148,9 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
     }
     uint8_t type = frame[0];
     uint8_t request = frame[1];
-    uint8_t expected = request_length(type);
-    if (expected == REQUEST_UNKNOWN)
+    if (request_length(type) == REQUEST_UNKNOWN)
         return REASON_UNKNOWN_TYPE;
-    if (length != expected)
+    if (!request_has_length(type, length))
         return REASON_WRONG_LENGTH;
     if (is_refused) {
         transmit_result(request, type, RESULT_NOT_FOR_THIS_UNIT);
@@ -166,7 +179,7 @@ uint8_t command_take(const __xdata uint8_t *frame, uint8_t length, uint32_t crc,
         delivery_acknowledge(frame + 1, length - 1);
         break;
     default:
-        run_once(frame, crc);
+        run_once(frame, length, crc);
         break;
     }
     return REASON_NONE;

@@ -7,6 +7,7 @@
 #include "../hal/timebase.h"
 #include "core/memory.h"
 #include "core/protocol.h"
+#include "core/turns.h"
 #include "counters.h"
 
 // A round sooner than expected; else the next one would ping, 2 ms late.
@@ -21,7 +22,7 @@
 #define START_TICKS (50 * TICKS_PER_MS) // of the sensor, when it has power again
 
 // Its limits are in ticks, not in rounds: a main loop that is late makes up for its rounds faster than time passes.
-static enum { OVER, AWAITING_INTERVAL, AWAITING_LOW, AWAITING_RISE, AWAITING_FALL, WITHOUT_POWER } phase;
+static enum { OVER, AWAITING_INTERVAL, AWAITING_TURN, AWAITING_RISE, AWAITING_FALL, WITHOUT_POWER } phase;
 static __xdata uint32_t due; // when the interval was over
 static __xdata uint32_t triggered;
 static __xdata uint32_t trigger_ended;
@@ -74,10 +75,12 @@ static void trigger(void)
     phase = AWAITING_RISE;
 }
 
-static void await_low(void)
+// The line must be low too: a sensor that holds it would not take the trigger.
+static void await_turn(void)
 {
     if (!pins_echo_is_high()) {
-        trigger();
+        if (turns_may_ping(timebase_now()))
+            trigger();
     } else if (timebase_now() - due > FALL_LIMIT_TICKS) {
         triggered = timebase_now(); // the reading needs a time, and the next attempt its interval
         finish(ECHO_STUCK_HIGH);
@@ -91,8 +94,8 @@ static void await_interval(void)
         return;
     while (due - triggered < interval_ticks)
         due = timebase_now();
-    phase = AWAITING_LOW;
-    await_low();
+    phase = AWAITING_TURN;
+    await_turn();
 }
 
 static uint32_t measured(uint32_t rise, uint32_t fall)
@@ -163,8 +166,8 @@ void echo_task(void)
         return;
     if (phase == AWAITING_INTERVAL)
         await_interval();
-    else if (phase == AWAITING_LOW)
-        await_low();
+    else if (phase == AWAITING_TURN)
+        await_turn();
     else if (phase == AWAITING_RISE)
         await_rise();
     else if (phase == AWAITING_FALL)

@@ -17,6 +17,7 @@
 #include "core/cobs.h"
 #include "core/gesture.h"
 #include "core/protocol.h"
+#include "core/turns.h"
 #include "counters.h"
 #include "delivery.h"
 #include "echo.h"
@@ -73,6 +74,7 @@ static void do_unhurried(void)
     until_due = ROUNDS(UNHURRIED_MS);
     if (!stack_is_sound())
         reset_now(NOTE_STACK);
+    turns_task(timebase_now());
     surveyor_task();
     thermometer_task();
     confirmation_task();

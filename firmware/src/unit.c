@@ -10,6 +10,7 @@
 #include "core/check.h"
 #include "core/protocol.h"
 #include "core/ramp.h"
+#include "core/turns.h"
 #include "homing.h"
 #include "measure.h"
 #include "motor.h"
@@ -281,6 +282,7 @@ bool unit_take_news(void)
 uint8_t unit_flags(void)
 {
     return (homed ? STATUS_HOMED : 0) | (started ? STATUS_STARTED : 0) | (check_slipped() ? STATUS_SLIPPED : 0) |
+           (turns_are_set() ? STATUS_IN_TURN : 0) |
            (uint8_t)((check_number() + measured.number) << STATUS_NUMBER_SHIFT);
 }
 

@@ -9,6 +9,7 @@
 #include "plan.h"
 #include "ramp.h"
 #include "ring.h"
+#include "turns.h"
 
 #ifdef __SDCC
 static volatile __xdata __at(0xFFFF) uint8_t simulator; // s51's interface to its host
@@ -132,6 +133,20 @@ static void walk_plans(void)
     }
 }
 
+static void walk_turns(void)
+{
+    uint32_t now = 0xFFF00000UL;
+    for (uint8_t round = 0; round < 30; round++) {
+        uint32_t ahead = (uint32_t)random_byte() << 20 | (uint32_t)random_byte() << 8;
+        show("set", turns_set(round % 2 ? now + ahead : now - ahead, 100000UL + 256UL * random_byte(), now));
+        for (uint8_t look = 0; look < 40; look++) {
+            show("may", turns_may_ping(now));
+            turns_task(now);
+            now += 8000;
+        }
+    }
+}
+
 // Frames of all lengths go into the ring and come out of it encoded, decoded again on the way.
 static void walk_ring(void)
 {
@@ -177,6 +192,7 @@ int main(void)
     walk_medians();
     walk_ramps();
     walk_plans();
+    walk_turns();
     walk_ring();
     stop();
     return 0;

@@ -27,6 +27,7 @@ PURE = [
     "ramp",
     "request",
     "ring",
+    "turns",
     "wire_layout",
 ]
 

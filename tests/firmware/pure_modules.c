@@ -17,6 +17,7 @@
 #include "ramp.h"
 #include "request.h"
 #include "ring.h"
+#include "turns.h"
 #include "wire_layout.h"
 
 #define MOST_BYTES 4096
@@ -83,7 +84,7 @@ static uint8_t reason_to_reject(void)
         return reason;
     if (request_length(incoming.frame[0]) == REQUEST_UNKNOWN)
         return REASON_UNKNOWN_TYPE;
-    return incoming.length == request_length(incoming.frame[0]) ? REASON_NONE : REASON_WRONG_LENGTH;
+    return request_has_length(incoming.frame[0], incoming.length) ? REASON_NONE : REASON_WRONG_LENGTH;
 }
 
 static void answer_frame(void)
@@ -216,6 +217,28 @@ static void check(const char *arguments)
     puts(".");
 }
 
+// A turn's tick, the period, now, and for how many ticks turns_task() is called at which interval: when one may ping,
+// the first tick of each time, all from `now`.
+static void turns(const char *arguments)
+{
+    unsigned long start, period, now, ticks, step;
+    sscanf(arguments, "%lu %lu %lu %lu %lu", &start, &period, &now, &ticks, &step);
+    if (!turns_set((uint32_t)start, (uint32_t)period, (uint32_t)now)) {
+        puts("refused");
+        return;
+    }
+    bool could = false;
+    for (unsigned long since = 0; since < ticks; since += step) {
+        bool can = turns_may_ping((uint32_t)(now + since));
+        if (can && !could)
+            printf("%lu ", since);
+        could = can;
+        turns_task((uint32_t)(now + since));
+    }
+    turns_clear();
+    printf("%d %d\n", turns_are_set(), turns_may_ping((uint32_t)now));
+}
+
 static void median(const char *arguments)
 {
     char *rest = (char *)arguments;
@@ -346,6 +369,8 @@ static void answer(const char *command, const char *arguments)
         check(arguments);
     else if (strcmp(command, "median") == 0)
         median(arguments);
+    else if (strcmp(command, "turns") == 0)
+        turns(arguments);
     else if (strcmp(command, "gestures") == 0)
         gestures(arguments);
     else if (strcmp(command, "ring_clear") == 0)

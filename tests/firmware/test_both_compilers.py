@@ -5,7 +5,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 SOURCE = HERE.parents[1] / "firmware" / "src" / "core"
-MODULES = ["backlash", "bearing", "calibration", "cobs", "crc", "median", "plan", "ramp", "ring"]
+MODULES = ["backlash", "bearing", "calibration", "cobs", "crc", "median", "plan", "ramp", "ring", "turns"]
 MODEL = ["-mmcs51", "--model-small", "--stack-auto"]
 
 

@@ -26,6 +26,7 @@ from noctule_gateway.wire.frames import (
     Put,
     Rejected,
     Run,
+    Start,
     Status,
     Wire,
 )
@@ -46,7 +47,12 @@ def integers(wire: Wire) -> st.SearchStrategy[int]:
 def any_of(kind: type) -> st.SearchStrategy[HostFrame]:
     """Frames of this kind, with any values that its fields can hold."""
     hints = get_type_hints(kind, include_extras=True)
-    return st.builds(kind, **{field.name: integers(get_args(hints[field.name])[1]) for field in fields(kind)})
+    wires = {field.name: get_args(hints[field.name]) for field in fields(kind)}
+    values = {name: integers(wire[1]) for name, wire in wires.items() if wire}
+    if kind is Start:
+        values |= {"turn": integers(Wire(6)), "period": integers(Wire(4)).filter(bool)}
+        return st.builds(kind, request=values["request"], pause_ms=values["pause_ms"]) | st.builds(kind, **values)
+    return st.builds(kind, **values)
 
 
 def spoil(piece: bytes, at: int, bits: int) -> bytes:

@@ -10,7 +10,7 @@ from noctule_gateway.wire.frames import AnySweep, NoEcho, Outcome, Reading, Stat
 TICKS_PER_S = 4_000_000
 RING_SWEEPS = 24
 RESEND_AFTER_S = (0.5, 1.0, 2.0, 4.0)  # "Sweeps are not lost"
-STARTED = 0x02
+STARTED, IN_TURN = 0x02, 0x08
 CHIP_TEMPERATURE = 3150  # 0.01 degrees C
 OWN_PLAN = frames.Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)  # "Host to unit"
 OWN_CALIBRATION = frames.Calibrate(0, 1_043_397, 0, frames.HomeKind.SWITCH, -27307)  # 4075.77 half steps, -150 degrees
@@ -32,8 +32,10 @@ class ModelUnit:
         sweep_s: float = 0.3,
         protocol: int = frames.PROTOCOL,
         life: int = 0xB0A7,
+        knows_turns: bool = False,
     ) -> None:
         self.serial, self.protocol, self.life = serial, protocol, life
+        self.knows_turns = knows_turns
         self.boot, self.drift, self.sweep_s = boot, drift, sweep_s
         self.made: list[AnySweep] = []
         self.carried_out: list[frames.Order] = []
@@ -91,7 +93,7 @@ class ModelUnit:
     def _power_up(self, now_s: float) -> None:
         self._born_s = now_s
         self._sequence = 0
-        self._started = False
+        self._started = self._in_turn = False
         self._next_sweep_s = now_s
         self._sent: AnySweep | None = None
         self._resends = 0
@@ -185,6 +187,7 @@ class ModelUnit:
                 self.stored = 1
             case frames.Start():
                 self._started, self._next_sweep_s = True, now_s
+                self._in_turn = order.period != 0
             case frames.Stop():
                 self._started = False
             case frames.Single():
@@ -201,7 +204,7 @@ class ModelUnit:
             protocol=self.protocol,
             serial=self.serial,
             version_major=0,
-            version_minor=1,
+            version_minor=5 if self.knows_turns else 1,
             version_patch=0,
             boot=self.boot,
             reset_cause=self.reset_cause,
@@ -221,7 +224,7 @@ class ModelUnit:
         return frames.Status(
             request=request,
             state=State.WAITING if len(self.ring) >= RING_SWEEPS else state,
-            flags=STARTED if self._started else 0,
+            flags=STARTED * self._started | IN_TURN * self._in_turn,
             fault=0,
             waypoint=self.waypoint,
             bearing=0,

@@ -47,6 +47,14 @@ def test_a_home_switch_that_does_not_open_is_told_in_words() -> None:
     assert "does not open" in told.detail
 
 
+def test_a_unit_that_pings_out_of_turn_says_why_where_nothing_graver_is_wrong() -> None:
+    known = replace(GOOD, out_of_turn="units near it hear its pings")
+    assert unit_status.message(known, UNIT).detail == "units near it hear its pings"
+    assert unit_status.message(replace(known, bad_line=True), UNIT).detail.startswith("much of what it sends")
+    assert unit_status.unit_counters(replace(STATUS, flags=0x0A))["unit_in_turn"] == 1
+    assert unit_status.unit_counters(STATUS)["unit_in_turn"] == 0
+
+
 def test_the_stack_that_is_left_is_among_the_counters() -> None:
     assert unit_status.unit_counters(STATUS)["unit_stack_free_bytes"] == 40
 

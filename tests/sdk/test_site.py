@@ -81,6 +81,11 @@ def test_a_units_sensor_and_plan_come_in_radians_over_the_sites_default(tmp_path
     assert (unit.start, unit.pause_s) == (True, 0.5)
 
 
+def test_a_unit_may_say_which_room_it_is_in(tmp_path):
+    assert load(tmp_path, HEAD + UNIT + HERE + 'room = "kitchen"\n').unit("u1").room == "kitchen"
+    assert load(tmp_path, HEAD + UNIT + HERE).unit("u1").room == ""
+
+
 def test_what_is_left_out_stays_unknown_and_nothing_starts_by_itself(tmp_path):
     loaded = load(tmp_path, HEAD + UNIT + HERE)
     unit = loaded.unit("u1")
@@ -144,6 +149,7 @@ MISTAKES = {
     HEAD + UNIT.replace('"/dev/ttyUSB0"', '""') + HERE: "'u1': address is ''",
     HEAD + UNIT: "'u1': pose or path, one of the two",
     HEAD + UNIT + HERE + "path = {}\n": "'u1': pose or path, one of the two",
+    HEAD + UNIT + HERE + "room = 3\n": "'u1': room is 3",
     HEAD + UNIT + "pose = 'odometer'\n": "pose is 'odometer': make it a table",
     HEAD + UNIT + "pose = { x_m = 1, y_m = 2 }\n": "'u1'.pose: heading_deg is missing",
     HEAD + UNIT + "pose = { x_m = 'a', y_m = 2, heading_deg = 0 }\n": "'u1'.pose: x_m is 'a': give a finite number",

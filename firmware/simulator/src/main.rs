@@ -162,6 +162,7 @@ fn member(
     });
     image::flash_firmware(&mut flash, records);
     let seed = seed(arguments, index);
+    let oscillator = world.oscillator();
     let mut unit = Unit::power_up(flash, world, seed, &mut *noise_of_xram(arguments, seed));
     if arguments.measure {
         unit.measure(&arguments.routine);
@@ -169,6 +170,7 @@ fn member(
     Ok(Member {
         serial,
         unit,
+        oscillator,
         cable: Cable::new(seed),
         peer: peer(arguments, serial)?,
         store,

@@ -84,6 +84,7 @@ enum stay { STAY_ASKED, STAY_NO_APPLICATION, STAY_NOT_CONFIRMED, STAY_FLASH_FAIL
 #define STATUS_HOMED 0x01
 #define STATUS_STARTED 0x02
 #define STATUS_SLIPPED 0x04
+#define STATUS_IN_TURN 0x08
 #define STATUS_NUMBER_SHIFT 4 // of what MECHANICS tells: a host that sees another asks
 
 #define SWEEP_DECREASING 0x01

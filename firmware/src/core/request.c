@@ -3,6 +3,11 @@
 
 #include "protocol.h"
 
+bool request_has_length(uint8_t type, uint8_t length)
+{
+    return length == request_length(type) || (type == FRAME_START && length == REQUEST_FREE_START);
+}
+
 uint8_t request_length(uint8_t type)
 {
     switch (type) {
@@ -19,7 +24,6 @@ uint8_t request_length(uint8_t type)
     case FRAME_HELLO:
     case FRAME_MEASURE:
         return 3;
-    case FRAME_START:
     case FRAME_SET_WAYPOINT:
     case FRAME_GO_TO:
     case FRAME_TRIM_TEMPERATURE:
@@ -30,6 +34,8 @@ uint8_t request_length(uint8_t type)
         return 7;
     case FRAME_CALIBRATE:
         return 10;
+    case FRAME_START:
+        return 14;
     case FRAME_ACK:
         return 15;
     case FRAME_CONFIGURE:

@@ -33,6 +33,9 @@ from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
+from noctule_gateway.turns.site_turns import site_turns
+from noctule_gateway.turns.timetable import Crowd, Turn
+from noctule_gateway.unit.plans import expected_plan
 from noctule_gateway.unit.unit_server import UnitServer
 from noctule_gateway.update.admission import Admission
 
@@ -62,6 +65,7 @@ class _Served:
         now: Clock,
         clock: ClockWatch,
         admission: Admission,
+        turn: Turn | Crowd | None,
     ) -> None:
         self.unit = unit
         self.on_bus: UnitOnBus | None = None
@@ -69,7 +73,7 @@ class _Served:
         self.reported_s = time.monotonic()  # its line's thread makes a status each second
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
-        self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock)
+        self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock, turn)
         self.server = UnitServer(self.kept, self._publish, self._report, admission)
 
     def _publish(self, record: bytes) -> None:
@@ -105,8 +109,10 @@ class Gateway:
         self._folder = FolderLock(data, Owner("gateway", site.name, self._name))
         self._clock_watch, self._synchronisation = ClockWatch(data / _EPOCH_FILE, now), Synchronisation(kernel_clock)
         retention, admission = retention or Retention(), admission or Admission()
+        turns = site_turns(site, {unit.name: expected_plan(unit) for unit in site.units})
         self._served = [
-            _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission) for unit in site.units
+            _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission, turns.get(unit.name))
+            for unit in site.units
         ]
         whose = {"site": site.name, "gateway": self._name, "version": VERSION}
         self._audit, self._refused = AuditLog(data, whose), AuditLog(data, whose, REFUSALS)

@@ -129,6 +129,7 @@ class Unit:
     plan: SweepPlan | None
     start: bool
     pause_s: float
+    room: str = ""  # where it is named, units of other named rooms don't hear it
 
 
 @dataclass(frozen=True)
@@ -194,6 +195,7 @@ def _unit(table: Table, default: Sensor) -> Unit:
         plan=_plan(sweep),
         start=sweep.flag("start", default=False),  # a motor turns by itself only where the file says so
         pause_s=sweep.optional_number("pause_s", UNIT_PAUSE_S) or 0.0,
+        room=table.text("room") if table.has("room") else "",
     )
     sweep.end()
     table.end()

@@ -6,7 +6,7 @@ use crate::faults::{Fault, Injection};
 use crate::fleet::flash_store::FlashStore;
 use crate::fleet::host::Host;
 use crate::fleet::line::Line;
-use crate::time::{Tick, from_seconds};
+use crate::time::{Oscillator, Tick, from_seconds};
 use crate::unit::Unit;
 use std::io;
 use thiserror::Error;
@@ -33,6 +33,8 @@ pub enum Peer {
 pub struct Member {
     pub serial: u32,
     pub unit: Unit,
+    /// The unit's times are those of its own oscillator; all others here are shared.
+    pub oscillator: Oscillator,
     pub cable: Cable,
     pub peer: Peer,
     pub store: Option<FlashStore>,
@@ -48,7 +50,7 @@ impl Member {
     /// # Errors
     /// A [`MemberError`] if the firmware does what it must not, or the file can't be written.
     pub fn run_until(&mut self, now: Tick, end: Tick) -> Result<(), MemberError> {
-        let outcome = self.unit.run_until(end);
+        let outcome = self.unit.run_until(self.oscillator.own(end));
         self.settle(outcome, now)
     }
 
@@ -57,8 +59,13 @@ impl Member {
     /// # Errors
     /// As `run_until`.
     pub fn run_until_frame(&mut self, now: Tick, end: Tick) -> Result<(), MemberError> {
-        let outcome = self.unit.run_until_frame(end);
+        let outcome = self.unit.run_until_frame(self.oscillator.own(end));
         self.settle(outcome, now)
+    }
+
+    /// How far the unit has been run.
+    pub fn now(&self) -> Tick {
+        self.oscillator.shared(self.unit.now())
     }
 
     /// Puts bytes on the cable to the unit.
@@ -83,7 +90,7 @@ impl Member {
             Fault::Mended {} => self.cable.mend(),
             _ => {}
         }
-        self.unit.inject(&injection.fault, until);
+        self.unit.inject(&injection.fault, self.oscillator.own(until));
     }
 
     fn settle(&mut self, outcome: Result<(), Breach>, since: Tick) -> Result<(), MemberError> {

@@ -127,7 +127,7 @@ impl Fleet {
             let stop = self.begin_slice(end.min(self.now + FREE_SLICE));
             self.now = if let [member] = &mut self.members[..] {
                 member.run_until_frame(self.now, stop)?;
-                member.unit.now()
+                member.now()
             } else {
                 self.members.iter_mut().try_for_each(|member| member.run_until(self.now, stop))?;
                 stop

@@ -20,6 +20,7 @@ use crate::room::person::Person;
 use crate::room::places::{Place, one_or_several};
 use crate::room::scenery::{Cylinder, Scenery, Wall};
 use crate::room::sensor::Sensor;
+use crate::time::Oscillator;
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -28,6 +29,8 @@ const BUILT_IN: [(&str, &str); 3] = [
     ("l-shaped", include_str!("../../rooms/l-shaped.toml")),
     ("lounge", include_str!("../../rooms/lounge.toml")),
 ];
+/// Twice what the chip's data sheet allows its internal oscillator.
+const WORST_OSCILLATOR: f64 = 0.03;
 /// A unit nearer than that to anything does not stand in the room.
 const CLEARANCE_M: f64 = 0.02;
 const USUAL_AIR_C: f64 = 20.0;
@@ -140,6 +143,11 @@ impl Room {
         self.place(index).and_then(|place| place.motor).unwrap_or(self.motor)
     }
 
+    /// The oscillator of unit `index`, counted from 0.
+    pub fn oscillator(&self, index: usize) -> Oscillator {
+        Oscillator::off_by(self.place(index).map_or(0.0, |place| place.oscillator_error))
+    }
+
     /// How many units the room has places for, if they share it; `None` if each unit has the room to itself.
     pub fn shared_by(&self) -> Option<usize> {
         (self.units.len() > 1).then_some(self.units.len())
@@ -237,6 +245,10 @@ impl Room {
         if let Some(index) = hit(&standing) {
             return Some((format!("unit {}", index + 1), "is inside a cylinder or on a wall"));
         }
+        let off = |place: &Place| !(-WORST_OSCILLATOR..=WORST_OSCILLATOR).contains(&place.oscillator_error);
+        if let Some(index) = self.units.iter().position(off) {
+            return Some((format!("unit {}: oscillator_error", index + 1), "is not from -0.03 to 0.03"));
+        }
         let crowded = |(index, &place): (usize, &Point)| {
             standing[..index].iter().any(|&other| other.distance(place) < CLEARANCE_M)
         };
@@ -295,6 +307,13 @@ mod tests {
     fn two_units_in_one_place_are_refused() {
         let text = "name = 'x'\n[[unit]]\nposition_m = [0.0, 0.0]\n[[unit]]\nposition_m = [0.0, 0.01]\n";
         assert!(Room::parse("x", text).unwrap_err().to_string().contains("unit 2"));
+    }
+
+    #[test]
+    fn an_oscillator_that_no_chip_has_is_refused() {
+        let of_error = |error: f64| Room::parse("x", &format!("{STANDING}oscillator_error = {error}\n"));
+        assert!(of_error(-0.015).is_ok());
+        assert!(of_error(0.031).unwrap_err().to_string().contains("oscillator_error"));
     }
 
     #[test]

@@ -15,6 +15,9 @@ pub struct Place {
     #[serde(default)]
     pub heading_deg: f64,
     pub motor: Option<Gear>,
+    /// The share by which its clock is fast.
+    #[serde(default)]
+    pub oscillator_error: f64,
 }
 
 /// # Errors

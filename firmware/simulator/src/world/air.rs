@@ -28,6 +28,8 @@ pub struct Arrival {
     /// Half of the way that it has come.
     pub range_m: f64,
     pub chance: f64,
+    /// Another unit has sent it.
+    pub of_another: bool,
 }
 
 pub struct Air {
@@ -105,7 +107,7 @@ impl Air {
             && self.scene.in_lobe(look.axis_rad, leaves_rad, range_m);
         let flight = from_seconds(2.0 * range_m / self.scene.room().speed_of_sound(look.at_s));
         let from_rad = ear.bearing_to(way.last);
-        heard.then_some(Arrival { at: at + flight, from_rad, range_m, chance: way.chance })
+        heard.then_some(Arrival { at: at + flight, from_rad, range_m, chance: way.chance, of_another: true })
     }
 }
 

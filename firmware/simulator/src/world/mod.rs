@@ -16,7 +16,7 @@ use crate::random::{Part, stream};
 use crate::room::Pose;
 use crate::room::acoustics::{Look, Scene};
 use crate::room::geometry::Point;
-use crate::time::{NEVER, Tick, from_seconds, to_seconds};
+use crate::time::{NEVER, Oscillator, Tick, from_seconds, to_seconds};
 use air::{Air, Arrival};
 use carrier::Carrier;
 use hearing::Hearing;
@@ -42,6 +42,8 @@ const POWER_UP_RANGE_RAD: f64 = 2.8;
 
 pub struct World {
     scene: Rc<Scene>,
+    /// All times here are its own.
+    oscillator: Oscillator,
     standing: Pose,
     motor: Motor,
     sonar: Sonar,
@@ -50,6 +52,7 @@ pub struct World {
     carrier: Carrier,
     rng: ChaCha8Rng,
     led: bool,
+    echoes_of_others: u32,
 }
 
 /// What is true in the world, for tests to compare with.
@@ -66,6 +69,8 @@ pub struct Truth {
     pub led_lit: bool,
     pub echo_high: bool,
     pub air_temperature_c: f64,
+    /// How often it has taken the sound of another unit for its own echo.
+    pub echoes_of_others: u32,
 }
 
 impl World {
@@ -82,9 +87,11 @@ impl World {
         let sonar = Sonar::of(&scene.room().sensor);
         let carrier = Carrier::new(scene.room().waypoints(), laps);
         let standing = scene.room().standing(index);
+        let oscillator = scene.room().oscillator(index);
         Self {
-            hearing: Hearing::new(Rc::clone(&scene), air.map(|air| (air, index))),
+            hearing: Hearing::new(Rc::clone(&scene), air.map(|air| (air, index)), oscillator),
             scene,
+            oscillator,
             standing,
             motor,
             sonar,
@@ -92,7 +99,12 @@ impl World {
             carrier,
             rng,
             led: false,
+            echoes_of_others: 0,
         }
+    }
+
+    pub fn oscillator(&self) -> Oscillator {
+        self.oscillator
     }
 
     pub fn path_is_done(&self) -> bool {
@@ -112,11 +124,12 @@ impl World {
             led_lit: self.led,
             echo_high: self.sonar.echo_is_high(),
             air_temperature_c: self.air_temperature_c(now),
+            echoes_of_others: self.echoes_of_others,
         }
     }
 
     pub fn air_temperature_c(&self, now: Tick) -> f64 {
-        self.scene.room().air_temperature_c(to_seconds(now))
+        self.scene.room().air_temperature_c(self.shared_s(now))
     }
 
     /// Injects a fault of one of the unit's parts, until then if it lasts; faults of cable and supply are handled elsewhere.
@@ -201,6 +214,10 @@ impl World {
         pulls
     }
 
+    fn shared_s(&self, now: Tick) -> f64 {
+        to_seconds(self.oscillator.shared(now))
+    }
+
     fn pose(&self) -> Pose {
         self.carrier.pose().unwrap_or(self.standing)
     }
@@ -222,10 +239,11 @@ impl World {
         let offset_m = self.scene.room().sensor.face_offset_m;
         let axis_m = self.pose().position_m;
         let from = Point { x: axis_m.x + offset_m * axis_rad.cos(), y: axis_m.y + offset_m * axis_rad.sin() };
-        let look = Look { from, axis_rad, at_s: to_seconds(now) };
+        let look = Look { from, axis_rad, at_s: self.shared_s(now) };
         let speed_m_s = self.scene.room().speed_of_sound(look.at_s);
         let range_m = self.scene.ping(&look, &mut self.rng);
-        self.sonar.ping(range_m.map(|range_m| from_seconds(2.0 * range_m / speed_m_s)), now);
+        let flight = range_m.map(|range_m| from_seconds(2.0 * range_m / speed_m_s));
+        self.sonar.ping(flight.map(|flight| self.oscillator.own(flight)), now);
         self.hearing.ping(look, now + self.sonar.lag());
     }
 
@@ -234,6 +252,7 @@ impl World {
         let looks_there = self.scene.in_lobe(self.axis_rad(), arrival.from_rad, arrival.range_m);
         if self.sonar.listens(arrival.at) && looks_there && self.rng.random_bool(arrival.chance) {
             self.sonar.hear(arrival.at);
+            self.echoes_of_others += u32::from(arrival.of_another);
         }
     }
 }

@@ -76,8 +76,27 @@ fn a_unit_hears_the_burst_of_another_that_faces_it_before_its_own_echo() {
     first.ping(0);
     // The second's burst leaves 1 ms after the first's and goes 1 m.
     assert_close(range_of_pulse(&mut first), (1.0 + 1e-3 * SPEED_OF_SOUND_M_S) / 2.0);
+    assert_eq!(first.truth(0).echoes_of_others, 1);
     // And the first's arrives as much sooner at the second, which listens 1 ms later.
     assert_close(range_of_pulse(&mut second), (1.0 - 1e-3 * SPEED_OF_SOUND_M_S) / 2.0);
+}
+
+#[test]
+fn a_fast_oscillator_counts_more_for_the_same_echo_and_is_heard_by_others_at_the_same_time() {
+    let units =
+        "[[unit]]\nposition_m = [0.0, 0.0]\noscillator_error = 0.015\n[[unit]]\nposition_m = [1.0, 0.0]\n";
+    let scene = scene("", &format!("{WALL}{units}"));
+    let air = Rc::new(Air::new(Rc::clone(&scene), vec![scene.room().standing(0), scene.room().standing(1)]));
+    let unit = |index| World::new(Rc::clone(&scene), index, Some(Rc::clone(&air)), 1, 1);
+    let (mut fast, mut right) = (unit(0), unit(1));
+    assert_close(range_of_ping(&mut fast, 0), 2.5 * 1.015);
+    // A second later by the true time, and 1 ms after the other's burst.
+    let second = TICKS_PER_SECOND + TICKS_PER_SECOND * 15 / 1000;
+    fast.ping(second);
+    right.ping(TICKS_PER_SECOND - TICKS_PER_MS);
+    let lag_s = 0.45e-3 * 0.015; // the sensor's lag is counted by the unit, too
+    assert_close(range_of_pulse(&mut right), (1.0 + (1e-3 - lag_s) * SPEED_OF_SOUND_M_S) / 2.0);
+    assert_close(range_of_pulse(&mut fast), (1.0 - (1e-3 - lag_s) * SPEED_OF_SOUND_M_S) / 2.0 * 1.015);
 }
 
 #[test]

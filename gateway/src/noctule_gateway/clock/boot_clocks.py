@@ -2,9 +2,12 @@
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import inf
 
 from noctule_gateway.clock.regression import (
+    GOOD_DRIFT_ERROR,
+    TICK_S,
     TICKS_TO_WRAP,
     Exchange,
     HostTime,
@@ -17,6 +20,23 @@ UNKNOWN_BOOT_ERROR_S = 3600.0  # nothing tells how long a sweep has waited; a ri
 _KEPT_BOOTS = 8
 
 Anchor = tuple[int, HostTime]
+
+
+_AHEAD_S = 3.0  # until the next look at a unit's clock has had its effect
+
+
+@dataclass(frozen=True)
+class TickLine:
+    """A unit's ticks as UTC from ``tick`` on; ``error_s`` is what they may be off by within the next seconds.
+
+    That is one standard deviation or, where this is less, what the latest exchange bounds it to: a clock whose best
+    exchange was long ago states a large one, and may still be right.
+    """
+
+    tick: int
+    utc_s: float
+    tick_s: float
+    error_s: float
 
 
 class BootClocks:
@@ -33,12 +53,14 @@ class BootClocks:
         self._clocks: OrderedDict[int, UnitClock] = OrderedDict()
         self._boot = 0
         self._begun_s = 0.0
+        self._bound_s = inf  # of the latest exchange: by so much the clock can be off at most
         self._last_ticks: dict[int, int] = {}  # of each boot, the last that is known, counted on over wraps
 
     def begin(self, boot: int, now_s: float, utc_offset_s: float) -> None:
         """The unit has shown at ``now_s``, in the host's monotonic time, that it runs under ``boot``."""
         self._boot = boot
         self._begun_s = now_s
+        self._bound_s = inf
         self._clock_of(boot, utc_offset_s)
 
     def add(self, exchange: Exchange) -> bool:
@@ -46,7 +68,12 @@ class BootClocks:
         received_tick = self._unwrapped(self._boot, exchange.received_tick)
         sent_tick = self._unwrapped(self._boot, exchange.sent_tick)
         self._last_ticks[self._boot] = sent_tick
-        return self._clocks[self._boot].add(replace(exchange, received_tick=received_tick, sent_tick=sent_tick))
+        clock = self._clocks[self._boot]
+        taken = clock.add(replace(exchange, received_tick=received_tick, sent_tick=sent_tick))
+        told = clock.at((received_tick + sent_tick) // 2)
+        off_s = abs(told.time_s - exchange.host_s) if taken and told is not None else inf
+        self._bound_s = off_s + max(0.0, exchange.half_trip_s)
+        return taken
 
     def at(self, boot: int, tick: int, utc_offset_s: float) -> HostTime:
         """When ``tick`` of ``boot`` was, in UTC. Of a boot that nothing is known of: before the present one began."""
@@ -56,6 +83,19 @@ class BootClocks:
         began = self._clocks[self._boot].at(0)
         began_s = began.time_s if began is not None else self._begun_s
         return HostTime(began_s + utc_offset_s, UNKNOWN_BOOT_ERROR_S)
+
+    def line(self, utc_offset_s: float) -> TickLine | None:
+        """The present boot's ticks from its last exchange on; None before the first."""
+        tick = self._last_ticks.get(self._boot)
+        clock = self._clocks.get(self._boot)
+        if tick is None or clock is None:
+            return None
+        here, ahead = clock.at(tick), clock.at(tick + round(_AHEAD_S / TICK_S))
+        if here is None or ahead is None:
+            return None
+        tick_s = (ahead.time_s - here.time_s) / _AHEAD_S * TICK_S
+        bound_s = self._bound_s + _AHEAD_S * GOOD_DRIFT_ERROR if clock.good_drift is not None else inf
+        return TickLine(tick, here.time_s + utc_offset_s, tick_s, min(ahead.error_s, bound_s))
 
     @property
     def error_s(self) -> float:

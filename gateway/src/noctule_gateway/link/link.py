@@ -5,6 +5,7 @@ enquiries.py has to ask, and orders what standing_orders.py and the caller want.
 says that it is committed, and again each time it comes again, or may have.
 """
 
+from collections.abc import Callable
 from math import inf
 
 from noctule_gateway.errors import CommandError
@@ -55,16 +56,24 @@ _ANOTHER_UNIT = "another unit was on the line and refused it; whether the right 
 class Link:
     """One unit on one line: connected() when the line is open, then receive(), advance() and output() by ``next_s``.
 
-    Times are seconds of any one clock that never goes back.
+    Times are seconds of any one clock that never goes back. ``in_turn`` gets each START that goes out, and the time; it
+    gives the START with the unit's turns.
     """
 
-    def __init__(self, serial: int, wanted: Wanted, first_request: int) -> None:
+    def __init__(
+        self,
+        serial: int,
+        wanted: Wanted,
+        first_request: int,
+        in_turn: Callable[[frames.Start, float], frames.Start] = lambda start, _: start,
+    ) -> None:
         self._reader = FrameReader()
         self._standing_orders = StandingOrders(wanted)
         self._receipts = Receipts()
         self._timeouts = 0
         self._state = LinkState.GREETING
         self._serial = serial
+        self._in_turn = in_turn
         self._enquiries = Enquiries()
         self._requests = Requests(first_request)
         self._out = bytearray()
@@ -135,7 +144,9 @@ class Link:
         if self._requests.pending and now_s < self._hushed_until_s:
             return b""
         if not self._requests.pending and now_s >= self.next_s:
-            self._out += self._requests.ask(self._next_request(now_s), now_s)
+            request = self._next_request(now_s)
+            request = self._in_turn(request, now_s) if isinstance(request, frames.Start) else request
+            self._out += self._requests.ask(request, now_s)
             self._round_trip.asked(now_s, len(self._out))
         if isinstance(self._orders.given, frames.Store) and self._requests.due_s is not None:
             self._hushed_until_s = self._requests.due_s
@@ -161,6 +172,11 @@ class Link:
         ticket = self._orders.add(order)
         self._tell_settings()
         return ticket
+
+    def start_again(self) -> None:
+        """Tell the unit once more how it is started, if it is: its turns have changed."""
+        if self._state is LinkState.SERVING:
+            self._standing_orders.start_again()
 
     @property
     def settings(self) -> Settings | None:

@@ -29,6 +29,7 @@ class StandingOrders:
         self._orders: deque[Order] = deque()
         self._awaits_status = True
         self._not_before_s = 0.0
+        self._started = False
         self.error = ""
 
     def begin(self, status: Status) -> None:
@@ -39,7 +40,13 @@ class StandingOrders:
         if self._wanted.plan is not None:
             self._orders.extend([Stop(0)] if status.started else [])
             self._orders.append(self._wanted.plan)
-        if self._wanted.running or status.started:
+        self._started = self._wanted.running or status.started
+        if self._started:
+            self._orders.append(self._wanted.start)
+
+    def start_again(self) -> None:
+        """Have the unit told once more how it is started, if it is."""
+        if self._started and self.done:
             self._orders.append(self._wanted.start)
 
     def drop(self) -> None:
@@ -92,9 +99,11 @@ class StandingOrders:
                 self._orders = deque(each for each in self._orders if not isinstance(each, Configure))
             case Start():
                 self._wanted = replace(self._wanted, start=order, running=True)
+                self._started = True
                 self._orders = deque([Stop(0), plan, order] if plan else [])
             case Stop():
                 self._wanted = replace(self._wanted, running=False)
+                self._started = False
                 self._orders = deque([plan] if plan else [])
 
 

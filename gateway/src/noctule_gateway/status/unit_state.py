@@ -23,6 +23,7 @@ class UnitState:
     lost_pose: bool = False  # the last sweep had none
     late: bool = False  # the unit is served later than it should be
     bad_line: bool = False  # much of what the unit sends can't be read
+    out_of_turn: str = ""  # why it pings as it likes though others may hear it
     faults: tuple[UnitFault, ...] = ()  # what its sweeps show
 
     def line_opened(self) -> "UnitState":

@@ -55,6 +55,8 @@ def detail(known: UnitState, unit: Unit) -> str:
         return _BAD_LINE
     if known.lost_pose:
         return _lost_pose(unit)
+    if known.out_of_turn:
+        return known.out_of_turn
     return known.log.damage
 
 
@@ -105,6 +107,7 @@ def unit_counters(status: Status) -> dict[str, int]:
         "unit_bytes_lost": status.bytes_lost,
         "unit_echo_faults": status.echo_faults,
         "unit_stack_free_bytes": status.stack_free,
+        "unit_in_turn": int(status.in_turn),
     }
 
 

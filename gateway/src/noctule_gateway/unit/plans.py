@@ -40,11 +40,22 @@ def wanted_plan(unit: Unit) -> Configure | None:
     firmware 0.4 it was valid, and an upgrade must not stop the gateway. Raises CommandError if a unit would not take
     the file's plan for another reason.
     """
+    plan = _given_plan(unit)
+    return plan and _with_longer_ramp(unit.name, plan)
+
+
+def expected_plan(unit: Unit) -> Configure:
+    """The plan that ``unit`` will most likely go by. Raises CommandError as wanted_plan()."""
+    return limits.with_longer_ramp(_given_plan(unit) or OWN_PLAN)
+
+
+def _given_plan(unit: Unit) -> Configure | None:
+    """Before a ramp is lengthened."""
     given = unit.plan or SweepPlan()
     try:
         if isinstance(unit.pose, FixedPose) and not any(map(given.HasField, _BEARINGS)):
-            return _with_longer_ramp(unit.name, orders.configure_with_any_ramp(given, FIXED_PLAN))
-        return _with_longer_ramp(unit.name, orders.configure_with_any_ramp(given, OWN_PLAN)) if unit.plan else None
+            return orders.configure_with_any_ramp(given, FIXED_PLAN)
+        return orders.configure_with_any_ramp(given, OWN_PLAN) if unit.plan else None
     except CommandError as error:
         raise CommandError(f"the site file's plan of unit {unit.name}: {error}") from error
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 
 from noctule.messages_pb2 import UnitFault
-from noctule_gateway.clock.boot_clocks import Anchor, BootClocks
+from noctule_gateway.clock.boot_clocks import Anchor, BootClocks, TickLine
 from noctule_gateway.clock.regression import Exchange, HostTime
 from noctule_gateway.errors import LogError
 from noctule_gateway.link.link import Link
@@ -54,6 +54,11 @@ class SweepIntake:
     def clock_error_s(self) -> float:
         """One standard deviation of the UTC that a sweep made now would get."""
         return self._clocks.error_s
+
+    @property
+    def clock_line(self) -> TickLine | None:
+        """The unit's ticks as UTC, from its last exchange on."""
+        return self._clocks.line(self._served.clock.look().utc_offset_s)
 
     @property
     def clock_drift(self) -> float:

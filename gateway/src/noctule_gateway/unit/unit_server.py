@@ -5,6 +5,7 @@ import random
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import replace
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule_gateway.errors import BEING_UPDATED, CommandError, GatewayError, LineError
@@ -28,6 +29,7 @@ from noctule_gateway.served_unit import ServedUnit
 from noctule_gateway.status import reset_causes, unit_status
 from noctule_gateway.status.hearing import Hearing
 from noctule_gateway.status.unit_state import UnitState
+from noctule_gateway.turns.keeper import TurnKeeper
 from noctule_gateway.unit.command_runner import CommandRunner
 from noctule_gateway.unit.plans import wanted_plan
 from noctule_gateway.unit.sweep_intake import SweepIntake
@@ -37,7 +39,7 @@ from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Ending, describe
 from noctule_gateway.update.updater import Updater
 from noctule_gateway.wire import orders
-from noctule_gateway.wire.frames import MAX_REQUEST, Loader
+from noctule_gateway.wire.frames import MAX_REQUEST, Loader, Start
 
 REPORT_EVERY_S = 1.0
 REOPEN_AFTER_S = 10.0  # of silence though asked: a connection may be dead at one end only
@@ -66,7 +68,8 @@ class UnitServer:
         unit = served.unit
         wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
         self._line = Line(unit.address, self, unit.name)
-        self._link = Link(unit.serial, wanted, first_request=random.randrange(MAX_REQUEST))
+        self._turns = TurnKeeper(served.turn)
+        self._link = Link(unit.serial, wanted, random.randrange(MAX_REQUEST), self._in_turn)
         self._intake = SweepIntake(served, self._link, publish, self._line.call)
         self._state = UnitState()
         self._unit_report = UnitReport(served, self._link, self._intake)
@@ -162,7 +165,10 @@ class UnitServer:
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
             self._commands.advance(now_s)
+            if self._turns.is_due(self._intake.clock_line, now_s):
+                self._link.start_again()
             self._state = self._hearing.up_to_date(self._state, self._link.counts)
+            self._state = replace(self._state, out_of_turn=self._turns.trouble(now_s))
             self._report(self._unit_report.each_second(self._state))
 
     def _give_up_silent_line(self, now_s: float) -> None:
@@ -172,6 +178,9 @@ class UnitServer:
     def output(self, now_s: float) -> bytes:
         """What the link, or the update, has to say."""
         return self._link.output(now_s) if self._updater is None else self._updater.output(now_s)
+
+    def _in_turn(self, start: Start, now_s: float) -> Start:
+        return self._turns.start(start, self._intake.clock_line, now_s)
 
     def _status(self) -> UnitStatus:
         return self._unit_report.message(self._state)
@@ -199,6 +208,7 @@ class UnitServer:
                 case StatusRead(read):
                     changed = self._state.status is None or read.state != self._state.status.state
                     self._state = self._state.said(read)
+                    self._turns.said(read)
                     self._report_due_s = 0.0 if changed else self._report_due_s
                     self._commands.status_read(read)
                 case MechanicsRead(mechanics):
@@ -222,6 +232,7 @@ class UnitServer:
             self._commands.unit_was_reset()
         self._state = self._state.identified(hello)
         self._intake.begin_boot(hello.boot_of_life)
+        self._turns.met(hello, time.monotonic())
         self._report_due_s = 0.0
 
     def _lose(self, why: str, loader: Loader | None = None) -> None:

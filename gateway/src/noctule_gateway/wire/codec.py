@@ -17,6 +17,7 @@ from noctule_gateway.wire.frames import (
     Order,
     Put,
     Reading,
+    Start,
     Sweep,
     Sweep2,
     Wire,
@@ -43,6 +44,7 @@ def _layout(frame_type: type) -> tuple[_Field, ...]:
 _TYPES: dict[int, type[Frame]] = {frame_type.TYPE: frame_type for frame_type in get_args(Frame)}
 _LAYOUTS = {frame_type: _layout(frame_type) for frame_type in (*_TYPES.values(), Reading)}
 _LIFE = Wire(4)  # at the end of HELLO, from protocol 3 on
+_TURN, _PERIOD = Wire(6), Wire(4)  # at the end of a START that has turns
 _READING_BYTES = sum(field.wire.size_bytes for field in _LAYOUTS[Reading])
 
 
@@ -100,7 +102,9 @@ def _pack_tail(frame: Frame) -> bytes:
                 raise FrameError(f"{len(data)} bytes do not fit a PUT: from 1 to {MAX_PUT_BYTES} do")
             return data
         case For(order=order):
-            return bytes([order.TYPE]) + _pack(order)
+            return bytes([order.TYPE]) + _pack(order) + _pack_tail(order)
+        case Start(turn=turn, period=period) if period:
+            return _pack_integer(turn, _TURN, frame) + _pack_integer(period, _PERIOD, frame)
         case Hello(life=life) if life != NO_LIFE:
             return _pack_integer(life, _LIFE, frame)
     return b""
@@ -132,6 +136,11 @@ def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
         size = len(payload)
     elif frame_type is Hello and len(payload) == size + _LIFE.size_bytes:
         values["life"] = int.from_bytes(payload[size:], "little")
+        size = len(payload)
+    elif frame_type is Start and len(payload) == size + _TURN.size_bytes + _PERIOD.size_bytes:
+        period_at = size + _TURN.size_bytes
+        values["turn"] = int.from_bytes(payload[size:period_at], "little")
+        values["period"] = int.from_bytes(payload[period_at:], "little")
         size = len(payload)
     if len(payload) != size:
         raise FrameError(f"{frame_type.__name__} of {len(payload)} bytes instead of {size}")

@@ -151,9 +151,13 @@ class Configure:
 
 @dataclass(frozen=True)
 class Start:
+    """Without a period the unit pings as soon as it is ready; the frame is then as older firmware knows it."""
+
     TYPE: ClassVar = 0x05
     request: U8
     pause_ms: U16
+    turn: int = 0  # U48: the tick of one of its turns
+    period: int = 0  # U32: ticks from turn to turn
 
 
 @dataclass(frozen=True)
@@ -326,6 +330,11 @@ class Hello:
         """The firmware's version as people write it."""
         return f"{self.version_major}.{self.version_minor}.{self.version_patch}"
 
+    @property
+    def knows_turns(self) -> bool:
+        """Its firmware takes a START that says when it may ping."""
+        return (self.version_major, self.version_minor) >= (0, 5)
+
 
 @dataclass(frozen=True)
 class Status:
@@ -367,6 +376,11 @@ class Status:
     def mechanics_number(self) -> int:
         """Another one than last time: MECHANICS has changed. Always 0 in firmware before 0.5, which has none."""
         return self.flags >> 4
+
+    @property
+    def in_turn(self) -> bool:
+        """It pings at its turns only."""
+        return bool(self.flags & 0x08)
 
 
 @dataclass(frozen=True)
