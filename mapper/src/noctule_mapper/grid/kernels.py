@@ -98,8 +98,8 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     """Count cones in (``sign`` 1) or out (-1): each of their cells at its level of trust. Whether there was room for
     it: where not, nothing is done.
 
-    cones (n, 7): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach``, with the width of
-    ``fresh``. state to counts: as in module ``tiles``.
+    cones (n, 7): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach`` and with the width
+    of ``fresh``. state to counts: as in module ``tiles``.
     """
     box = cone_box(cones)
     if box[4] > reach or not has_room(box, len(cones), state, window, side):
@@ -214,3 +214,9 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
                     spare_rows[state[SPARE_ROWS]] = line
                     state[SPARE_ROWS] += 1
     return True
+
+
+# The compiled functions themselves. Numba's look at the type of each argument costs as much as three cones, so it is
+# left out: who calls these must give just the types of the signatures.
+CONES_OF_COUNTS = {np.dtype(of): stroke_cones.get_overload(_CONES.format(of)) for of in ("u2", "u4")}
+ARCS = stroke_arcs.get_overload(_ARCS)

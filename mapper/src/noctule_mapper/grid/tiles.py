@@ -62,6 +62,7 @@ class Tiles:
         """Count cones (n, 7) in (``sign`` 1) or out (-1), as in ``stroke_cones``."""
         if sign > 0:
             self._reserve_counts(len(cones))
+        cones = np.ascontiguousarray(cones, float)
         if not self._stroke_cones(cones, sectors, sign):
             for part, box in _parts(cones, self._geometry.cone_box):
                 self._make_room(box, len(part))
@@ -73,13 +74,14 @@ class Tiles:
         self._stamp += 1
         reach = self._reach_of.get(sectors, _LEAST_REACH)
         cells, rings = cells_by_sector(reach, sectors, self._fresh.shape[1])
-        return self._kernels.stroke_cones(
+        return self._kernels.CONES_OF_COUNTS[self._counts.dtype](
             *(cones, cells, rings, reach, self._state, self._window, self._slots, self._spare),
             *(self._fresh, self._counts, self._side, sign, self._stamp),
         )
 
     def add_arcs(self, arcs: np.ndarray, sign: int) -> None:
         """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``."""
+        arcs = np.ascontiguousarray(arcs, float)
         if not self._stroke_arcs(arcs, sign):
             for part, box in _parts(arcs, lambda table: self._geometry.arc_box(table, self._cell_m), _MOST_ARC_CELLS):
                 self._make_room(box, len(part))
@@ -88,7 +90,7 @@ class Tiles:
 
     def _stroke_arcs(self, arcs: np.ndarray, sign: int) -> bool:
         self._stamp += 1
-        return self._kernels.stroke_arcs(
+        return self._kernels.ARCS(
             *(arcs, self._cell_m, self._state, self._window, self._slots, self._spare, self._rows),
             *(self._spare_rows, self._held, self._sums, self._terms, self._side, sign, self._stamp),
         )
