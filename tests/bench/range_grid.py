@@ -1,8 +1,8 @@
 """How many readings a second the reliability grid takes, beside MRPT's occupancy grid: one core, one survey.
 
 Both take the echoes of a walk through the paper's room, again and again, each with the free cone before its arc. MRPT's
-grid keeps a byte for each cell and marks the whole arc. Ours keeps counts, 12 to 28 bytes for each cell, and sums of
-PCR6+ where contacts are, so that it can take a reading out again. They run by turns, and a ratio is the median over the
+grid keeps a byte for each cell and marks the whole arc. Ours keeps counts, 28 bytes for each cell, and sums of PCR6+
+where contacts are, so that it can take a reading out again. They run by turns, and a ratio is the median over the
 turns: what else the machine does then matters little.
 """
 

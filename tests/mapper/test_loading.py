@@ -16,7 +16,7 @@ from noctule_mapper.cli import main
 try:
     main(sys.argv[1:])
 finally:
-    print("loaded:", *sorted({name.split(".")[0] for name in sys.modules}), file=sys.stderr)
+    print("loaded:", *sorted(sys.modules), file=sys.stderr)
 """
 
 _MAPPED = """
@@ -32,7 +32,7 @@ print("rerun" in sys.modules)
 
 
 def loaded_by(*arguments: object) -> set[str]:
-    """The packages that ``noctule-mapper`` has loaded when it is done."""
+    """The packages and modules that ``noctule-mapper`` has loaded when it is done."""
     command = [sys.executable, "-c", _LOADED, *map(str, arguments)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("loaded:")]
@@ -52,6 +52,8 @@ def test_a_fit_loads_neither_compiler_nor_viewer_nor_bus_nor_scipy(tmp_path: Pat
     loaded = loaded_by("fit", source, "--contour", tmp_path / "contour.json")
     assert "numpy" in loaded
     assert loaded & {"scipy", "numba", "llvmlite", "rerun", "matplotlib", "cv2", "zenoh"} == set()
+    others = ("grid.grid", "paper.walls", "placement.unknown_poses")  # for other methods and other surveys
+    assert loaded & {f"noctule_mapper.{module}" for module in others} == set()
 
 
 def test_a_mapper_that_nobody_watches_does_not_load_the_viewer(tmp_path: Path) -> None:

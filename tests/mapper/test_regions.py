@@ -114,6 +114,15 @@ def test_the_space_before_an_arc_is_free_and_each_cell_is_spoken_of_once():
             assert (at(grid, x_m, y_m)[1] > 0.5 * CONFIG.most_free) == believed, (direction, range_m)
 
 
+def test_a_range_no_longer_than_its_error_calls_no_cell_free_but_the_sensors_own():
+    grid = Grid(CONFIG)
+    grid.add(arcs((0.01, 0.01, 1.0, 0.0, 0.02)))
+    grid.add_free(cones((0, 0, 0.0, 0.0), (0, 0, 2.0, 0.0)))
+    said, dx, dy = beliefs_about(grid, 0, 0, 90)
+    assert said[(dx == 0) & (dy == 0), 1] == pytest.approx(CONFIG.most_free * 15 / 16)  # of the highest of 8 levels
+    assert not said[(np.hypot(dx, dy) > 0) & (dx < 40)].any()
+
+
 def test_many_readings_in_one_direction_speak_of_a_cell_but_once_in_a_sweep():
     sweep = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))[0]
     cone = free_space(sweep, CONFIG)

@@ -6,6 +6,7 @@ sensor model -> contacts -> belief fusion on a sparse grid -> features -> walls,
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,11 +16,6 @@ from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.contour.contour import Contour, joined
 from noctule_mapper.contour.reasons import reason
 from noctule_mapper.contour.stops import parted
-from noctule_mapper.grid.grid import Grid
-from noctule_mapper.grid.regions import contact_regions, free_space
-from noctule_mapper.paper.eht_lsm import eht_lsm
-from noctule_mapper.paper.features import FeaturePoints, feature_points
-from noctule_mapper.paper.hough import hough
 from noctule_mapper.placement.unplaced import Unplaced
 from noctule_mapper.readings.echoes import Echoes, echoes_of
 from noctule_mapper.readings.looks import Looks, Pose, is_fine, looks_of, looks_of_all, pose_of
@@ -27,6 +23,10 @@ from noctule_mapper.readings.parts import parts_of, stops_are_rare
 from noctule_mapper.readings.persistence import lasting
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
+
+if TYPE_CHECKING:  # the grid and the paper's own methods, which the default method does without
+    from noctule_mapper.grid.grid import Grid
+    from noctule_mapper.paper.features import FeaturePoints
 
 
 class Mapper:
@@ -89,11 +89,14 @@ class Mapper:
         return [*map(self._unplaced.as_it_came, self._sweeps.values()), *self._unplaced.waiting()]
 
     @property
-    def grid(self) -> Grid:
+    def grid(self) -> "Grid":
         """III.A, Eq. 3-4: the reliability grid. It is made when it is first looked at, for the default method does
         without; from then on it goes along with the sweeps.
         """
         if self._grid is None:
+            from noctule_mapper.grid.grid import Grid
+            from noctule_mapper.grid.regions import contact_regions, free_space
+
             grid = Grid(self.config.grid, self.config.rule)
             for sweep in self._lasting.values():
                 grid.add_free(free_space(sweep, self.config.grid))
@@ -107,9 +110,11 @@ class Mapper:
             self._report = contact_report(self._contacts.echoes(), self._contacts.contacts(), self.config)
         return self._report
 
-    def feature_points(self) -> FeaturePoints:
+    def feature_points(self) -> "FeaturePoints":
         """III.D: where reflectors were touched, from the grid as it is; worked out once for the sweeps on the map."""
         if self._points is None:
+            from noctule_mapper.paper.features import feature_points
+
             report = self.contact_report()
             self._points = feature_points(self.grid.tiles(), report.echoes, report.touched, self.config.features)
         return self._points
@@ -131,8 +136,12 @@ class Mapper:
         if not len(self._contacts.echoes()):
             return Contour()
         if self.config.method == "hough":
+            from noctule_mapper.paper.hough import hough
+
             return hough(self.feature_points(), self.contact_report().echoes, self.config)  # IV.A, Eq. 9
         if self.config.method == "eht-lsm":
+            from noctule_mapper.paper.eht_lsm import eht_lsm
+
             return eht_lsm(self.feature_points(), self.contact_report().echoes, self.config)  # IV.B-D, Eq. 10-23
         return self._refined()  # beyond the paper: on the raw ranges
 
@@ -181,12 +190,16 @@ class Mapper:
     def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
         """II.A, Eq. 5-8: what lies before the arcs."""
         if self._grid is not None:
+            from noctule_mapper.grid.regions import free_space
+
             self._grid.add_free(free_space(sweep, self.config.grid), sign=sign)
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
         self._report = self._points = None
         if self._grid is not None:
+            from noctule_mapper.grid.regions import contact_regions
+
             self._grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
             self._grid.add(contact_regions(change.echoes, change.after, self.config.grid))
 

@@ -1,6 +1,7 @@
 """The estimate as messages: Contour, Features and GridTile."""
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from google.protobuf.timestamp_pb2 import Timestamp
@@ -8,8 +9,10 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from noctule import messages_pb2
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.contour.contour import Contour, PoseState, Touch, UnitPose, Wall
-from noctule_mapper.grid.grid import GridTile
-from noctule_mapper.paper.features import FeaturePoints
+
+if TYPE_CHECKING:  # a fit by the default method has neither
+    from noctule_mapper.grid.grid import GridTile
+    from noctule_mapper.paper.features import FeaturePoints
 
 _KINDS = {
     Kind.WALL: messages_pb2.CONTACT_KIND_WALL,
@@ -108,7 +111,7 @@ def _unit_pose(pose: UnitPose) -> messages_pb2.UnitPose:
 
 
 def features_message(
-    points: FeaturePoints, site: str, mapper: str = "", version: int = 0, time_s: float = 0.0
+    points: "FeaturePoints", site: str, mapper: str = "", version: int = 0, time_s: float = 0.0
 ) -> messages_pb2.Features:
     """Feature points as the message that goes on the bus."""
     return messages_pb2.Features(
@@ -123,7 +126,7 @@ def features_message(
     )
 
 
-def tile_message(tile: GridTile, site: str, mapper: str = "", time_s: float = 0.0) -> messages_pb2.GridTile:
+def tile_message(tile: "GridTile", site: str, mapper: str = "", time_s: float = 0.0) -> messages_pb2.GridTile:
     """A tile of the reliability grid as the message that goes on the bus, beliefs in 1/255."""
     rows, columns = tile.occupied.shape
     return messages_pb2.GridTile(

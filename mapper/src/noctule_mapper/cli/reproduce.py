@@ -1,7 +1,6 @@
 """The command ``reproduce``: the paper's figures and tables, made again in simulation by a package of its own."""
 
 import os
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +20,8 @@ def reproduce(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as processors by default.")] = None,
 ) -> None:
     """Reproduce the figures and tables of Liu et al. 2019 on simulated surveys."""
+    from importlib.metadata import entry_points
+
     # A researcher installs the package, the host of a mapper does not: it brings matplotlib.
     found = entry_points(group="noctule_mapper.commands", name="reproduce")
     if not found:

@@ -10,8 +10,7 @@ from noctule_mapper.grid import regions
 
 _NO_CONTACT = int(Kind.NONE)
 _READ, _KINDS = (types.Array(of, 1, "A", readonly=True) for of in (f8, i8))
-TIE_CELLS = 1e-6  # a cell so near the edge of a cone may be on either side
-_LEVEL_RAY = 1e-9  # sine of a direction along the rows
+TIE_CELLS = 1e-6  # a cell so near the edge of a cone is inside
 
 
 _epsilon_m = njit("f8(f8, f8, f8)", cache=True)(regions.bounded_epsilon_m)
@@ -95,34 +94,26 @@ def arc_box(arcs, cell_m):
     return math.floor(box[0]), math.floor(box[1]), math.ceil(box[2]), math.ceil(box[3]), math.ceil(box[4])
 
 
-@njit("UniTuple(i8, 2)(i8[::1], i8[::1], f8, f8, f8)", cache=True)
-def cone_rows(begins, ends, low_rad, high_rad, reach):
-    """Into ``begins`` and ``ends``, for each row, the first cell and the one after the last that lie between two
-    directions, half a turn apart at most, and within ``reach`` of (0, 0). Returns the lowest row and their number.
+@njit("b1(f8, f8, f8)", cache=True)
+def _holds(low_rad, high_rad, direction_rad):
+    """Whether ``direction_rad``, turned by whole turns, lies between two directions."""
+    turn = 2 * math.pi
+    return math.floor((high_rad - direction_rad) / turn) >= math.ceil((low_rad - direction_rad) / turn)
+
+
+@njit("UniTuple(i8, 4)(f8, f8, f8)", cache=True)
+def sector_box(low_rad, high_rad, reach):
+    """The least column and row, the greatest column and row of the cells between two directions, half a turn apart at
+    most, and within ``reach`` of (0, 0).
     """
     low_x, low_y, high_x, high_y = math.cos(low_rad), math.sin(low_rad), math.cos(high_rad), math.sin(high_rad)
-    turn = 2 * math.pi
-    up = math.floor(high_rad / turn - 0.25) >= math.ceil(low_rad / turn - 0.25)  # the cone holds the direction of y
-    down = math.floor(high_rad / turn + 0.25) >= math.ceil(low_rad / turn + 0.25)
-    lowest = math.ceil(-reach if down else reach * min(0.0, low_y, high_y))
-    highest = math.floor(reach if up else reach * max(0.0, low_y, high_y))
-    # A cone lies to the left of its low ray and to the right of its high one. Where a ray goes up, the low one bounds
-    # the row's end and the high one its beginning; where it goes down, it is the other way about.
-    none = 2 * reach + 1
-    begin_low, begin_high, end_low, end_high = (0.0, -none), (0.0, -none), (0.0, none), (0.0, none)
-    if low_y > _LEVEL_RAY:
-        end_low = (low_x / low_y, 0.0)
-    elif low_y < -_LEVEL_RAY:
-        begin_low = (low_x / low_y, 0.0)
-    if high_y > _LEVEL_RAY:
-        begin_high = (high_x / high_y, 0.0)
-    elif high_y < -_LEVEL_RAY:
-        end_high = (high_x / high_y, 0.0)
-    for k in range(highest - lowest + 1):
-        y = float(lowest + k)
-        half = math.sqrt(max(reach * reach - y * y, 0.0))
-        begin = max(begin_low[0] * y + begin_low[1], begin_high[0] * y + begin_high[1])
-        end = min(end_low[0] * y + end_low[1], end_high[0] * y + end_high[1])
-        begins[k] = math.ceil(max(begin, -half) - TIE_CELLS)
-        ends[k] = math.floor(min(end, half) + TIE_CELLS) + 1
-    return lowest, highest - lowest + 1
+    left = -1.0 if _holds(low_rad, high_rad, math.pi) else min(0.0, low_x, high_x)
+    low = -1.0 if _holds(low_rad, high_rad, -math.pi / 2) else min(0.0, low_y, high_y)
+    right = 1.0 if _holds(low_rad, high_rad, 0.0) else max(0.0, low_x, high_x)
+    high = 1.0 if _holds(low_rad, high_rad, math.pi / 2) else max(0.0, low_y, high_y)
+    return (
+        math.ceil(reach * left - TIE_CELLS),
+        math.ceil(reach * low - TIE_CELLS),
+        math.floor(reach * right + TIE_CELLS),
+        math.floor(reach * high + TIE_CELLS),
+    )

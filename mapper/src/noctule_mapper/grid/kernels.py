@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from noctule_mapper.fusion import sensor_model
-from noctule_mapper.grid.geometry import arc_box, cone_box, cone_rows, tip_m
+from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, cone_box, sector_box, tip_m
 
 _direction_trust = njit("f8(f8, f8)", cache=True)(sensor_model.direction_trust)  # Eq. 5
 _off_arc = njit("f8(f8, f8, f8)", cache=True)(sensor_model.off_arc)  # Eq. 6-7
@@ -20,7 +20,8 @@ _arc_level = njit("i8(f8, f8)", cache=True)(sensor_model.arc_level)
 
 # The directory of the tiles, as in module ``tiles``: state, window, slots, spare.
 _TILES = "i8[::1], i4[:,::1], i8[:,::1], i4[::1]"
-_CONES = f"b1(f8[:,::1], u2[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8)"
+_CONES = f"b1(f8[:,::1], i4[:,::1], i4[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8)"
+_SETTLE = "void(i8[::1], i8[:,::1], u8[:,::1], {0}[:,:,::1], i8)"
 _ARCS = f"b1(f8[:,::1], f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i8, i8)"
 
 CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS = range(4)  # what ``state`` holds
@@ -28,7 +29,7 @@ COLUMN, ROW, PIECES, STAMP, STROKES, FIELDS = range(6)  # what ``slots`` holds o
 LANE_BITS = 8  # of a level in a cell's fresh counts
 MOST_STROKES = 127  # that a lane can hold, either way
 _LANE = np.uint64((1 << LANE_BITS) - 1)
-_HALF = np.uint64(1 << LANE_BITS - 1)
+_HALF = 1 << LANE_BITS - 1
 _MIDDLES = np.uint64(sum(1 << LANE_BITS * k + LANE_BITS - 1 for k in range(sensor_model.FREE_LEVELS)))
 
 
@@ -62,94 +63,76 @@ def _slot(tile_column, tile_row, state, window, slots, spare):
     return slot
 
 
-@njit("UniTuple(i8, 2)(u8[::1], i8, f8, f8, f8, f8)", cache=True)
-def _set_changes(change_of, sign, axis_rad, low_rad, high_rad, width_rad):
-    """What each sector that has its middle between two directions adds to the counts of a cell; the first of them, and
-    the one after the last.
-    """
-    sector_rad = 2 * math.pi / len(change_of)
-    first, last = math.ceil(low_rad / sector_rad - 0.5), math.ceil(high_rad / sector_rad - 0.5)
-    last = min(last, first + len(change_of) // 2)  # beams are half a turn wide at most; more would be a rounding error
-    for turned in range(first, last):
-        trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)
-        if trust > 0:
-            one = np.uint64(1) << np.uint64(LANE_BITS * _free_level(trust))
-            change_of[turned % len(change_of)] = one if sign > 0 else ~one + np.uint64(1)
-    return first, last
-
-
-@njit("UniTuple(i8, 2)(i8[::1], i8[::1], i8, u8[::1], u2[::1], i8, i8)", cache=True)
-def _trim(begins, ends, rows, change_of, sector_of, place, wide):
-    """Take off each row's ends what the sectors leave out; the first column of all, and the last. ``place`` is the
-    place of row 0, column 0 in ``sector_of``.
-    """
-    leftmost, rightmost = wide, -wide
-    for k in range(rows):
-        begin, end = begins[k], ends[k]
-        while begin < end and change_of[sector_of[place + begin]] == 0:
-            begin += 1
-        while begin < end and change_of[sector_of[place + end - 1]] == 0:
-            end -= 1
-        if begin < end:
-            leftmost, rightmost = min(leftmost, begin), max(rightmost, end - 1)
-        begins[k], ends[k] = begin, end
-        place += wide
-    return leftmost, rightmost
-
-
 @njit(cache=True)
-def _settle(fresh, counts, slot):
+def _settle(slot, state, slots, fresh, counts, side):
     """Move the fresh counts of a tile's cells to ``counts``."""
-    for cell in range(fresh.shape[1]):
-        lanes = fresh[slot, cell] + _MIDDLES
-        for level in range(counts.shape[2]):
-            counts[slot, cell, level] += (lanes >> np.uint64(LANE_BITS * level) & _LANE) - _HALF
-        fresh[slot, cell] = 0
+    first_row = (slots[slot, ROW] - state[CORNER_ROW]) * side
+    first_column = (slots[slot, COLUMN] - state[CORNER_COLUMN]) * side
+    settled, size, moved = counts[slot].ravel(), side * counts.shape[2], 0
+    for row in range(side):  # in loops so plain that they are compiled to vector instructions
+        lanes = fresh[first_row + row, first_column : first_column + side]
+        for column in range(len(lanes)):
+            lanes[column] += _MIDDLES
+        each, of_row = lanes.view(np.uint8), settled[row * size : (row + 1) * size]  # the first byte is level 0
+        for k in range(len(each)):
+            of_row[k] += each[k]
+            of_row[k] -= _HALF
+        for k in range(len(each)):
+            moved += np.int64(each[k])
+        for column in range(len(lanes)):
+            lanes[column] = 0
+    slots[slot, PIECES] += moved - _HALF * side * size
+    slots[slot, STROKES] = 0
+
+
+@njit([_SETTLE.format("u2"), _SETTLE.format("u4")], cache=True)
+def settle_all(state, slots, fresh, counts, side):
+    """Move all fresh counts to ``counts``; the arrays are as in module ``tiles``."""
+    for slot in range(len(slots)):
+        if slots[slot, STROKES] > 0:
+            _settle(slot, state, slots, fresh, counts, side)
 
 
 @njit([_CONES.format("u2"), _CONES.format("u4")], cache=True)
-def stroke_cones(cones, sectors_about, sectors, state, window, slots, spare, fresh, counts, side, sign, stamp):
+def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp):
     """Count cones in (``sign`` 1) or out (-1): each of their cells at its level of trust. Whether there was room for
     it: where not, nothing is done.
 
-    cones (n, 7): as ``regions.Cones``. sectors_about: as in module ``polar_cells``. state to counts: as in module
-    ``tiles``.
+    cones (n, 7): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach`` and with the width
+    of ``fresh``. state to counts: as in module ``tiles``.
     """
-    box, wide = cone_box(cones), sectors_about.shape[1]
-    if box[4] > wide // 2 or not has_room(box, len(cones), state, window, side):
+    box = cone_box(cones)
+    if box[4] > reach or not has_room(box, len(cones), state, window, side):
         return False
-    flat, sector_of, cells = fresh.ravel(), sectors_about.ravel(), side * side
-    middle = (wide // 2) * (wide + 1)  # the place of the sensor's cell in ``sector_of``
-    change_of, sector_rad = np.zeros(sectors, np.uint64), 2 * math.pi / sectors
-    begins, ends = np.empty(wide, np.int64), np.empty(wide, np.int64)
+    sectors, flat, wide = rings.shape[1], fresh.ravel(), fresh.shape[1]
+    ring_cells = reach / (len(rings) - 2)
+    sector_rad = 2 * math.pi / sectors
     for n in range(len(cones)):
-        column, row = int(cones[n, 0]), int(cones[n, 1])
-        first, last = _set_changes(change_of, sign, cones[n, 2], cones[n, 3], cones[n, 4], cones[n, 6])
-        lowest, rows = cone_rows(begins, ends, first * sector_rad, last * sector_rad, cones[n, 5])
-        leftmost, rightmost = _trim(begins, ends, rows, change_of, sector_of, middle + lowest * wide, wide)
-        for tile_row in range((row + lowest) // side, (row + lowest + rows - 1) // side + 1):
-            south = tile_row * side - row
-            for tile_column in range((column + leftmost) // side, (column + rightmost) // side + 1):
-                west, slot, said = tile_column * side - column, np.int64(-1), 0
-                for y in range(max(south, lowest), min(south + side, lowest + rows)):
-                    begin, end = max(begins[y - lowest], west), min(ends[y - lowest], west + side)
-                    if begin >= end:
-                        continue
-                    if slot < 0:
-                        slot = np.int64(_slot(tile_column, tile_row, state, window, slots, spare))
-                        if slots[slot, STROKES] == MOST_STROKES:
-                            _settle(fresh, counts, slot)
-                            slots[slot, STROKES] = 0
-                        slots[slot, STROKES] += 1
-                        slots[slot, STAMP] = stamp
-                    said += end - begin
-                    place, cell = np.uint64(middle + y * wide), np.uint64(slot * cells + (y - south) * side - west)
-                    for x in range(begin, end):
-                        flat[cell + np.uint64(x)] += change_of[sector_of[place + np.uint64(x)]]  # Eq. 5 and 7
-                if said > 0:
-                    slots[slot, PIECES] += sign * said
+        column, row, axis_rad, width_rad = int(cones[n, 0]), int(cones[n, 1]), cones[n, 2], cones[n, 6]
+        # The sectors that have their middle in the cone.
+        first, last = math.ceil(cones[n, 3] / sector_rad - 0.5), math.ceil(cones[n, 4] / sector_rad - 0.5)
+        last = min(last, first + sectors // 2)  # beams are half a turn wide at most; more would be a rounding error
+        left, low, right, high = sector_box(first * sector_rad, last * sector_rad, cones[n, 5])
+        for tile_row in range((row + low) // side, (row + high) // side + 1):
+            for tile_column in range((column + left) // side, (column + right) // side + 1):
+                slot = np.int64(_slot(tile_column, tile_row, state, window, slots, spare))
+                if slots[slot, STROKES] == MOST_STROKES:
+                    _settle(slot, state, slots, fresh, counts, side)
+                slots[slot, STROKES] += 1
+                slots[slot, STAMP] = stamp
+        place = (row - state[CORNER_ROW] * side) * wide + column - state[CORNER_COLUMN] * side
+        square, ring = int((cones[n, 5] + TIE_CELLS) ** 2), int(cones[n, 5] / ring_cells) + 1
         for turned in range(first, last):
-            change_of[turned % sectors] = 0
+            trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)  # Eq. 5
+            if trust > 0:
+                one = np.uint64(1) << np.uint64(LANE_BITS * _free_level(trust))
+                change = one if sign > 0 else ~one + np.uint64(1)
+                sector = np.uint64(turned % sectors)
+                end, last_end = rings[ring, sector], rings[min(ring + 1, len(rings) - 1), sector]
+                while end < last_end and cells[1, np.uint64(end)] <= square:
+                    end += 1
+                for k in range(rings[0, sector], end):  # Eq. 7
+                    flat[np.uint64(place + cells[0, np.uint64(k)])] += change
     return True
 
 
@@ -231,3 +214,9 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
                     spare_rows[state[SPARE_ROWS]] = line
                     state[SPARE_ROWS] += 1
     return True
+
+
+# The compiled functions themselves. Numba's look at the type of each argument costs as much as three cones, so it is
+# left out: who calls these must give just the types of the signatures.
+CONES_OF_COUNTS = {np.dtype(of): stroke_cones.get_overload(_CONES.format(of)) for of in ("u2", "u4")}
+ARCS = stroke_arcs.get_overload(_ARCS)

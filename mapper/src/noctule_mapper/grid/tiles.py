@@ -5,6 +5,9 @@ that an arc touches has a row of sums. Both are exact enough to take evidence ou
 
 A tile has a slot, its place in the arrays. The kernels find it in the window, a table of the slots about the newest
 evidence, and take spare slots for new tiles themselves: so a stroke that stays inside the window costs one call.
+
+Counts are fresh first, in one array for all cells of the window, and settle in their tiles when a tile is looked at,
+when the window moves, and before they could run over.
 """
 
 import math
@@ -13,13 +16,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from noctule_mapper.fusion.sensor_model import FREE_LEVELS
-from noctule_mapper.grid.polar_cells import sectors_about
+from noctule_mapper.grid.polar_cells import cells_by_sector
 
 Key = tuple[int, int]
 Box = tuple[int, int, int, int, int]  # least column and row, greatest column and row, reach of one piece of evidence
 
 _MOST_COUNT = np.iinfo(np.uint16).max  # in 16 bits
-_MARGIN_TILES = 8  # of a new window beyond what is needed now
+_MARGIN_TILES = 4  # of a new window beyond what is needed now
+_BESIDE_CELLS = 8  # of a row of fresh counts, so that rows are no power of two apart, which caches like least
 _WIDEST_CELLS = 1 << 13  # from one to another in a stroke
 _MOST_ARC_CELLS = 1 << 15  # in a stroke of arcs
 _LEAST_REACH = 128  # of a table of sectors
@@ -35,17 +39,18 @@ class Tiles:
         self._side, self._cell_m, self._terms = side, cell_m, terms
         self._stamp = 0  # number of the newest stroke
         self._asked = 0  # the newest that ``touched`` has told of
+        self._told: set[Key] = set()  # tiles that it has told hold evidence
         self._gone: set[Key] = set()  # tiles that have lost their slot since
         self._state = np.zeros(4, np.int64)  # the window's corner, column and row; numbers of spare slots and rows
         self._window = np.zeros((0, 0), np.int32)  # slots of the tiles from the corner on, -1 for none
         self._spare = np.zeros(0, np.int32)  # slots
-        # Of each slot the tile's column and row, the pieces of evidence in it, the newest stroke that touched it, and
-        # how many strokes its fresh counts hold.
+        # Of each slot the tile's column and row, the pieces of evidence that have settled in it, the newest stroke that
+        # may have touched it, and how many strokes its fresh counts may hold.
         self._slots = np.zeros((0, kernels.FIELDS), np.int64)
         self._reach_of: dict[int, int] = {}  # of the table in use for so many sectors
         # How often a cell was called free is the sum of ``counts`` and of the lanes of ``fresh``, eight bits for each
-        # level: all levels of a cell take one addition, and a tile is settled before a lane can run over.
-        self._fresh = np.zeros((0, side * side), np.uint64)
+        # level: all levels of a cell take one addition.
+        self._fresh = np.zeros((0, 0), np.uint64)
         self._counts = np.zeros((0, side * side, FREE_LEVELS), np.uint16)
         self._highest = 0  # no count is above it
         self._rows = np.zeros((0, side * side), np.int32)  # of a cell in ``sums``, 0 for none
@@ -57,6 +62,7 @@ class Tiles:
         """Count cones (n, 7) in (``sign`` 1) or out (-1), as in ``stroke_cones``."""
         if sign > 0:
             self._reserve_counts(len(cones))
+        cones = np.ascontiguousarray(cones, float)
         if not self._stroke_cones(cones, sectors, sign):
             for part, box in _parts(cones, self._geometry.cone_box):
                 self._make_room(box, len(part))
@@ -66,14 +72,16 @@ class Tiles:
 
     def _stroke_cones(self, cones: np.ndarray, sectors: int, sign: int) -> bool:
         self._stamp += 1
-        table = sectors_about(self._reach_of.get(sectors, 0), sectors)
-        return self._kernels.stroke_cones(
-            *(cones, table, sectors, self._state, self._window, self._slots, self._spare),
+        reach = self._reach_of.get(sectors, _LEAST_REACH)
+        cells, rings = cells_by_sector(reach, sectors, self._fresh.shape[1])
+        return self._kernels.CONES_OF_COUNTS[self._counts.dtype](
+            *(cones, cells, rings, reach, self._state, self._window, self._slots, self._spare),
             *(self._fresh, self._counts, self._side, sign, self._stamp),
         )
 
     def add_arcs(self, arcs: np.ndarray, sign: int) -> None:
         """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``."""
+        arcs = np.ascontiguousarray(arcs, float)
         if not self._stroke_arcs(arcs, sign):
             for part, box in _parts(arcs, lambda table: self._geometry.arc_box(table, self._cell_m), _MOST_ARC_CELLS):
                 self._make_room(box, len(part))
@@ -82,23 +90,27 @@ class Tiles:
 
     def _stroke_arcs(self, arcs: np.ndarray, sign: int) -> bool:
         self._stamp += 1
-        return self._kernels.stroke_arcs(
+        return self._kernels.ARCS(
             *(arcs, self._cell_m, self._state, self._window, self._slots, self._spare, self._rows),
             *(self._spare_rows, self._held, self._sums, self._terms, self._side, sign, self._stamp),
         )
 
     def slots(self) -> dict[Key, int]:
         """The tiles that hold evidence, and their slots."""
+        self._settle()
         return self._by_key(self._pieces() > 0)
 
     def touched(self) -> dict[Key, int | None]:
-        """The tiles touched since this was last asked, and their slots; None for those that hold nothing any more."""
-        told: dict[Key, int | None] = dict.fromkeys(self._gone)
+        """The tiles that hold evidence and were touched since this was last asked, and their slots; None for those told
+        of before that hold nothing any more.
+        """
+        self._settle()
         lately = self._slots[:, self._kernels.STAMP] > self._asked
-        told.update(dict.fromkeys(self._by_key(lately & (self._pieces() == 0))))
-        told.update(self._by_key(lately & (self._pieces() > 0)))
+        held = self._by_key(lately & (self._pieces() > 0))
+        emptied = self._told & (self._gone | self._by_key(lately & (self._pieces() == 0)).keys()) - held.keys()
+        self._told = self._told - emptied | held.keys()
         self._gone, self._asked = set(), self._stamp
-        return told
+        return {**dict.fromkeys(emptied), **held}
 
     def stamp(self, slot: int) -> int:
         """The number of the newest stroke that touched the tile: what was made of it then is still right."""
@@ -106,15 +118,16 @@ class Tiles:
 
     def counts(self, slot: int) -> np.ndarray:
         """How often each cell was called free, (cells, levels); as floats."""
-        middle = 1 << self._kernels.LANE_BITS - 1
-        middles = sum(middle << self._kernels.LANE_BITS * level for level in range(FREE_LEVELS))
-        lanes = (self._fresh[slot] + np.uint64(middles)).astype("<u8").view(np.uint8).reshape(-1, FREE_LEVELS)
-        return self._counts[slot] + (lanes - float(middle))
+        self._settle()
+        return self._counts[slot].astype(float)
 
     def sums(self, slot: int) -> tuple[np.ndarray, np.ndarray]:
         """The cells that arcs touch, (n,), and their sums, (n, width)."""
         touched = np.flatnonzero(self._rows[slot])
         return touched, self._sums[self._rows[slot, touched]]
+
+    def _settle(self) -> None:
+        self._kernels.settle_all(self._state, self._slots, self._fresh, self._counts, self._side)
 
     def _pieces(self) -> np.ndarray:
         return self._slots[:, self._kernels.PIECES]
@@ -128,6 +141,7 @@ class Tiles:
         """Let the window hold ``box`` and have spare slots for the tiles that so many strokes may touch."""
         if self._kernels.has_room(box, strokes, self._state, self._window, self._side):
             return
+        self._settle()
         self._collect()
         needed = self._kernels.most_tiles(box, strokes, self._side)
         if self._state[self._kernels.SPARE_SLOTS] < needed:
@@ -147,8 +161,8 @@ class Tiles:
         before = len(self._slots)
         used = int(np.flatnonzero(self._pieces()).max(initial=-1)) + 1
         length = before + max(needed, before)
-        self._slots, self._fresh, self._counts, self._rows = (
-            _grown(array, used, length) for array in (self._slots, self._fresh, self._counts, self._rows)
+        self._slots, self._counts, self._rows = (
+            _grown(array, used, length) for array in (self._slots, self._counts, self._rows)
         )
         self._spare = np.zeros(length, np.int32)
         self._collect()
@@ -158,6 +172,8 @@ class Tiles:
         kernels, size = self._kernels, most - least + 1
         self._state[[kernels.CORNER_COLUMN, kernels.CORNER_ROW]] = least
         self._window = np.full(size[::-1], -1, np.int32)
+        columns, rows = (size * self._side).tolist()
+        self._fresh = np.zeros((rows, columns + _BESIDE_CELLS), np.uint64)
         place = self._slots[:, [kernels.COLUMN, kernels.ROW]] - least
         slots = np.flatnonzero((self._pieces() > 0) & np.all((place >= 0) & (place < size), axis=1))
         self._window[place[slots, 1], place[slots, 0]] = slots

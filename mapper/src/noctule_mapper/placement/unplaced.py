@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.contour import PoseState, UnitPose
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import view_of
-from noctule_mapper.placement.unknown_poses import FoundPose, find_poses
 from noctule_mapper.readings.looks import is_fine
 from noctule_mapper.readings.sweep import SweepReadings
+
+if TYPE_CHECKING:  # what seeks poses is loaded when one is sought
+    from noctule_mapper.placement.unknown_poses import FoundPose
 
 _MOST_KNOWN_SIGMA_M = 0.2  # a worse stated pose tells others nothing
 _TELLING_SWEEPS = 4  # of a unit: more tell the same again, and fewer are worth no search each
@@ -61,6 +64,8 @@ class Unplaced:
         heard_by |= {(*stand, len(own) < _TELLING_SWEEPS) for stand, own in by_stand.items()}
         if not waiting or heard_by == self._sought_with:
             return []
+        from noctule_mapper.placement.unknown_poses import find_poses
+
         self._sought_with = frozenset(heard_by)
         known = [one for own in by_stand.values() if (one := _placed(own, config)) is not None]
         views = {unit: view_of(unit, own, config) for unit, own in waiting.items()}
@@ -105,7 +110,7 @@ _UNKNOWN = np.diag([_UNKNOWN_M**2, _UNKNOWN_M**2, np.pi**2])
 _NOWHERE = UnitPose("", 0.0, 0.0, 0.0, _UNKNOWN, 0.0, 0.0, 0.0, _UNKNOWN_M, np.pi, PoseState.OPEN)
 
 
-def _found_pose(found: FoundPose) -> UnitPose:
+def _found_pose(found: "FoundPose") -> UnitPose:
     x_m, y_m, heading_rad = (float(each) for each in found.pose)
     return replace(
         _NOWHERE,
