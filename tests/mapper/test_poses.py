@@ -1,7 +1,7 @@
 """Poses as part of the fit: stated by tape measure, wrong, exchanged; and sensors that nobody has measured."""
 
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,7 +9,6 @@ import pytest
 from mapper.fixed_units import (
     TAPE_M,
     TAPE_RAD,
-    Verdict,
     aligned,
     judge_fixed,
     room_can_tell,
@@ -18,13 +17,15 @@ from mapper.fixed_units import (
     taped_room,
 )
 from mapper.judge import corner_errors_m
+from mapper.judged_poses import Taped, square
+from mapper.judged_poses import taped as judged
 from mapper.posed_label_fit import posed_label_fit
 from mapper.room import LabelledSweep, Room, paper_path, paper_room, survey
 from scipy.stats import chi2
 
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import SensorConfig
-from noctule_mapper.contour.contour import Contour, PoseState, UnitPose
+from noctule_mapper.contour.contour import Contour, PoseState
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import from_message
 
@@ -47,13 +48,6 @@ def mapped(surveyed: list[LabelledSweep]) -> Contour:
 def taped(stated: np.ndarray, seed: int = 1) -> Contour:
     """The map of the room by units that are stated to be at ``stated``."""
     return mapped(stated_by_tape(survey_fixed(ROOM, TRUE, np.random.default_rng(seed)), stated))
-
-
-def square(pose: UnitPose, true: np.ndarray) -> float:
-    """Squared error over covariance: chi-square with 3 degrees of freedom."""
-    error = np.array([pose.x_m, pose.y_m, pose.heading_rad]) - true
-    error[2] = (error[2] + np.pi) % (2 * np.pi) - np.pi
-    return float(error @ np.linalg.solve(pose.covariance, error))
 
 
 def test_a_room_by_tape_measure_is_as_sharp_as_its_echoes() -> None:
@@ -172,27 +166,10 @@ def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed:
     assert (verdict.missed, verdict.false) == ((), ())
 
 
-@dataclass(frozen=True)
-class _Taped:
-    verdict: Verdict
-    named: tuple[str, ...]
-    squares: tuple[float, ...]
-
-
 @cache
-def rooms() -> list[_Taped]:
+def rooms() -> list[Taped]:
     with ProcessPoolExecutor(2) as pool:
-        return list(pool.map(_room, range(FIRST_SEED, FIRST_SEED + ROOMS)))
-
-
-def _room(seed: int) -> _Taped:
-    room, true, surveyed = taped_room(np.random.default_rng(seed))
-    contour = mapped(surveyed)
-    return _Taped(
-        judge_fixed(aligned(contour, room, true), room, surveyed, posed_label_fit(room, surveyed, true).room),
-        tuple(pose.unit for pose in contour.poses if pose.is_wrong),
-        tuple(square(pose, true[int(pose.unit[1:]) - 1]) for pose in contour.poses),
-    )
+        return list(pool.map(judged, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 
 # What is reached, with room for chance: of the first 28 rooms 3 walls, 5 corners and 6 cylinders were missed, and 2
@@ -213,7 +190,7 @@ def test_nearly_all_is_found_by_tape_measure(kind: str) -> None:
 
 @pytest.mark.soak
 def test_hardly_anything_is_invented_by_tape_measure() -> None:
-    false = {FIRST_SEED + number: one.verdict.false for number, one in enumerate(rooms()) if one.verdict.false}
+    false = {one.seed: one.verdict.false for one in rooms() if one.verdict.false}
     assert sum(map(len, false.values())) <= MOST_FALSE, false
 
 

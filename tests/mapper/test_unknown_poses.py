@@ -6,15 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from mapper.fixed_units import survey_fixed
-from mapper.placement_oracle import tellable
+from mapper.judged_poses import Unknown, unknown
 from mapper.unknown_units import (
     IRREGULAR,
     NEAR_ITS_MIDDLE,
     Outcome,
     contour_of,
     erased,
-    judged_room,
     outcome,
     rectangle,
     survey_unknown,
@@ -117,34 +115,26 @@ def test_sweeps_of_a_unit_that_has_just_been_found_do_not_date_the_contour() -> 
 
 
 @cache
-def outcomes() -> list[tuple[Outcome, tuple[str, ...]]]:
+def rooms() -> list[Unknown]:
     with ProcessPoolExecutor(2) as pool:
-        return list(pool.map(judged, range(FIRST_SEED, FIRST_SEED + ROOMS)))
-
-
-def judged(seed: int) -> tuple[Outcome, tuple[str, ...]]:
-    """What was found in the room, and the units whose places it can tell."""
-    room, poses = judged_room(seed)
-    surveyed = survey_fixed(room, poses, np.random.default_rng(seed))
-    swept = [one.sweep if one.sweep.unit == "u1" else erased(one.sweep) for one in surveyed]
-    return outcome(contour_of(swept), poses), tellable(room, poses, surveyed)
+        return list(pool.map(unknown, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 
 @pytest.mark.soak
 def test_no_pose_is_found_at_a_wrong_place() -> None:
-    wrong = {FIRST_SEED + number: one.wrong for number, (one, _) in enumerate(outcomes()) if one.wrong}
+    wrong = {one.seed: one.outcome.wrong for one in rooms() if one.outcome.wrong}
     assert not wrong
 
 
 @pytest.mark.soak
 def test_nine_of_ten_found_poses_are_within_5_cm_and_2_degrees() -> None:
-    right, inexact = (sum(len(getattr(one, kind)) for one, _ in outcomes()) for kind in ("right", "inexact"))
+    right, inexact = (sum(len(getattr(one.outcome, kind)) for one in rooms()) for kind in ("right", "inexact"))
     assert inexact <= 0.1 * (right + inexact)
 
 
 @pytest.mark.soak
 def test_most_of_the_units_whose_places_the_room_can_tell_are_found() -> None:
-    """Nine of ten are wanted; 48 of 57 were found in other rooms, LEAST_FOUND leaves room for chance."""
-    due = sum(len(told) for _, told in outcomes())
-    found = sum(len(set(one.right) & set(told)) for one, told in outcomes())
+    """Nine of ten are wanted; 92 of 112 were found in other rooms, LEAST_FOUND leaves room for chance."""
+    due = sum(len(one.tellable) for one in rooms())
+    found = sum(len(set(one.outcome.right) & set(one.tellable)) for one in rooms())
     assert found >= LEAST_FOUND * due

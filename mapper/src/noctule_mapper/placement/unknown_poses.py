@@ -22,8 +22,8 @@ from noctule_mapper.readings.angles import wrapped
 
 # By which a pose must stand above all others together. A room whose walls are all in one right-angled frame looks alike
 # from several sides, and may go on alike where nobody has heard it.
-MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 14.0
-ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 12.0  # the same where all other units stand as they are
+MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 10.0
+ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 8.0  # the same where all other units stand as they are
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _ADRIFT = "it and the units about it share too few walls with those whose poses are known"
 _MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.028, np.radians(1.0)
