@@ -139,6 +139,16 @@ def test_the_window_holds_no_more_than_its_count_and_lets_the_oldest_go(path: Pa
     store.close()
 
 
+def test_history_that_is_read_behind_newer_sweeps_displaces_none_of_them(path: Path) -> None:
+    store = SweepStore(path, Window(max_sweeps=6))
+    store.commit([stop(number, x_m=0.2 * number) for number in range(7, 11)], [])
+    for first in (1, 4):
+        store.commit([stop(number, x_m=0.2 * number) for number in range(first, first + 3)], [])
+    store.commit([stop(11, x_m=2.2)], [])
+    assert sequences(store) == [6, 7, 8, 9, 10, 11]
+    store.close()
+
+
 def test_of_one_visit_to_a_place_the_newest_sweeps_stay(path: Path) -> None:
     store = SweepStore(path, Window(sweeps_per_place=2))
     assert store.commit([sweep(1, x_m=0.0), sweep(2, x_m=0.004)], []).left == ()

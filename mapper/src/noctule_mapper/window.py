@@ -79,8 +79,14 @@ SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
     ORDER BY log_sequence DESC LIMIT 1)
 WHERE {_NEAR}
 """
+# Where sweeps are too many, the first rows go first. So a sweep that comes after newer ones of its log, as history does
+# that is read behind them, stands before all that came in order, and after other history.
 _ENTER = """
-INSERT OR IGNORE INTO sweep VALUES (
+INSERT OR IGNORE INTO sweep (rowid, unit, log_id, log_sequence, clock_epoch, start_ns, entered_elapsed_s, visit,
+    place_x_m, place_y_m, place_heading_rad, record, checksum)
+VALUES (
+    CASE WHEN EXISTS (SELECT 1 FROM sweep WHERE unit = :unit AND log_id = :log_id AND log_sequence > :log_sequence)
+    THEN coalesce((SELECT max(rowid) FROM sweep WHERE rowid < 0), -(1 << 62)) + 1 END,
     :unit, :log_id, :log_sequence, :clock_epoch, :start_ns, :elapsed_s, :visit, :x_m, :y_m, :heading_rad, :record,
     :checksum)
 """
