@@ -78,6 +78,7 @@ class NewestFirst:
             self._newest_due = self._ahead.read(records, asked)
             return True
         self._in_order.read(records, asked)
+        self._newest_due = self._newest_due or records.head > self._ahead.cursor.log_sequence
         if self.cursor.log_sequence < min(self._began + _OVERLAP, self._ahead.cursor.log_sequence):
             return True
         self._in_order.cursor, self._ahead = max(self.cursor, self._ahead.cursor, key=_sequence), None
