@@ -9,11 +9,12 @@ import os
 import sqlite3
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from bench.scale.gateway import open_units
+from bench.scale.gateway import StreamedUnit, open_units
 from system.processes import ROOT, free_ports, listens, programs, wait_until
 
 from noctule.client import Client
@@ -41,6 +42,7 @@ def main() -> None:
         wait_until(lambda: all(unit.log.state.head == given.logged for unit in units), "not logged", _WITHIN_S)
         where = ("--site", "site-0", "--data", str(folder / "mapper"), "--connect", endpoint, "--rerun", "none")
         client = closing.enter_context(Client("site-0", connect=[endpoint]))
+        closing.enter_context(_reported(units))
         began_s = time.monotonic()
         running.start("mapper", "noctule-mapper", "run", *where)
         store = folder / "mapper" / "site-0.sqlite3"
@@ -60,6 +62,25 @@ def main() -> None:
         tell(lambda: _newest(store, head) == given.units, "a sweep of now of each unit was in the store")
         tell(shows_now, "a published contour rested on the newest sweeps")
         tell(lambda: _cursors(store) == [head] * given.units, "all logs had been read")
+
+
+@contextlib.contextmanager
+def _reported(units: Sequence[StreamedUnit]) -> Iterator[None]:
+    """Each unit's status is published each second, as a gateway does."""
+    ended = threading.Event()
+
+    def report() -> None:
+        while not ended.wait(1.0):
+            for unit in units:
+                unit.report()
+
+    thread = threading.Thread(target=report)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def _stored(store: Path) -> int:
