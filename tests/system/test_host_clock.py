@@ -1,4 +1,4 @@
-"""The clocks of a real process whose wall clock is set while it runs (libfaketime)."""
+"""The clocks of a real process whose wall clock is set while it runs."""
 
 import os
 import subprocess
@@ -8,7 +8,7 @@ from pathlib import Path
 from system.histories.host import WallClock
 
 _LOOKS = """
-import sys, threading, time
+import sys, time
 from pathlib import Path
 from noctule_gateway.clock.clock_watch import ClockWatch
 
@@ -16,14 +16,14 @@ watch = ClockWatch(Path(sys.argv[1]))
 while True:
     watch.keep()
     print(watch.look().epoch, watch.sets, round(time.time()), watch.detail, flush=True)
-    threading.Event().wait(0.05)  # time.sleep() fails under libfaketime
+    time.sleep(0.05)
 """
 
 
 def test_a_wall_clock_that_is_set_under_a_running_program_begins_an_epoch_and_a_restart_does_not(
     tmp_path: Path,
 ) -> None:
-    clock = WallClock(tmp_path / "clock")
+    clock = WallClock(tmp_path)
     told: list[list[str]] = []
 
     def looks(until: str) -> str:

@@ -7,6 +7,7 @@ from enum import Enum
 
 from noctule.messages_pb2 import Cursor, LogRecords
 
+PAGE = 500  # records in a reply
 LANES = 8  # questions at once to the logs of one standing
 
 
@@ -29,9 +30,9 @@ class Answer:
 
 
 class LogPulls:
-    """Asks ``ask`` for records from a log sequence on, on threads of its own, and calls ``done`` on them."""
+    """Asks ``ask`` for so many records from a log sequence on, on threads of its own, and calls ``done`` on them."""
 
-    def __init__(self, ask: Callable[[str, int], LogRecords | None], done: Callable[[Answer], None]) -> None:
+    def __init__(self, ask: Callable[[str, int, int], LogRecords | None], done: Callable[[Answer], None]) -> None:
         self._ask, self._done = ask, done
         self._lanes = {
             standing: ThreadPoolExecutor(LANES, thread_name_prefix=f"log pull {standing.name.lower()}")
@@ -49,7 +50,9 @@ class LogPulls:
 
     def _pull(self, unit: str, cursor: Cursor) -> None:
         try:
-            answer = Answer(unit, cursor, self._ask(unit, cursor.log_sequence + 1))
+            # Of a log that is not known yet the answer tells no more than which it is and how far it goes.
+            count = PAGE if cursor.log_id else 1
+            answer = Answer(unit, cursor, self._ask(unit, cursor.log_sequence + 1, count))
         except BaseException as error:  # a panic of Zenoh is no Exception; the follower's thread raises it
             answer = Answer(unit, cursor, error=error)
         self._done(answer)

@@ -50,7 +50,7 @@ class Deployment:
 
     def __init__(self, folder: Path, running: Programs, cable: Cable, seed: int, keep_s: float) -> None:
         self._folder, self._running, self._cable = folder, running, cable
-        self._clock = host.WallClock(folder / "clock")
+        self._clock = host.WallClock(folder)
         self._commands = _commands(folder, seed, keep_s)
         self._identity = [_IDENTITY]
         self._down: set[str] = set()

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-_FAKETIME = "libfaketimeMT.so.1"
 _UP_AND_RUNNING = 0x1 | 0x40  # IFF_UP, IFF_RUNNING
 _CHUNK_BYTES = 1 << 16
 
@@ -22,11 +21,10 @@ def inside(arguments: Sequence[str]) -> list[str]:
 
 
 def set_up() -> None:
-    """Begin this host: loopback comes up, and shared memory is its own (libfaketime leaves files in it)."""
+    """Begin this host: loopback comes up."""
     with socket.socket() as any_socket:
         request = struct.pack("16sH14x", b"lo", _UP_AND_RUNNING)
         fcntl.ioctl(any_socket, 0x8914, request)  # SIOCSIFFLAGS
-    mount(Path("/dev/shm"), 64)
 
 
 def unmount(folder: Path) -> None:
@@ -57,28 +55,17 @@ def empty(folder: Path) -> None:
 
 
 class WallClock:
-    """The wall clock of programs that run with ``environment``. Their monotonic clock is the machine's."""
+    """The wall clock of programs that run with ``environment``. Their other clocks are the machine's."""
 
-    def __init__(self, file: Path) -> None:
-        self._file = file
-        self.set(0.0)
-
-    @property
-    def environment(self) -> dict[str, str]:
-        """Of a program whose wall clock this is to be."""
-        found = sorted(Path("/usr/lib").glob(f"*/faketime/{_FAKETIME}"))
-        if not found:
-            raise FileNotFoundError(f"{_FAKETIME} is not installed: sh deploy/packages.sh test")
-        return {
-            "LD_PRELOAD": str(found[0]),
-            "FAKETIME_TIMESTAMP_FILE": str(self._file),
-            "FAKETIME_CACHE_DURATION": "1",  # seconds until a program sees that it was set
-            "FAKETIME_DONT_FAKE_MONOTONIC": "1",
-            "NO_FAKE_STAT": "1",
-        }
+    def __init__(self, folder: Path) -> None:
+        """Its file and its library are made in ``folder``, which must be there as long as those programs run."""
+        self._file, library = folder.resolve() / "wall-clock", folder.resolve() / "wall_clock.so"
+        self._file.write_bytes(bytes(8))
+        source = Path(__file__).with_name("wall_clock.c")
+        subprocess.run(["gcc", "-O2", "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True)
+        self.environment = {"LD_PRELOAD": str(library), "WALL_CLOCK_FILE": str(self._file)}
 
     def set(self, hours: float) -> None:
-        """Have the clock run ``hours`` ahead of the machine's."""
-        fresh = self._file.with_suffix(".new")
-        fresh.write_text(f"{hours * 3600.0:+.0f}s\n")
-        fresh.replace(self._file)
+        """Have the clock run ``hours`` ahead of the machine's, from now on."""
+        with self._file.open("r+b", buffering=0) as file:
+            file.write(round(hours * 3600.0).to_bytes(8, sys.byteorder, signed=True))
