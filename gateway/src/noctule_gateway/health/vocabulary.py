@@ -56,8 +56,8 @@ FAULTS: dict[FaultKind, Fault] = {
         most_sure=0.95,
     ),
     messages.FAULT_KIND_MOVED: Fault(
-        "put it back, or write its new pose into the site file; if the room was changed, start the gateway after "
-        "deleting the unit's .health file",
+        "put it back, or write its new pose into the site file; if the room was changed: "
+        "noctule rpc SITE UNIT accept_room",
         most_sure=0.9,
     ),
     messages.FAULT_KIND_RANGES_JUMPED: Fault(
@@ -72,7 +72,8 @@ FAULTS: dict[FaultKind, Fault] = {
         "update the unit's firmware; if it stays so, replace its board", named_after=1
     ),
     messages.FAULT_KIND_ARC_SILENT: Fault(
-        "check whether something soft hangs there, and whether the sensor's wires are strained at those bearings",
+        "check whether something soft hangs there, and whether the sensor's wires are strained at those bearings; if "
+        "the room was changed: noctule rpc SITE UNIT accept_room",
         most_sure=0.8,
     ),
     messages.FAULT_KIND_BEARING_SILENT: Fault(

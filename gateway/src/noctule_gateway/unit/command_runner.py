@@ -21,6 +21,7 @@ from noctule_gateway.wire.frames import Settings
 AT_ONCE = ("hello", "status")
 SETTINGS = "settings"
 UPDATE = "update"
+ACCEPT_ROOM = "accept_room"
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class _Command:
 
 
 class CommandRunner:
-    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
+    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises,
+    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given.
 
     ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
     """
@@ -42,8 +44,10 @@ class CommandRunner:
         status: Callable[[], UnitStatus],
         update: Callable[[Image, bool], None],
         admission: Admission,
+        accept_room: Callable[[Callable[[], None]], None],
     ) -> None:
         self._link, self._status, self._update, self._admission = link, status, update, admission
+        self._accept_room = accept_room
         self._updating: _Command | None = None
         self._ordered: dict[int, _Command] = {}
         self._await_settings: deque[_Command] = deque()
@@ -54,6 +58,8 @@ class CommandRunner:
         try:
             if name in AT_ONCE:
                 self._end(command)
+            elif name == ACCEPT_ROOM:
+                self._accept_room(lambda: self._end(command))
             elif self._updating is not None:
                 raise UnderWayError()
             elif name == UPDATE:
