@@ -156,7 +156,7 @@ class Judge:
         placed = self._watch.suspicions(look, past) if past is not None else []
         main = (
             sensor_line.suspicions(look)
-            or one_value.suspicions(look)
+            or one_value.suspicions(look, past)
             or blocked.suspicions(look, past)
             or silence.suspicions(look, past)
             or ([] if any(FAULTS[each.kind].spoils for each in beside) else placed)

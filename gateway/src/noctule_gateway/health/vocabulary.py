@@ -51,8 +51,7 @@ FAULTS: dict[FaultKind, Fault] = {
     messages.FAULT_KIND_TURNED: Fault(
         "let it find home (noctule rpc SITE UNIT home): if its bearings come back, the motor has slipped once; else "
         "turn it back, or write its new heading into the site file",
-        named_after=3,
-        least_nats=30.0,
+        named_after=1,
         most_sure=0.95,
     ),
     messages.FAULT_KIND_MOVED: Fault(
@@ -62,6 +61,7 @@ FAULTS: dict[FaultKind, Fault] = {
     ),
     messages.FAULT_KIND_RANGES_JUMPED: Fault(
         "compare the air's temperature with the unit's (trim_temperature); if that is right, replace the sensor",
+        named_after=1,
         most_sure=0.9,
     ),
     messages.FAULT_KIND_TOO_NOISY: Fault(
