@@ -11,7 +11,7 @@ RAISED_IN = (
     "gateway/src/noctule_gateway/health/blocked.py",
     "gateway/src/noctule_gateway/health/clock_slips.py",
     "gateway/src/noctule_gateway/health/dead_bearing.py",
-    "gateway/src/noctule_gateway/health/jump.py",
+    "gateway/src/noctule_gateway/health/shift.py",
     "gateway/src/noctule_gateway/health/one_value.py",
     "gateway/src/noctule_gateway/health/place.py",
     "gateway/src/noctule_gateway/health/sensor_line.py",

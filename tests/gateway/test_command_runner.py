@@ -26,7 +26,9 @@ class Desk:
     def __init__(self, unit: ModelUnit, wanted: Wanted = AT_REST) -> None:
         self.unit = unit
         self.link = Link(unit.serial, wanted, first_request=0)
-        self.commands = CommandRunner(self.link, UnitStatus, lambda _image, _again: None, Admission())
+        self.commands = CommandRunner(
+            self.link, UnitStatus, lambda _image, _again: None, Admission(), lambda done: done()
+        )
         self.now_s = 100.0
         self.link.connected(self.now_s)
 

@@ -20,8 +20,9 @@ from noctule import bounds
 from noctule import messages_pb2 as messages
 from noctule.client import Client
 from noctule.faults import sentence
-from noctule.messages_pb2 import Sweep
+from noctule.messages_pb2 import CommandRequest, Sweep
 from noctule.site import Unit, load
+from noctule_gateway.errors import CommandError
 from noctule_gateway.health import judge as judging
 from noctule_gateway.health import memory_file
 from noctule_gateway.health.dead_bearing import NAMED_AFTER
@@ -315,6 +316,48 @@ def test_since_when_is_left_open_where_the_clock_has_been_set_since(tmp_path: Pa
     (before,), (after,) = health.faults("e1"), health.faults("e2")
     assert before.HasField("since") and "(since 1970-01-01 00:00 UTC, " in sentence(before)
     assert not after.HasField("since") and "(since before the clock was set, " in sentence(after)
+
+
+def test_a_room_that_was_changed_is_accepted_by_a_command_and_stays_so_over_a_restart(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    (tmp_path / "u1.health").write_text(
+        memory(findings=[FOUND, [int(messages.FAULT_KIND_REPEATS), 5, "e1", 0.5, "x", 0]])
+    )
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected")
+            before = client.command("u1", "status", CommandRequest(), timeout_s=10)
+            reply = client.command("u1", "accept_room", CommandRequest(), timeout_s=10)
+            kept = memory_file.read(tmp_path / "u1.health")
+    assert [one.kind for one in before.status.faults] == [messages.FAULT_KIND_REPEATS, messages.FAULT_KIND_TURNED]
+    assert reply.done and [one.kind for one in reply.status.faults] == [messages.FAULT_KIND_REPEATS]
+    assert len(kept.past) == 0 and [one.kind for one in kept.findings] == [messages.FAULT_KIND_REPEATS]
+    given, done = [json.loads(line) for line in (tmp_path / "audit-1.jsonl").read_text().splitlines()[1:]]
+    assert [(each["event"], each["command"]) for each in (given, done)] == [
+        ("given", "accept_room"),
+        ("done", "accept_room"),
+    ]
+
+
+def test_an_accepted_room_is_learnt_and_what_changes_in_it_then_is_named(
+    judge: Judge, stand: Stand, rng: np.random.Generator
+) -> None:
+    turned = named_as_turned(judge, stand, rng)
+    judge.accept_room()
+    for number in range(LEARNT_AFTER):
+        verdict = judge.judge(look(turned.hears(rng), number), PLACE)
+        assert (verdict.findings, verdict.spoiled_by, verdict.suspect_before) == ((), (), 0)
+    for number in range(5):
+        judge.judge(look(stand.hears(rng), LEARNT_AFTER + number), PLACE)
+    assert kinds(judge) == [messages.FAULT_KIND_TURNED]
+
+
+def test_the_room_of_a_carried_unit_is_not_to_be_accepted(tmp_path: Path) -> None:
+    carried = load(site_file(tmp_path, ("u1", 1, "socket://127.0.0.1:1", 'pose = "key"'))).unit("u1")
+    with pytest.raises(CommandError, match="the unit is carried"):
+        SweepHealth(carried, "attic", tmp_path / "u1.sqlite").accept_room()
 
 
 def test_a_judge_that_fails_keeps_no_sweep_from_the_log_and_is_told_once(

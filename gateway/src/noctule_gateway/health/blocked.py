@@ -15,6 +15,7 @@ _NEAR_M = 0.2
 _FARTHER_M = 0.1  # than now, at the least, it was before
 _ARC_RAD = math.radians(50.0)
 _LEAST_SHARE = 0.7  # of the arc's readings
+_NEW_SHARE = 0.5  # of them, that used to be farther
 _LEAST_READINGS = 4
 _EVIDENCE = 20.0
 
@@ -22,17 +23,24 @@ _EVIDENCE = 20.0
 def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
     """The widest arc that is blocked; without a past only what blocks nearly all of the sweep."""
     near = [number for number, range_m in enumerate(look.range_m) if range_m < _NEAR_M]
-    if past is not None:
-        near = [number for number in near if not past.median_m[number] < look.range_m[number] + _FARTHER_M]
-    elif len(near) < _LEAST_SHARE * len(look.range_m):
+    if past is None and len(near) < _LEAST_SHARE * len(look.range_m):
         return []
     arc = _widest(near)
     if len(arc) < _LEAST_READINGS or look.bearing_rad[arc[-1]] - look.bearing_rad[arc[0]] < _ARC_RAD:
         return []
+    if past is not None and sum(_nearer(look, past, number) for number in arc) < _NEW_SHARE * len(arc):
+        return []
+    if past is not None and not past.agrees(look, range(arc[0], arc[-1] + 1)):
+        return []  # all else has changed too: it looks elsewhere
     first, last = (round(math.degrees(look.bearing_rad[number])) for number in (arc[0], arc[-1]))
     nearest_m = min(look.range_m[number] for number in arc)
     words = f"something is {nearest_m:.2f} m before it from {first} to {last} degrees"
     return [Suspicion(messages.FAULT_KIND_BLOCKED, _EVIDENCE, words)]
+
+
+def _nearer(look: Look, past: Past, number: int) -> bool:
+    """Than it used to be; True where it used to be silent."""
+    return not past.median_m[number] < look.range_m[number] + _FARTHER_M
 
 
 def _widest(near: list[int]) -> list[int]:

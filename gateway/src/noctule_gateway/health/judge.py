@@ -125,6 +125,14 @@ class Judge:
         # One more: the fault may have begun within it.
         return replace(verdict, suspect_before=min(max(before) + 1, bounds.MOST_SUSPECT) if before else 0)
 
+    def accept_room(self) -> None:
+        """What the unit hears from now on is right: forget its past, and the faults that rest on it."""
+        self._begin_past(None, self._place)
+        self._findings = {kind: one for kind, one in self._findings.items() if kind not in _AGAINST_THE_PAST}
+        self._streaks, self._other_plan, self._unwell = {}, None, 0
+        self._odd_before.clear()
+        self.revision += 1
+
     def _is_aside(self, look: Look, place: Place) -> bool:
         """The past has nothing to say of this sweep. Starts a new past where the unit, its pose or its plan is
         another.
@@ -148,7 +156,7 @@ class Judge:
         placed = self._watch.suspicions(look, past) if past is not None else []
         main = (
             sensor_line.suspicions(look)
-            or one_value.suspicions(look)
+            or one_value.suspicions(look, past)
             or blocked.suspicions(look, past)
             or silence.suspicions(look, past)
             or ([] if any(FAULTS[each.kind].spoils for each in beside) else placed)
@@ -194,11 +202,14 @@ class Judge:
         elif self._unwell >= _ODD_FOR_LONG and not spoiled:
             self._begin_past(look, self._place)
 
-    def _begin_past(self, look: Look, place: Place) -> None:
+    def _begin_past(self, look: Look | None, place: Place) -> None:
+        """With the bearings of ``look``; without any the next sweep says them."""
         if self._past.rows:
             self._findings = {kind: one for kind, one in self._findings.items() if kind not in _OF_THE_PLACE}
             self.revision += 1
-        self._place, self._past = place, Past(look.bearing_rad if look.fixed else (), air_measured=look.air_measured)
+        self._place, self._past = place, Past()
+        if look is not None:
+            self._past = Past(look.bearing_rad if look.fixed else (), air_measured=look.air_measured)
         self._watch = PlaceWatch()
         self._dead.restart()
 
@@ -215,6 +226,8 @@ _OF_THE_PLACE = frozenset(
         messages.FAULT_KIND_BEARING_SILENT,
     }
 )
+
+_AGAINST_THE_PAST = _OF_THE_PLACE | {messages.FAULT_KIND_SILENT, messages.FAULT_KIND_BLOCKED}
 
 
 def _is_enough(kind: FaultKind, streak: _Streak) -> bool:

@@ -10,6 +10,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.look import Look
+from noctule_gateway.health.past import Past
 from noctule_gateway.health.suspicion import Suspicion
 
 _ALIKE_M = 0.03  # noise of 3 mm, and echoes that are one or two cycles late, 4.3 mm each
@@ -22,7 +23,7 @@ _MOST_VALUES = 4
 _EVIDENCE = 25.0
 
 
-def suspicions(look: Look) -> list[Suspicion]:
+def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
     """One of the three, where one value, or exactly repeated ones in turns, make up most of the sweep."""
     left, repeats, values, exact = look.heard, 0, [], True
     while left and len(values) < _MOST_VALUES:
@@ -41,9 +42,14 @@ def suspicions(look: Look) -> list[Suspicion]:
     listed = ", ".join(f"{value:.2f} m" for value in values)
     if exact:
         return [Suspicion(messages.FAULT_KIND_REPEATS, _EVIDENCE, f"the sensor repeats {listed} at every bearing")]
-    if values[0] < _NEAR_M:
+    if values[0] < _NEAR_M and not _was_heard(past, values[0]):
         return [Suspicion(messages.FAULT_KIND_BLOCKED, _EVIDENCE, f"something is {listed} before it at every bearing")]
     return [Suspicion(messages.FAULT_KIND_MOTOR_STUCK, _EVIDENCE, f"it hears the same at every bearing, at {listed}")]
+
+
+def _was_heard(past: Past | None, range_m: float) -> bool:
+    """A reflector stood there before: a stuck motor faces one, and what covers the sensor is there by chance."""
+    return past is not None and any(abs(past.median_m[n] - range_m) <= _ALIKE_M / 2 for n in past.stable())
 
 
 def _most_alike(look: Look, numbers: list[int]) -> set[int]:

@@ -18,6 +18,7 @@ _KEPT = 15
 _EVERY = 4  # so many well sweeps to an entry, once the past is full
 _SAME_BEARING_RAD = math.radians(1.0)  # the motor rests within a half step, 0.09 degrees, of where it should
 _STABLE_SHARE, _STABLE_M = 0.6, 0.02
+_AGREES_M, _FEW = 0.025, 3
 
 Row = tuple[float, ...]
 
@@ -59,6 +60,15 @@ class Past:
     def stable(self) -> list[int]:
         """The bearings that mostly answer, and then at one range to within 2 cm."""
         return self._stable
+
+    def agrees(self, look: Look, but: Collection[int]) -> bool:
+        """At stable bearings other than ``but`` the sweep mostly hears what the past heard; True where few answer."""
+        off_m = [
+            abs(look.range_m[n] - self.median_m[n])
+            for n in self._stable
+            if n not in but and not math.isnan(look.range_m[n])
+        ]
+        return len(off_m) < _FEW or sum(one_m <= _AGREES_M for one_m in off_m) * 2 > len(off_m)
 
     def _work_out(self) -> None:
         self.heard: list[list[float]] = [

@@ -20,6 +20,7 @@ _LEAST_USUAL = 8  # bearings of an arc that usually answer
 _USUAL_SHARE = 0.7
 _MOST_FALSE = 0.04  # of readings: a deaf sensor may still pick up noise
 _LEAST_READINGS = 4
+_AS_BEFORE_M = 0.025
 
 
 def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
@@ -34,13 +35,20 @@ def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
     silent = [n for n in listened if math.isnan(look.range_m[n])]
     nats = _nats(past, silent)
     usual = sum(share >= _USUAL_SHARE for share in past.heard_share)
-    if echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS:
+    arc = _arc(look, past)
+    # A false echo falls into the past's range by chance once in eighty: such echoes are true ones, beside a silent arc.
+    if echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not (arc and _as_before(look, past)):
         words = f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer"
         return [Suspicion(messages.FAULT_KIND_SILENT, nats, words)]
     if not echoes:
         words = f"no echo at any of {len(listened)} bearings"
         return [Suspicion(messages.FAULT_KIND_NO_ECHO_ANYWHERE, nats, words)]
-    return _arc(look, past)
+    return arc
+
+
+def _as_before(look: Look, past: Past) -> bool:
+    """A reading hears what the past heard there."""
+    return any(abs(look.range_m[n] - past.median_m[n]) <= _AS_BEFORE_M for n in look.heard)
 
 
 def _arc(look: Look, past: Past) -> list[Suspicion]:
@@ -58,7 +66,7 @@ def _arc(look: Look, past: Past) -> list[Suspicion]:
     nats = _nats(past, usual)
     if len(usual) < _LEAST_USUAL or nats < _LEAST_NATS:
         return []
-    if look.bearing_rad[usual[-1]] - look.bearing_rad[usual[0]] < _ARC_RAD:
+    if look.bearing_rad[usual[-1]] - look.bearing_rad[usual[0]] < _ARC_RAD or not past.agrees(look, widest):
         return []
     first, last = (round(math.degrees(look.bearing_rad[n])) for n in (widest[0], widest[-1]))
     return [Suspicion(messages.FAULT_KIND_ARC_SILENT, nats, f"no echo any more from {first} to {last} degrees")]

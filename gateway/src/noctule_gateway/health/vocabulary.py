@@ -51,17 +51,17 @@ FAULTS: dict[FaultKind, Fault] = {
     messages.FAULT_KIND_TURNED: Fault(
         "let it find home (noctule rpc SITE UNIT home): if its bearings come back, the motor has slipped once; else "
         "turn it back, or write its new heading into the site file",
-        named_after=3,
-        least_nats=30.0,
+        named_after=1,
         most_sure=0.95,
     ),
     messages.FAULT_KIND_MOVED: Fault(
-        "put it back, or write its new pose into the site file; if the room was changed, start the gateway after "
-        "deleting the unit's .health file",
+        "put it back, or write its new pose into the site file; if the room was changed: "
+        "noctule rpc SITE UNIT accept_room",
         most_sure=0.9,
     ),
     messages.FAULT_KIND_RANGES_JUMPED: Fault(
         "compare the air's temperature with the unit's (trim_temperature); if that is right, replace the sensor",
+        named_after=1,
         most_sure=0.9,
     ),
     messages.FAULT_KIND_TOO_NOISY: Fault(
@@ -72,7 +72,8 @@ FAULTS: dict[FaultKind, Fault] = {
         "update the unit's firmware; if it stays so, replace its board", named_after=1
     ),
     messages.FAULT_KIND_ARC_SILENT: Fault(
-        "check whether something soft hangs there, and whether the sensor's wires are strained at those bearings",
+        "check whether something soft hangs there, and whether the sensor's wires are strained at those bearings; if "
+        "the room was changed: noctule rpc SITE UNIT accept_room",
         most_sure=0.8,
     ),
     messages.FAULT_KIND_BEARING_SILENT: Fault(

@@ -54,7 +54,7 @@ class _Found:
     rebuilds: int
 
 
-_Item = tuple[Arrival, Done] | _Found | None  # None: close
+_Item = tuple[Arrival, Done] | _Found | Callable[[], None] | None  # None: close
 
 
 class SweepLog:
@@ -88,6 +88,10 @@ class SweepLog:
     def append(self, arrival: Arrival, done: Done) -> None:
         """Commit ``arrival`` and then call ``done``, on the log's own thread, with the record or what went wrong."""
         self._waiting.put((arrival, done))
+
+    def run(self, errand: Callable[[], None]) -> None:
+        """Call ``errand`` on the log's own thread, which may wait for the disk, after what was appended before it."""
+        self._waiting.put(errand)
 
     def read(self, first: int, max_records: int, max_bytes: int) -> LogSlice:
         """Committed records from log_sequence ``first`` on, at least one if there is one. Raises LogError."""
@@ -131,8 +135,12 @@ class SweepLog:
             found = [item.damage for item in gathered if isinstance(item, _Found) and item.rebuilds == self._rebuilds]
             appends = [item for item in gathered if isinstance(item, tuple)]
             result = self._commit([arrival for arrival, _ in appends], *found[:1])
-            for index, (_, done) in enumerate(appends):
-                done(result if isinstance(result, LogError) else result[index])
+            results = iter([result] * len(appends) if isinstance(result, LogError) else result)
+            for item in gathered:
+                if isinstance(item, tuple):
+                    item[1](next(results))
+                elif callable(item):
+                    item()
         self._stop_reading()
         if self._writing is not None:
             self._writing.close()

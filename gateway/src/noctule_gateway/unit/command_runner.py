@@ -24,6 +24,7 @@ from noctule_gateway.wire.frames import Mechanics, Settings, Status
 AT_ONCE = ("hello", "status")
 SETTINGS = "settings"
 UPDATE = "update"
+ACCEPT_ROOM = "accept_room"
 STOP = "stop"
 _MEASURING = "the unit measures itself: wait until that is over, or stop it"
 
@@ -45,7 +46,8 @@ class _Measuring:
 
 
 class CommandRunner:
-    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
+    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises,
+    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given.
 
     ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
     """
@@ -56,8 +58,10 @@ class CommandRunner:
         status: Callable[[], UnitStatus],
         update: Callable[[Image, bool], None],
         admission: Admission,
+        accept_room: Callable[[Callable[[], None]], None],
     ) -> None:
         self._link, self._status, self._update, self._admission = link, status, update, admission
+        self._accept_room = accept_room
         self._updating: _Command | None = None
         self._measuring: _Measuring | None = None
         self._measured: dict[str, list[Measurement]] = {}  # the latest by command
@@ -70,6 +74,8 @@ class CommandRunner:
         try:
             if name in AT_ONCE:
                 self._end(command)
+            elif name == ACCEPT_ROOM:
+                self._accept_room(lambda: self._end(command))
             elif self._updating is not None:
                 raise UnderWayError()
             elif self._measuring is not None and name not in (SETTINGS, STOP):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from noctule.messages_pb2 import Sweep, UnitFault
 from noctule.site import FixedPose, Unit, UnknownPose
+from noctule_gateway.errors import CommandError
 from noctule_gateway.health import memory_file
 from noctule_gateway.health.judge import Finding, Judge, Memory, Verdict
 from noctule_gateway.health.look import look_of
@@ -42,6 +43,13 @@ class SweepHealth:
     def faults(self, clock_epoch: str) -> list[UnitFault]:
         """What stands, for the unit's status; with since when, if that was told under the clock's present epoch."""
         return [self._message(one, clock_epoch) for one in self._judge.findings]
+
+    def accept_room(self) -> None:
+        """What the unit hears from now on is right. Raises CommandError for a unit that is carried."""
+        if not self._fixed:
+            raise CommandError("the unit is carried, so the gateway compares its sweeps with none before them")
+        self._judge.accept_room()
+        self._verdicts.clear()
 
     def memory(self) -> str | None:
         """What ``save`` is to keep; None where nothing has changed since it was kept."""

@@ -90,6 +90,20 @@ class SweepIntake:
         """The unit has told what its latest check found."""
         self._check.checked(mechanics)
 
+    def accept_room(self, done: Callable[[], None]) -> None:
+        """Forget what the unit used to hear; ``done`` is called on the line's thread once that is on the disk. Raises
+        CommandError for a unit that is carried.
+        """
+        self._health.accept_room()
+        memory = self._health.memory()
+
+        def keep() -> None:
+            if memory is not None:
+                self._health.save(memory)
+            self._call(done)
+
+        self._served.log.run(keep)
+
     def take(self, sweep: AnySweep) -> None:
         """A sweep has come from the unit."""
         wall = self._served.clock.look()

@@ -73,7 +73,7 @@ class UnitServer:
         self._intake = SweepIntake(served, self._link, publish, self._line.call)
         self._state = UnitState()
         self._unit_report = UnitReport(served, self._link, self._intake)
-        self._commands = CommandRunner(self._link, self._status, self._begin_update, admission)
+        self._commands = CommandRunner(self._link, self._status, self._begin_update, admission, self._accept_room)
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = self._is_over = False
         self._report_due_s = 0.0
@@ -240,6 +240,10 @@ class UnitServer:
         self._state = self._state.lost(why, loader)
         self._commands.lost(why)
         self._report_due_s = 0.0
+
+    def _accept_room(self, done: Callable[[], None]) -> None:
+        self._intake.accept_room(done)
+        _log.info("%s: its room is accepted as it is: the gateway learns again what the unit hears", self._unit.name)
 
     # ---- An update, which has the line until it is over ----
 

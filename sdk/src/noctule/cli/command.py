@@ -88,6 +88,7 @@ for _name, _summary in (
     ("home", "Find home; done when the unit begins."),
     ("store", "Keep plan, calibration and trim in the unit's flash."),
     ("reset", "Reset the unit."),
+    ("accept_room", "Take the room as it is now: the gateway learns again what a fixed unit hears."),
 ):
     _add_plain(_name, _summary)
 for _name, _summary in (

@@ -19,6 +19,7 @@ DONE = {
     "trim_temperature": "has the new trim; store keeps it",
     "store": "has its settings in flash",
     "reset": "resets",
+    "accept_room": "its gateway learns again what it hears",
 }
 
 
