@@ -94,7 +94,7 @@ def run(
         access = _Access(connect or [], listen or default, tls_folder, firmware, metrics_at)
         _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
     except (NoctuleError, OSError) as error:
-        _log.error("%s", error)
+        logs.log_lines(_log, error)
         raise typer.Exit(1) from error
 
 

@@ -120,7 +120,7 @@ def run(
         recorded = Recorded(record, keep_days) if record else None
         status = serve(relay, announce, watched, recorded, metrics, ending)
     except NoctuleError as error:
-        _log.error("%s", error)
+        logs.log_lines(_log, error)
         raise typer.Exit(1) from error
     _log.error("the relay ended by itself, with status %d", status)
     raise typer.Exit(status if status > 0 else 128 - status)
