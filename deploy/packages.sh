@@ -4,7 +4,7 @@
 set -eu
 
 run="gcc libc6-dev sdcc sdcc-libraries"
-test="$run sdcc-ucsim cppcheck strace mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git libfaketime systemd caddy iproute2"
+test="$run sdcc-ucsim cppcheck strace mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git libfaketime systemd caddy iproute2 buildah"
 bench="$test g++ libmrpt-maps-dev"
 case $1 in
 run) wanted=$run ;;
