@@ -1,7 +1,8 @@
-"""Whether those who draw have the Rerun of this relay: another version may draw what viewers here can't read."""
+"""Whether this page can show what mappers draw: with the Rerun of this relay, and in the recording that it opens."""
 
 from collections.abc import Iterable
 
+from noctule import rerun_paths
 from noctule.messages_pb2 import ServiceStatus
 
 
@@ -15,6 +16,19 @@ def trouble(own: str, services: Iterable[ServiceStatus]) -> str:
     if not others:
         return ""
     return f"{', '.join(others)}, and this relay is Rerun {own}: install one release of Noctule on all hosts"
+
+
+def elsewhere(own: str, services: Iterable[ServiceStatus]) -> str:
+    """Who draws into another recording than ``own``, which this page shows, and what to do; empty where nobody does."""
+    drawing = [each for each in services if each.role == "mapper" and each.rerun_recording]
+    names = [each.name for each in drawing if each.rerun_recording != own]
+    if not names:
+        return ""
+    if own == rerun_paths.ALL_SITES:
+        why = f"this page shows several sites: end its --rerun with {rerun_paths.SEVERAL_SITES}"
+    else:
+        why = f"this page shows one site: take {rerun_paths.SEVERAL_SITES} off its --rerun"
+    return f"what {', '.join(names)} draws is not seen here, because {why}"
 
 
 def _line(version: str) -> list[str]:
