@@ -112,7 +112,7 @@ class Recorder:
                 if (now := path.stat().st_size if path.exists() else 0) > size:
                     size, grown_s = now, monotonic()
                 elif self._still_after_s is not None and monotonic() - grown_s > self._still_after_s:
-                    return f"the recorder has written nothing for {monotonic() - grown_s:.0f} s: it is started again"
+                    return f"the recorder has written nothing for {monotonic() - grown_s:.0f} s"
                 self._trouble = ""
                 if monotonic() - began_s > _LONGEST_PAUSE_S:
                     self._pause_s = self._first_pause_s
