@@ -77,7 +77,7 @@ firmware firmware-demo:
 .tools/bin/uv:
 	@echo "Fetching uv, which fetches the packages (25 MB)"
 	@python3 -m venv .tools
-	@.tools/bin/pip install --quiet uv==$(UV_VERSION)
+	@.tools/bin/pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 
 clean:
 	rm -rf .venv .tools .demo .site dist firmware/build firmware/simulator/target sdk/examples/watch_any/target

@@ -9,9 +9,9 @@ simulator=$(sh deploy/simulator.sh)
 if [ -d .venv ]; then
     set -- --quiet "$@"
 elif [ "$simulator" = build ]; then
-    echo "Fetching Python packages (${SIZE:-900 MB}), and building the simulator, which takes a minute"
+    echo "Fetching Python packages (${SIZE:-900 MB}) and building the simulator: two to three minutes"
 else
-    echo "Fetching Python packages (${SIZE:-900 MB})"
+    echo "Fetching Python packages (${SIZE:-900 MB}): one to two minutes"
 fi
 "$uv" sync --locked "$@"
 case $simulator in
