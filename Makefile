@@ -1,13 +1,13 @@
-# make demo | test | soak | bench | lint | docs | screenshots | hardware | wheels: each does the set-up it needs, and is
-# quick the second time.
+# make demo | test | soak | bench | lint | docs | screenshots | hardware | wheels | wheel-simulator: each does the set-up
+# it needs, and is quick the second time.
 
 UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: demo test soak bench lint docs screenshots hardware wheels setup setup-demo packages-run packages-test \
-  firmware firmware-demo clean
+.PHONY: demo test soak bench lint docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
+  packages-test firmware firmware-demo clean
 
 demo: packages-run setup-demo firmware-demo
 	@python deploy/demo/run.py
@@ -44,10 +44,15 @@ docs: packages-test setup
 # What the hosts of a fleet install, in dist/, with the versions of all that it needs.
 WHEELS := noctule noctule-gateway noctule-mapper noctule-viewer noctule-deploy
 wheels: $(UV)
-	@rm -rf dist
+	@rm -f dist/*.whl
 	@for package in $(WHEELS); do $(UV) build --quiet --wheel --package $$package --out-dir dist || exit 1; done
 	@$(UV) export --quiet --locked --no-dev --all-packages --no-emit-workspace --no-hashes --output-file dist/constraints.txt
 	@ls dist
+
+# For machines without Rust: `make demo` takes it from this folder. It runs where glibc is as new as here, or newer.
+wheel-simulator: $(UV)
+	@$(UV) build --quiet --wheel --package noctule-sim --out-dir dist/simulator
+	@ls dist/simulator/*.whl
 
 # The pictures of the pages, made again.
 screenshots: packages-test setup firmware
@@ -58,15 +63,15 @@ hardware: setup
 	@python firmware/hardware/drawings/draw.py
 
 packages-run packages-test:
-	@sh deploy/packages.sh $(@:packages-%=%)
+	@GOAL=$(or $(firstword $(MAKECMDGOALS)),demo) sh deploy/packages.sh $(@:packages-%=%)
 
 # The demo needs a third of what the tests need; what is there already stays.
 setup-demo: SYNC := --inexact --no-default-groups --group demo
+setup-demo: export SIZE := 450 MB
 
 # The lock file decides every version; the simulator is built again when its sources change.
 setup setup-demo: $(UV)
-	@test -d .venv || echo "Fetching Python packages and building the simulator"
-	@$(UV) sync --locked $(if $(wildcard .venv),--quiet) $(SYNC)
+	@GOAL=$(or $(firstword $(MAKECMDGOALS)),demo) sh deploy/sync.sh $(UV) $(SYNC)
 
 firmware: setup
 firmware-demo: setup-demo
@@ -76,7 +81,7 @@ firmware firmware-demo:
 .tools/bin/uv:
 	@echo "Fetching uv, which fetches the packages (25 MB)"
 	@python3 -m venv .tools
-	@.tools/bin/pip install --quiet uv==$(UV_VERSION)
+	@.tools/bin/pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 
 clean:
 	rm -rf .venv .tools .demo .site dist firmware/build firmware/simulator/target sdk/examples/watch_any/target

@@ -1,10 +1,12 @@
 #!/bin/sh
-# Install the Debian packages that the demo (run), the tests (test) or the bench need; without root, print the one line to type. Checks the compiler of
-# the simulator too: Rust is fetched by the Python build where there is no cargo at all, but an old one would be taken as it is.
+# Install the Debian packages that the demo (run), the tests (test) or the bench need; without root, print the one line
+# to type. Nothing is installed where the simulator can neither be built nor has a wheel.
 set -eu
 
-run="gcc libc6-dev sdcc sdcc-libraries"
-test="$run sdcc-ucsim cppcheck strace mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git systemd caddy iproute2"
+simulator=$(sh deploy/simulator.sh)
+run="sdcc sdcc-libraries"
+[ "$simulator" != build ] || run="gcc libc6-dev $run"
+test="$run gcc libc6-dev sdcc-ucsim cppcheck strace mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git systemd caddy iproute2 buildah"
 bench="$test g++ libmrpt-maps-dev"
 case $1 in
 run) wanted=$run ;;
@@ -32,12 +34,4 @@ if [ -n "$missing" ]; then
         exit 1
     fi
     rm "$log"
-fi
-
-if command -v cargo >/dev/null; then
-    version=$(cargo --version | cut -d' ' -f2)
-    if [ "$(printf '%s\n' 1.88.0 "$version" | sort -V | head -n 1)" != 1.88.0 ]; then
-        echo "cargo $version is too old for the simulator, which needs 1.88: update it with 'rustup update', or take it off the PATH and it is fetched" >&2
-        exit 1
-    fi
 fi

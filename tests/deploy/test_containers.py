@@ -1,11 +1,15 @@
-"""The image and the compose files fit each other, read as text: no daemon builds or starts them here."""
+"""The image and the compose files fit each other, and are what their formats allow.
+
+test_container_image.py builds the image.
+"""
 
 import json
 import re
 import shlex
+import subprocess
 import tomllib
 from datetime import UTC, datetime
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 import pytest
 import yaml
@@ -22,16 +26,21 @@ TOP = ("/etc/noctule", "/var/lib/noctule")
 
 
 @pytest.fixture(scope="module")
-def services(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict]:
-    """The services of all hosts of the example, with a router on a host of its own."""
+def compose_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Of all hosts of the example, with a router on a host of its own."""
     folder = tmp_path_factory.mktemp("containers")
     assert CliRunner().invoke(cli.app, ["init", str(folder)]).exit_code == 0
     fleet = folder / "fleet.toml"
     fleet.write_text(fleet.read_text() + '[[router]]\nname = "router-2"\naddress = "hub.example.net"\nhost = "hub"\n')
     place = Place(folder / "rendered", folder / "ca")
     render.render(fleet_file.load(fleet), place, datetime(2026, 3, 1, tzinfo=UTC))
-    files = place.out.glob("*/compose.yaml")
-    return {name: each for file in files for name, each in yaml.safe_load(file.read_text())["services"].items()}
+    return sorted(place.out.glob("*/compose.yaml"))
+
+
+@pytest.fixture(scope="module")
+def services(compose_files: list[Path]) -> dict[str, dict]:
+    """The services of all hosts."""
+    return {name: each for file in compose_files for name, each in yaml.safe_load(file.read_text())["services"].items()}
 
 
 def words(step: str) -> list[str]:
@@ -50,13 +59,32 @@ def settings() -> dict[str, str]:
     return dict(word.split("=", 1) for word in words("ENV"))
 
 
+def test_every_compose_file_is_one_by_the_schema_of_compose(compose_files: list[Path], tmp_path: Path) -> None:
+    """The schema is the one that the Compose Specification publishes."""
+
+    def checked(*files: Path) -> str:
+        command = ["check-jsonschema", "--builtin-schema", "vendor.compose-spec", *map(str, files)]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+    assert len(compose_files) == 3
+    assert checked(*compose_files) == "ok -- validation done\n"
+    wrong = tmp_path / "compose.yaml"
+    wrong.write_text(compose_files[0].read_text().replace('"read_only"', '"readonly"'))
+    assert "'readonly' was unexpected" in checked(wrong)
+
+
+def test_the_steps_of_the_image_have_no_fault_that_hadolint_knows() -> None:
+    ended = subprocess.run(["hadolint", "--no-color", str(FILE)], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (0, "")
+
+
 def test_the_image_is_made_of_what_make_wheels_puts_into_dist() -> None:
     source, target = words("COPY")
     assert source.rstrip("/") == "dist"
     run = words("RUN")
     assert {f"{target}*.whl", f"{target}constraints.txt"} <= set(run)
     assert "--output-file dist/constraints.txt" in (ROOT / "Makefile").read_text()
-    assert words("USER") == ["nobody"]
+    assert words("USER") == ["65534:65534"]  # nobody
 
 
 def test_every_program_of_a_compose_file_is_in_the_image_where_its_command_says(services: dict[str, dict]) -> None:

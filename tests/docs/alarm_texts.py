@@ -47,7 +47,8 @@ RAISED_IN = (
     "viewer/src/noctule_viewer/recordings/recorder.py::_record_one_file",
     "viewer/src/noctule_viewer/recordings/recorder.py::_run",
     "viewer/src/noctule_viewer/relay.py::_status",
-    "viewer/src/noctule_viewer/rerun_versions.py",
+    "viewer/src/noctule_viewer/rerun_versions.py::elsewhere",
+    "viewer/src/noctule_viewer/rerun_versions.py::trouble",
 )
 """Files, or one function of a file."""
 

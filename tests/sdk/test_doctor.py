@@ -200,11 +200,13 @@ def test_a_data_folder_tells_its_owner_who_holds_it_and_that_it_is_of_another_si
     assert free.text.endswith("not in use")
 
 
-def test_a_site_file_with_a_mistake_is_a_fault_in_its_own_words(tmp_path: Path) -> None:
+def test_each_mistake_of_a_site_file_is_a_fault_in_its_own_words(tmp_path: Path) -> None:
     file = tmp_path / "attic.toml"
-    file.write_text('site = "attic"\n[[unit]]\nname = "u1"\nserial = 1\naddress = "/dev/x"\n')
+    file.write_text('site = "attic"\n[[unit]]\nname = "u1"\nseriel = 1\naddress = "/dev/x"\n')
     site, found = configuration.check_site(file)
-    assert site is None and found.level == Level.FAULT and "attic.toml" in found.text
+    assert site is None
+    assert [each.level for each in found] == [Level.FAULT] * 2  # serial, and no pose
+    assert all(each.text.startswith(f"{file}, line ") for each in found)
 
 
 def test_a_fleet_is_checked_by_noctule_deploy(tmp_path: Path) -> None:

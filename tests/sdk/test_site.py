@@ -256,6 +256,70 @@ pause_s = 5
 """
 
 
+SEVERAL = """site = "room"
+colck = "utc"
+air_temperature_c = 294
+[sensor]
+range_sigma_m = 3.2
+
+[[unit]]
+name = "u1"
+seriel = 1
+address = "sockt://h:1"
+pose = { x_m = 1, heading_deg = 900 }
+sweep = { pause_s = 70, pings = 2 }
+
+[[unit]]
+name = "*"
+serial = "2"
+path = { corners_m = [[0, 0], [1, 2, 3]], spacing = 0.2 }
+sensor = 3
+"""
+
+
+def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path):
+    with pytest.raises(SiteFileError) as error:
+        load(tmp_path, SEVERAL)
+    told = [line.removeprefix(f"{tmp_path}/site.toml, ") for line in str(error.value).splitlines()]
+    beginnings = [
+        "line 2: colck is not known here: did you mean clock?",
+        "line 3: air_temperature_c is 294: give",
+        "line 5: [sensor]: range_sigma_m is 3.2: give",
+        "line 7: [[unit]] 'u1': serial is missing: add it (did you write it as seriel?)",
+        "line 10: [[unit]] 'u1': address is 'sockt://h:1': sockt:// is not known",
+        "line 11: [[unit]] 'u1'.pose: heading_deg is 900: give",
+        "line 11: [[unit]] 'u1'.pose: y_m is missing: add it",
+        "line 12: [[unit]] 'u1'.sweep: pause_s is 70: give",
+        "line 12: [[unit]] 'u1'.sweep: pings is 2: give 1, 3 or 5",
+        "line 14: [[unit]] 2: address is missing: add it",
+        "line 15: [[unit]] 2: name is '*'",
+        "line 16: [[unit]] 2: serial is '2': give a whole number",
+        "line 17: [[unit]] 2.path: corners_m[1] is [1, 2, 3]: give [x_m, y_m]",
+        "line 17: [[unit]] 2.path: spacing_m is missing: add it (did you write it as spacing?)",
+        "line 18: [[unit]] 2: sensor is 3: make it a table",
+    ]
+    assert len(told) == len(beginnings), told
+    for line, beginning in zip(sorted(told), sorted(beginnings), strict=True):
+        assert line.startswith(beginning)
+    numbers = [int(line.split(":")[0].removeprefix("line ")) for line in told]
+    assert numbers == sorted(numbers)
+
+
+def test_a_file_of_very_many_mistakes_fills_one_screen(tmp_path):
+    with pytest.raises(SiteFileError) as error:
+        load(tmp_path, HEAD + UNIT + f"path = {{ waypoints = [{'[0, 0, 720], ' * 500}] }}\n")
+    lines = str(error.value).splitlines()
+    assert len(lines) == 21
+    assert lines[-1].endswith("and 480 more mistakes")
+
+
+def test_every_unit_that_has_something_of_another_is_told(tmp_path):
+    with pytest.raises(SiteFileError) as error:
+        load(tmp_path, HEAD + 3 * (UNIT + HERE))
+    assert len(str(error.value).splitlines()) == 2 * 3  # name, serial number and address, of two units
+    assert "line 9: [[unit]] 'u1': serial 1 is also that of 'u1': change one" in str(error.value)
+
+
 @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
 @pytest.mark.parametrize(
     ("right", "wrong", "told"),

@@ -2,10 +2,12 @@
 
 import os
 import pty
+import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import psutil
@@ -101,6 +103,24 @@ def test_it_shows_how_far_it_is_and_ends_by_ctrl_c(
         os.killpg(running.process.pid, signal.SIGINT)  # as a terminal does
         assert running.status() == status, running.shown()
         assert "Traceback" not in running.shown()
+    finally:
+        running.close()
+
+
+def test_a_backup_that_was_stopped_leaves_nothing_and_can_be_begun_again(tmp_path: Path) -> None:
+    data, copy = tmp_path / "data", tmp_path / "copy"
+    data.mkdir()
+    with closing(sqlite3.connect(data / "u0.sqlite")) as database, database:
+        database.execute("CREATE TABLE some (thing)")
+    for number in range(1, 5000):  # a second's copying is some hundred of them
+        shutil.copy(data / "u0.sqlite", data / f"u{number}.sqlite")
+    running = OnTerminal(tmp_path, "noctule-gateway", "backup", str(data), str(copy))
+    try:
+        wait_until(lambda: "Copying u" in running.shown(), "a line that says what is copied")
+        os.killpg(running.process.pid, signal.SIGINT)
+        assert running.status() == 130, running.shown()
+        assert "Traceback" not in running.shown()
+        assert not copy.exists()
     finally:
         running.close()
 

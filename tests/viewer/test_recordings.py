@@ -1,6 +1,8 @@
 """Recordings by day: what is kept, what a power cut leaves, and that a relay that was started again shows the past."""
 
 import errno
+import re
+import signal
 import subprocess
 import tracemalloc
 import warnings
@@ -214,6 +216,35 @@ def test_a_writer_that_ends_is_logged_and_another_follows(tmp_path: Path, caplog
         write.started[0].kill()
         wait_until(lambda: "ended by itself, with status -9" in caplog.text, "its end is not logged")
         wait_until(lambda: len(write.started) == 2 and not recorder.trouble, "no other follows")
+
+
+class Growing(Writers):
+    """Writers that write all the time."""
+
+    def __call__(self, path: Path) -> subprocess.Popen[bytes]:
+        self.files.append(path.name)
+        self.started.append(subprocess.Popen(["sh", "-c", f"while :; do echo >> {path}; sleep 0.05; done"]))
+        return self.started[-1]
+
+
+def test_a_writer_that_hangs_is_told_and_another_follows(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    write = Growing()
+    with Recorder(tmp_path, 2, write, free_bytes=lambda _: AMPLE, pause_s=0.1, still_after_s=5.0) as recorder:
+        wait_until(lambda: write.started and (tmp_path / write.files[0]).exists(), "nothing is written")
+        write.started[0].send_signal(signal.SIGSTOP)
+        wait_until(lambda: re.search(r"the recorder has written nothing for \d+ s", caplog.text), "it is not told")
+        wait_until(lambda: len(write.started) == 2 and not recorder.trouble, "no other follows")
+        assert write.started[0].poll() is not None
+
+
+def test_where_nobody_draws_all_the_time_a_writer_may_be_still(tmp_path: Path) -> None:
+    write = Writers()
+    with Recorder(tmp_path, 2, write, free_bytes=lambda _: AMPLE, pause_s=0.1, still_after_s=None) as recorder:
+        wait_until(lambda: write.started, "nothing is written")
+        path = tmp_path / write.files[0]
+        assert not recorder.trouble and path.stat().st_size == 0
+        with pytest.raises(AssertionError, match="still"):
+            wait_until(lambda: recorder.trouble or len(write.started) > 1, "still", within_s=4.0)
 
 
 def draw(relay: Relay, first: int, count: int, static: bool = False) -> None:

@@ -110,7 +110,8 @@ def _site_file(gateway: Gateway, place: Place) -> Iterator[tuple[Place, str]]:
     try:
         site = sites.load(Path(gateway.site_file or ""))
     except SiteFileError as error:
-        yield (*place, "site_file"), f"site_file has a mistake: {error}"
+        for mistake in str(error).splitlines():
+            yield (*place, "site_file"), f"site_file has a mistake: {mistake}"
         return
     if site.name != gateway.site:
         yield (*place, "site"), f"site is {gateway.site!r}, and {gateway.site_file} is of site {site.name!r}"

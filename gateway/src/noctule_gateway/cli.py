@@ -10,11 +10,12 @@ import zenoh
 from rich.console import Console
 
 from noctule import bus, bus_config, firmware_rules, logs, metrics, metrics_server, site, tls
-from noctule.backup import copy_databases
+from noctule.backup import copy_databases, whole_or_nothing
 from noctule.bus_watch import BusWatch
 from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
+from noctule.progress import progress
 from noctule.systemd import ServiceManager
 from noctule.threads import end_process_when_one_fails
 from noctule.version_option import version_option
@@ -94,7 +95,7 @@ def run(
         access = _Access(connect or [], listen or default, tls_folder, firmware, metrics_at)
         _serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
     except (NoctuleError, OSError) as error:
-        _log.error("%s", error)
+        logs.log_lines(_log, error)
         raise typer.Exit(1) from error
 
 
@@ -176,7 +177,9 @@ def check(
 ) -> None:
     """Read every record of every log and say what was damaged or altered; exit status 1 if so. Changes nothing."""
     try:
-        _tell([*look_at_all(data), *look_at_audit(data)])
+        with progress() as shown:
+            looks = [*look_at_all(data, shown.at), *look_at_audit(data)]
+        _tell(looks)
     except NoctuleError as error:
         Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error
@@ -189,9 +192,11 @@ def backup(
 ) -> None:
     """Copy every log into OUT, each as it is at one moment, and check the copies; exit status 1 if one is damaged."""
     try:
-        copy_databases(data, out)
-        copy_audit(data, out)
-        _tell([*look_at_all(out), *look_at_audit(out)])
+        with whole_or_nothing(out), progress() as shown:
+            copy_databases(data, out, shown.at)
+            copy_audit(data, out)
+            looks = [*look_at_all(out, shown.at), *look_at_audit(out)]
+        _tell(looks)
     except NoctuleError as error:
         Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error

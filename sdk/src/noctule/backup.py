@@ -1,7 +1,9 @@
 """Copies of the SQLite files of a data folder, taken while a program writes them."""
 
+import shutil
 import sqlite3
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from noctule.errors import NoctuleError
@@ -12,10 +14,23 @@ class BackupError(NoctuleError):
     """A data folder could not be copied."""
 
 
-def copy_databases(data: Path, out: Path) -> list[Path]:
+@contextmanager
+def whole_or_nothing(out: Path) -> Iterator[None]:
+    """Within the block a backup is made in ``out``, which Ctrl-C removes if it was not there before."""
+    was_there = out.exists()
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not was_there:
+            shutil.rmtree(out, ignore_errors=True)
+        raise
+
+
+def copy_databases(data: Path, out: Path, tell: Callable[[str, int, int], None]) -> list[Path]:
     """Copy every database ``data/*.sqlite*`` into the new folder ``out``, each one as it is at one moment.
 
-    Raises BackupError; what was copied before it stays.
+    ``tell`` is given what is copied, how many are done, and of how many. Raises BackupError; what was copied before it
+    stays.
     """
     found = sorted(each for each in data.glob("*.sqlite*") if each.suffix in (".sqlite", ".sqlite3"))
     if not found:
@@ -26,7 +41,8 @@ def copy_databases(data: Path, out: Path) -> list[Path]:
         raise BackupError(f"{out} is there already: give a new folder, so that no backup is overwritten") from error
     except OSError as error:
         raise BackupError(f"{out} can't be made: {error.strerror}") from error
-    for path in found:
+    for done, path in enumerate(found):
+        tell(f"Copying {path.name}", done, len(found))
         _copy(path, out / path.name)
     return [out / path.name for path in found]
 

@@ -286,6 +286,7 @@ BOUNDS: dict[str, dict[str, Bound]] = {
         "counters": Counts(200, _ID, _NUMBER_53),
         "cursors": Many(MAX_UNITS),
         "rerun": _ID,
+        "rerun_recording": _ID,
     },
     # ---- Map
     "Point": {

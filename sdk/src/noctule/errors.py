@@ -12,7 +12,7 @@ class KeyFormatError(NoctuleError):
 
 
 class SiteFileError(NoctuleError):
-    """A site file that can't be read or does not make sense."""
+    """A site file that can't be read or does not make sense: a line for each mistake, which begins with the file."""
 
 
 class SurveyError(NoctuleError):

@@ -70,3 +70,9 @@ def set_up(log_format: LogFormat, prefix: str = "") -> None:
     handler.setFormatter(JsonFormatter(prefix) if log_format is LogFormat.JSON else TextFormatter(text))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     logging.captureWarnings(True)
+
+
+def log_lines(log: logging.Logger, error: Exception) -> None:
+    """Log what ends a program, each line of it as a message of its own: a site file has a line for each mistake."""
+    for line in str(error).splitlines():
+        log.error("%s", line)

@@ -436,7 +436,7 @@ class Cursor(_message.Message):
     def __init__(self, unit: _Optional[str] = ..., log_id: _Optional[str] = ..., log_sequence: _Optional[int] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
 
 class ServiceStatus(_message.Message):
-    __slots__ = ("site", "name", "role", "version", "time", "detail", "counters", "cursors", "rerun")
+    __slots__ = ("site", "name", "role", "version", "time", "detail", "counters", "cursors", "rerun", "rerun_recording")
     class CountersEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -453,6 +453,7 @@ class ServiceStatus(_message.Message):
     COUNTERS_FIELD_NUMBER: _ClassVar[int]
     CURSORS_FIELD_NUMBER: _ClassVar[int]
     RERUN_FIELD_NUMBER: _ClassVar[int]
+    RERUN_RECORDING_FIELD_NUMBER: _ClassVar[int]
     site: str
     name: str
     role: str
@@ -462,7 +463,8 @@ class ServiceStatus(_message.Message):
     counters: _containers.ScalarMap[str, int]
     cursors: _containers.RepeatedCompositeFieldContainer[Cursor]
     rerun: str
-    def __init__(self, site: _Optional[str] = ..., name: _Optional[str] = ..., role: _Optional[str] = ..., version: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., detail: _Optional[str] = ..., counters: _Optional[_Mapping[str, int]] = ..., cursors: _Optional[_Iterable[_Union[Cursor, _Mapping]]] = ..., rerun: _Optional[str] = ...) -> None: ...
+    rerun_recording: str
+    def __init__(self, site: _Optional[str] = ..., name: _Optional[str] = ..., role: _Optional[str] = ..., version: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., detail: _Optional[str] = ..., counters: _Optional[_Mapping[str, int]] = ..., cursors: _Optional[_Iterable[_Union[Cursor, _Mapping]]] = ..., rerun: _Optional[str] = ..., rerun_recording: _Optional[str] = ...) -> None: ...
 
 class Point(_message.Message):
     __slots__ = ("x_m", "y_m")

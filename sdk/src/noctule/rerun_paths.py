@@ -38,6 +38,11 @@ MAP_ERRORS = "board/errors"  # that the contour states, by kind, over time
 MAP_FIT = "board/fit"  # how well the contour explains what units hear, over time
 
 
+def recording(url: str, site: str) -> str:
+    """Which recording is drawn into by who draws ``site`` at the relay's address ``url``."""
+    return ALL_SITES if url.endswith(SEVERAL_SITES) else site
+
+
 def grid_tile(tile: str) -> str:
     """One tile of the reliability grid; ``tile`` as made by keys.tile_name()."""
     return f"{GRID}/{tile}"

@@ -151,7 +151,10 @@ class Site:
 
 
 def load(path: Path) -> Site:
-    """Read a site file. Raises SiteFileError, which names file, line, table and field and says what to do."""
+    """Read a site file.
+
+    Raises SiteFileError with a line for each mistake: file, line, table and field, and what to do.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")  # some editors begin with a byte order mark
         entries = tomllib.loads(text)
@@ -168,23 +171,27 @@ def load(path: Path) -> Site:
         clock=top.choice("clock", ("utc", "unit")),  # pyright: ignore[reportArgumentType]
     )
     top.end()
-    _check_distinct(path, site.units)
+    top.refuse()
+    _check_distinct(top, site.units)
     return site
 
 
 def _name(table: Table, key: str) -> str:
+    """Empty after a mistake."""
     value = table.text(key)
     try:
         if value == keys.ANY:
             raise KeyFormatError("'*' stands for all names and can't be one")
-        return keys.name(value, "it")
+        return keys.name(value, "it") if value else value
     except KeyFormatError as error:
-        raise table.error(key, f"is {value!r}: {error}") from error
+        table.mistake(key, f"is {value!r}: {error}")
+        return ""
 
 
 def _unit(table: Table, default: Sensor) -> Unit:
     name = _name(table, "name")
-    table.name = f"[[unit]] {name!r}"
+    if name:
+        table.name = f"[[unit]] {name!r}"
     sweep = table.table("sweep")
     unit = Unit(
         name=name,
@@ -207,7 +214,7 @@ def _sensor(table: Table, default: Sensor) -> Sensor:
     lengths_m = {field: table.optional_number(field, number("Sensor", field)) for field in _SENSOR_LENGTHS}
     offset_m, sigma_m = (lengths_m[field] for field in ("face_offset_m", "face_offset_sigma_m"))
     if sigma_m is not None and offset_m is None and default.face_offset_m is None:
-        raise table.error("face_offset_sigma_m", "has no face_offset_m beside it: give that too")
+        table.mistake("face_offset_sigma_m", "has no face_offset_m beside it: give that too")
     table.end()
     known = {"beam_width_rad": width_rad, **lengths_m}
     if offset_m is not None and sigma_m is None:
@@ -224,16 +231,17 @@ def _address(unit: Table) -> str:
     scheme, found, _ = address.partition("://")
     if not found:
         if re.fullmatch(r"[^/]+:\d+", address):
-            raise unit.error("address", f"is {address!r}: {form}")
+            unit.mistake("address", f"is {address!r}: {form}")
         return address
     if scheme not in SCHEMES:
-        raise unit.error("address", f"is {address!r}: {scheme}:// is not known, {form}")
+        unit.mistake("address", f"is {address!r}: {scheme}:// is not known, {form}")
+        return address
     try:
         parts = urlsplit(address)
         if not parts.hostname or not parts.port:
             raise ValueError("host and port must both be there, the port from 1 to 65535")
     except ValueError as error:
-        raise unit.error("address", f"is {address!r}: {error}; {form}") from error
+        unit.mistake("address", f"is {address!r}: {error}; {form}")
     return address
 
 
@@ -256,23 +264,25 @@ def _pings(sweep: Table) -> int | None:
         return None
     pings = sweep.integer("pings", PINGS[0], PINGS[-1])
     if pings not in PINGS:
-        raise sweep.error("pings", f"is {pings}: give {', '.join(map(str, PINGS[:-1]))} or {PINGS[-1]}")
+        sweep.mistake("pings", f"is {pings}: give {', '.join(map(str, PINGS[:-1]))} or {PINGS[-1]}")
     return pings
 
 
 def _pose_source(unit: Table) -> PoseSource:
     if unit.has("path") == unit.has("pose"):
         form = 'pose = { ... }, pose = "unknown", pose = "key" or path = { ... }'
-        raise unit.error(
-            "pose", f"or path, one of the two, must say where the unit is: {form}{unit.hint('pose', 'path')}"
-        )
+        unit.mistake("pose", f"or path, one of the two, must say where the unit is: {form}{unit.hint('pose', 'path')}")
+        unit.has("pose_sigma")  # which is not wrong by itself
+        return UnknownPose()
     written = unit.entries.get("pose")
     if written == "key":
         return PoseKey()
     if written == "unknown":
         return UnknownPose()
     if isinstance(written, str):
-        raise unit.error("pose", f'is {written!r}: make it a table, pose = {{ ... }}, or give "unknown" or "key"')
+        unit.mistake("pose", f'is {written!r}: make it a table, pose = {{ ... }}, or give "unknown" or "key"')
+        unit.has("pose_sigma")
+        return UnknownPose()
     if unit.has("path"):
         sigma_m, sigma_rad = _sigmas(unit.table("pose_sigma"), "position_m", "heading_deg")
         places = _path(unit.table("path"))
@@ -288,7 +298,7 @@ def _fixed_pose(unit: Table) -> Pose2:
     sigma_m, sigma_rad = _sigmas(table, "sigma_position_m", "sigma_heading_deg")
     if unit.has("pose_sigma"):
         if sigma_m is not None or sigma_rad is not None:
-            raise unit.error("pose_sigma", "says what pose says too (sigma_position_m, sigma_heading_deg): remove it")
+            unit.mistake("pose_sigma", "says what pose says too (sigma_position_m, sigma_heading_deg): remove it")
         sigma_m, sigma_rad = _sigmas(unit.table("pose_sigma"), "position_m", "heading_deg")
     return Pose2(
         x_m,
@@ -309,8 +319,11 @@ def _sigmas(table: Table, position: str, heading: str) -> tuple[float | None, fl
 
 def _path(path: Table) -> list[tuple[float, float, float]]:
     if path.has("waypoints") == path.has("corners_m"):
-        raise path.error("corners_m", "or waypoints, one of the two, must give the path")
-    if path.has("waypoints"):
+        path.asked |= {"closed", "spacing_m"}  # these are not wrong by themselves
+        hint = path.hint("corners_m", "waypoints")
+        path.mistake("corners_m", f"or waypoints, one of the two, must give the path{hint}")
+        places = []
+    elif path.has("waypoints"):
         columns = {"x_m": _X_M, "y_m": _Y_M, "heading_deg": WRITTEN_HEADING_RAD}
         places = [(x_m, y_m, heading_rad) for x_m, y_m, heading_rad in path.rows("waypoints", columns, least=1)]
     else:
@@ -323,25 +336,27 @@ def _walked(path: Table) -> list[tuple[float, float, float]]:
     corners_m = [(x_m, y_m) for x_m, y_m in path.rows("corners_m", {"x_m": _X_M, "y_m": _Y_M}, least=2)]
     closed = path.flag("closed", default=False)
     spacing_m = path.number("spacing_m", _SPACING_M)
+    if not path.sound():
+        return []
     following = [*corners_m[1:], corners_m[0]] if closed else corners_m[1:]
     for index, (corner, after) in enumerate(zip(corners_m, following, strict=False)):
         if corner == after:
-            raise path.error(f"corners_m[{index}]", "is the same place as the corner after it: remove one")
+            path.mistake(f"corners_m[{index}]", "is the same place as the corner after it: remove one")
     length_m = math.fsum(map(math.dist, corners_m, following))
     if length_m / spacing_m + len(corners_m) > MAX_WAYPOINTS:
-        raise path.error(
+        path.mistake(
             "spacing_m", f"is {spacing_m}: make it larger, a unit counts {MAX_WAYPOINTS} waypoints and no more"
         )
-    return walk(corners_m, spacing_m, closed)
+    return walk(corners_m, spacing_m, closed) if path.sound() else []
 
 
-def _check_distinct(file: Path, units: tuple[Unit, ...]) -> None:
+def _check_distinct(top: Table, units: tuple[Unit, ...]) -> None:
     for field in ("name", "serial", "address"):
         first: dict[object, str] = {}
-        for unit in units:
+        for index, unit in enumerate(units):
             value = getattr(unit, field)
             if value in first:
-                raise SiteFileError(
-                    f"{file}: [[unit]] {unit.name!r}: {field} {value!r} is also that of {first[value]!r}: change one"
-                )
-            first[value] = unit.name
+                table = Table(top.file, f"[[unit]] {unit.name!r}", {}, top.lines, top.found, ("unit", index))
+                table.mistake(field, f"{value!r} is also that of {first[value]!r}: change one")
+            first.setdefault(value, unit.name)
+    top.refuse()

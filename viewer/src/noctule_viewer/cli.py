@@ -4,8 +4,10 @@ import logging
 import os
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, NoReturn
+from urllib.parse import urlsplit
 
 import typer
 
@@ -16,6 +18,7 @@ from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
 from noctule.version_option import version_option
 from noctule_viewer import memory_limit as memory_limits
+from noctule_viewer import rerun_versions
 from noctule_viewer.recordings import days
 from noctule_viewer.relay import RERUN, Relay, environment
 
@@ -120,7 +123,7 @@ def run(
         recorded = Recorded(record, keep_days) if record else None
         status = serve(relay, announce, watched, recorded, metrics, ending)
     except NoctuleError as error:
-        _log.error("%s", error)
+        logs.log_lines(_log, error)
         raise typer.Exit(1) from error
     _log.error("the relay ended by itself, with status %d", status)
     raise typer.Exit(status if status > 0 else 128 - status)
@@ -138,14 +141,22 @@ def open_(
         str | None, typer.Option(metavar="YYYY-MM-DD", help="Of a folder: this day, in place of the last.")
     ] = None,
     url: Annotated[str, typer.Option(help="The relay, as printed by the mapper's --rerun.")] = _DEFAULT.url,
+    web_port: Annotated[
+        int, typer.Option(min=1, max=LAST_PORT, help="Port of the relay's page, which is asked for its version.")
+    ] = _DEFAULT.web_port,
 ) -> None:
-    """Open the native viewer, or, where there is no screen, print the address for a browser."""
+    """Open the native viewer, or, where there is no screen, print the address for a browser.
+
+    A relay with another version of Rerun is named first.
+    """
     if not url.startswith(_RELAY_SCHEMES):
         _fail(f"{url} is no relay: give {_DEFAULT.url}, with your relay's host and port")
     try:
         files = _files(recordings or [], day)
     except NoctuleError as error:
         _fail(str(error))
+    if not files and (differs := _differs(url, web_port)):
+        print(f"noctule-viewer: {differs}", file=sys.stderr)
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         print(_without_screen(files, url))
         return
@@ -176,6 +187,12 @@ def _files(recordings: Sequence[Path], day: str | None) -> list[Path]:
         if not each.is_file():
             raise days.RecordingsError(f"there is no file {each}: give a recording, or a folder of them")
     return list(recordings)
+
+
+def _differs(url: str, web_port: int) -> str:
+    """What is to be said of the relay's version; empty where nothing is."""
+    host = urlsplit(url).hostname or _DEFAULT.bind
+    return rerun_versions.of_native_viewer(version("rerun-sdk"), rerun_versions.ask(host, web_port))
 
 
 def _without_screen(recordings: Sequence[Path], url: str) -> str:

@@ -11,13 +11,14 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler
+from importlib.metadata import version
 from pathlib import Path
 from shutil import copyfileobj
 from socketserver import ThreadingTCPServer
 from typing import cast
 
 _SOURCE_TIMEOUT_S = 10.0
-_ALIVE = "/noctule/alive"
+ALIVE = "/noctule/alive"
 _SCRIPT = b"<script>" + Path(__file__).with_name("stale_page.js").read_bytes() + b"</script>"
 # Rerun writes twenty thousand lines to the console while it compiles its shaders, which takes seconds of the processor.
 _FIRST_SCRIPT = b"<head><script>console.debug = () => {};</script>"
@@ -80,7 +81,7 @@ class _Server(ThreadingTCPServer):
 class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         server = cast(_Server, self.server)
-        if self.path.partition("?")[0] == _ALIVE:
+        if self.path.partition("?")[0] == ALIVE:
             self._tell_alive(server)
             return
         with closing(HTTPConnection(*server.source, timeout=_SOURCE_TIMEOUT_S)) as source:
@@ -105,7 +106,8 @@ class _Handler(BaseHTTPRequestHandler):
                     copyfileobj(response, self.wfile)
 
     def _tell_alive(self, server: _Server) -> None:
-        content = json.dumps({"run": server.run, "silent_s": server.silent_s()}).encode()
+        told = {"run": server.run, "silent_s": server.silent_s(), "rerun": version("rerun-sdk")}
+        content = json.dumps(told).encode()
         self.send_response(200)
         self.send_header("Content-Type", "application/json")
         self.send_header("Cache-Control", "no-store")

@@ -38,9 +38,18 @@ class Presence:
     """
 
     def __init__(
-        self, site: str, state: SiteState, connect: Sequence[str] = (), tls_folder: Path | None = None
+        self,
+        site: str,
+        state: SiteState,
+        connect: Sequence[str] = (),
+        tls_folder: Path | None = None,
+        recording_id: str | None = None,
     ) -> None:
-        """``state`` is given what the site says. Raises KeyFormatError, BusConfigError, TlsError."""
+        """``state`` is given what the site says; ``recording_id`` is what the page shows, the site's if left out.
+
+        Raises KeyFormatError, BusConfigError, TlsError.
+        """
+        self._recording_id = recording_id or site
         self._state = state
         self._site, self._connect, self._tls_folder = keys.name(site, "site"), connect, tls_folder
         self._name = tls.service_name(tls_folder, "viewer")
@@ -87,23 +96,28 @@ class Presence:
         try:
             self._listen(client)
             while not self._closed.wait(_PUBLISH_EVERY_S):
-                trouble = self._trouble(watch)
+                status = self._latest
+                trouble = "; ".join(filter(None, (self._trouble(watch), status.detail if status else "")))
                 self._state.note_own_trouble(trouble)
-                if (status := self._latest) is not None:
+                if status is not None:
                     message = ServiceStatus()
                     message.CopyFrom(status)
                     message.site, message.name = self._site, self._name
-                    message.detail = "; ".join(filter(None, (trouble, status.detail)))
+                    message.detail = trouble
                     publisher.put(message)
         finally:
             watch.close()
             publisher.close()
 
     def _trouble(self, watch: BusWatch) -> str:
-        """What is wrong with the way over the bus, or with the versions of those who draw."""
+        """What is wrong with the way over the bus, or with those who draw."""
         heard = self._state.heard()
-        present = (each for name, each in heard.services.items() if heard.service_silent_s[name] < _GONE_AFTER_S)
-        return "; ".join(filter(None, (watch.detail(), rerun_versions.trouble(version("rerun-sdk"), present))))
+        present = [each for name, each in heard.services.items() if heard.service_silent_s[name] < _GONE_AFTER_S]
+        drawn = (
+            rerun_versions.trouble(version("rerun-sdk"), present),
+            rerun_versions.elsewhere(self._recording_id, present),
+        )
+        return "; ".join(filter(None, (watch.detail(), *drawn)))
 
     def _listen(self, client: Client) -> None:
         client.on_alive(self._state.note_alive)

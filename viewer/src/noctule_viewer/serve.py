@@ -5,6 +5,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from noctule import rerun_paths
 from noctule.ending import Ending
 from noctule.messages_pb2 import ServiceStatus
 from noctule_viewer.board.site_plan import SitePlan
@@ -45,11 +46,12 @@ def serve(
     Raises NoctuleError where something can't be had.
     """
     sites = [(plan, SiteState()) for plan in watched.plans] if watched else []
+    recording_id = sites[0][0].site if len(sites) == 1 else rerun_paths.ALL_SITES
     recorders: list[Recorder] = []
     with ExitStack() as around:
         last = around.enter_context(folder_of_recordings(recorded.folder)) if recorded else None
         presences = [
-            around.enter_context(Presence(plan.site, state, watched.connect, watched.tls_folder))
+            around.enter_context(Presence(plan.site, state, watched.connect, watched.tls_folder, recording_id))
             for plan, state in sites
             if watched
         ]
@@ -61,9 +63,11 @@ def serve(
                 if sites:
                     from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import
 
-                    beside.enter_context(Board(relay.url, sites))
+                    beside.enter_context(Board(relay.url, sites, recording_id))
                 if recorded:
-                    recorders.append(beside.enter_context(recording(relay, recorded.folder, recorded.keep_days, last)))
+                    recorders.append(
+                        beside.enter_context(recording(relay, recorded.folder, recorded.keep_days, last, bool(sites)))
+                    )
                 yield
 
         def show(status: ServiceStatus) -> None:

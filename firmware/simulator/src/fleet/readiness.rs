@@ -1,6 +1,7 @@
 //! Which serial lines have something to read, asked of the operating system once for all of them.
 
 use crate::fleet::line::Line;
+use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use std::io;
 
@@ -17,8 +18,11 @@ pub fn ready<'a>(lines: impl Iterator<Item = Option<&'a Line>>) -> io::Result<Ve
         ends.extend(descriptors.map(|descriptor| PollFd::new(descriptor, PollFlags::POLLIN)));
         counts.push(ends.len() - before);
     }
-    if poll(&mut ends, PollTimeout::ZERO)? == 0 {
-        return Ok(vec![false; counts.len()]);
+    match poll(&mut ends, PollTimeout::ZERO) {
+        // A signal in mid-call, as one that ends the simulator: the next look finds what this one has not.
+        Ok(0) | Err(Errno::EINTR) => return Ok(vec![false; counts.len()]),
+        Ok(_) => {}
+        Err(error) => return Err(error.into()),
     }
     let mut ends = ends.iter().map(|end| end.any() != Some(false));
     Ok(counts.into_iter().map(|count| ends.by_ref().take(count).fold(false, |any, end| any | end)).collect())

@@ -1,6 +1,6 @@
 """What a unit's log holds, every record of it checked: for the operator, by hand. It changes nothing."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,12 +31,19 @@ class Look:
         return f"{self.unit}: {self.sweeps} sound sweeps, sequences {bounds}{lost}; {self.trouble or 'all is sound'}"
 
 
-def look_at_all(data: Path) -> list[Look]:
-    """Look at every log in the folder ``data``, also while a gateway runs. Raises LogError where there is none."""
+def look_at_all(data: Path, tell: Callable[[str, int, int], None] = lambda *_: None) -> list[Look]:
+    """Look at every log in the folder ``data``, also while a gateway runs. Raises LogError where there is none.
+
+    ``tell`` is given what is read, how many are done, and of how many.
+    """
     units = units_in(data)
     if not units:
         raise LogError(f"{data} holds no logs: give what noctule-gateway run has as --data")
-    return [look_at(data / f"{unit}{SUFFIX}") for unit in units]
+    looks = []
+    for done, unit in enumerate(units):
+        tell(f"Reading the log of {unit}", done, len(units))
+        looks.append(look_at(data / f"{unit}{SUFFIX}"))
+    return looks
 
 
 def units_in(data: Path) -> list[str]:

@@ -10,12 +10,17 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a
 
 def check(data: Data) -> None:
     """Read every row of the store and say what is damaged; exit status 1 if anything is. Changes nothing."""
+    from noctule.progress import progress
     from noctule_mapper.live.store_file import StoreError, fault, held
 
     stores = sorted(data.glob("*.sqlite3"))
     if not stores:
         raise StoreError(f"{data} holds no store: give what noctule-mapper run has as --data")
-    faults = {store: fault(store) for store in stores}
+    faults = {}
+    with progress() as shown:
+        for done, store in enumerate(stores):
+            shown.at(f"Reading {store.name}", done, len(stores))
+            faults[store] = fault(store)
     for store, damage in faults.items():
         typer.echo(f"{store.name}: {damage or f'{held(store)} sweeps, all is sound'}")
     if any(faults.values()):
@@ -27,7 +32,10 @@ def backup(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The folder of the copy; it must not be there yet.")],
 ) -> None:
     """Copy the store into OUT as it is at one moment, and check the copy; exit status 1 if it is damaged."""
-    from noctule.backup import copy_databases
+    from noctule.backup import copy_databases, whole_or_nothing
+    from noctule.progress import progress
 
-    copy_databases(data, out)
-    check(out)
+    with whole_or_nothing(out):
+        with progress() as shown:
+            copy_databases(data, out, shown.at)
+        check(out)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import zenoh
 
-from noctule import bounds, bus, keys, metrics, metrics_server
+from noctule import bounds, bus, keys, metrics, metrics_server, rerun_paths
 from noctule.bus_watch import BusWatch
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
@@ -318,6 +318,7 @@ def _empty_status(settings: LiveSettings) -> ServiceStatus:
     status = ServiceStatus(site=settings.site, name=settings.service, role="mapper", version=version("noctule-mapper"))
     if settings.rerun_url is not None:
         status.rerun = version("rerun-sdk")
+        status.rerun_recording = rerun_paths.recording(settings.rerun_url, settings.site)
     status.time.GetCurrentTime()
     return status
 

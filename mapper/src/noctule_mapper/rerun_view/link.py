@@ -40,8 +40,8 @@ class RerunLink:
         """
         self._host, self._port = _host_and_port(url)
         self._url = url.removesuffix(rerun_paths.SEVERAL_SITES)
-        alone = self._url == url
-        self._recording_id, self._under = (site, "") if alone else (rerun_paths.ALL_SITES, rerun_paths.under(site))
+        self._recording_id = rerun_paths.recording(url, site)
+        self._under = "" if self._url == url else rerun_paths.under(site)
         self._statics = statics
         self._queue: deque[Drawing] = deque()
         self._capacity = capacity

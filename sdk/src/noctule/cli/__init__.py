@@ -12,7 +12,7 @@ except ModuleNotFoundError as error:
 
 from noctule import threads
 from noctule.cli import ask, command, doctor, import_scan, record, replay, show, unit_report, update
-from noctule.errors import NoctuleError
+from noctule.errors import NoctuleError, SiteFileError
 from noctule.logs import StderrHandler, TextFormatter
 from noctule.plain_text import plain
 from noctule.version_option import version_option
@@ -34,7 +34,7 @@ def _noctule(_version: Annotated[bool, version_option("noctule")] = False) -> No
 
 
 def app() -> None:
-    """Run the command line; what went wrong stands in one line."""
+    """Run the command line; what went wrong stands in one line, a site file's mistakes in a line each."""
     handler = StderrHandler()
     handler.setFormatter(TextFormatter("%(levelname)s %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
@@ -42,6 +42,8 @@ def app() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     try:
         commands()
+    except SiteFileError as error:
+        sys.exit("\n".join(map(plain, str(error).splitlines())))  # each begins with the file
     except NoctuleError as error:
         sys.exit(f"noctule: {plain(str(error))}")
     except BrokenPipeError:

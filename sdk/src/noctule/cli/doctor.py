@@ -44,7 +44,7 @@ def _findings(
     host, site = Host(), None
     if site_file is not None:
         site, found = configuration.check_site(site_file)
-        yield found
+        yield from found
     if fleet is not None:
         yield from configuration.check_fleet(fleet)
     yield from joining.check_certificates(tls, datetime.now(UTC))

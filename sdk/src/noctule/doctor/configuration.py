@@ -14,14 +14,14 @@ _EXPIRES_SOON = 3  # exit status of noctule-deploy check
 _LONGEST_S = 60
 
 
-def check_site(file: Path) -> tuple[Site | None, Finding]:
-    """The site, or None where the file can't be used."""
+def check_site(file: Path) -> tuple[Site | None, list[Finding]]:
+    """The site, or None where the file can't be used, with a finding for each mistake."""
     try:
         site = sites.load(file)
     except SiteFileError as error:
-        return None, Finding(Level.FAULT, "site file", str(error))
+        return None, [Finding(Level.FAULT, "site file", line) for line in str(error).splitlines()]
     units = f"{len(site.units)} unit{'' if len(site.units) == 1 else 's'}"
-    return site, Finding(Level.OK, "site file", f"{file}: site {site.name!r} with {units}")
+    return site, [Finding(Level.OK, "site file", f"{file}: site {site.name!r} with {units}")]
 
 
 def check_fleet(file: Path) -> Iterator[Finding]:

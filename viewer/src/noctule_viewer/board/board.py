@@ -26,14 +26,14 @@ _log = logging.getLogger(__name__)
 class Board:
     """Shows sites on the relay at ``url``, each a tab if there are several, from its making until close()."""
 
-    def __init__(self, url: str, sites: Sequence[tuple[SitePlan, SiteState]]) -> None:
+    def __init__(self, url: str, sites: Sequence[tuple[SitePlan, SiteState]], recording_id: str) -> None:
         self._url = url
         one = len(sites) == 1
         most_tabs = layout.tabs_of_each(len(sites))
         self._sites = [
             SiteBoard(plan, state, "" if one else rerun_paths.under(plan.site), most_tabs) for plan, state in sites
         ]
-        self._recording_id = sites[0][0].site if one else rerun_paths.ALL_SITES
+        self._recording_id = recording_id
         self._layouts: tuple[Layout, ...] = ()
         self._budget = LayoutBudget()
         self._told = ""

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from noctule_viewer import memory_limit
-from noctule_viewer.recordings.recorder import Recorder
+from noctule_viewer.recordings.recorder import STILL_AFTER_S, Recorder
 from noctule_viewer.relay import RERUN, Relay, start
 
 _RESTORED_SHARE = 0.5  # of the relay's memory: the other half is for what is drawn now
@@ -18,8 +18,11 @@ _log = logging.getLogger(__name__)
 
 
 @contextmanager
-def recording(relay: Relay, folder: Path, keep_days: int, last: Path | None) -> Iterator[Recorder]:
-    """Record ``relay`` in ``folder``, after it was given what ``last``, a recording, has of the hours before."""
+def recording(relay: Relay, folder: Path, keep_days: int, last: Path | None, has_board: bool) -> Iterator[Recorder]:
+    """Record ``relay`` in ``folder``, after it was given what ``last``, a recording, has of the hours before.
+
+    A recorder that hangs is told by its silence where there is a board, which draws each second.
+    """
 
     def restore() -> None:
         if last is not None:
@@ -28,7 +31,8 @@ def recording(relay: Relay, folder: Path, keep_days: int, last: Path | None) -> 
     def write(path: Path) -> subprocess.Popen[bytes]:
         return start([str(RERUN), relay.url, "--bind", "127.0.0.1", "--port", "0", "--save", str(path)])
 
-    with Recorder(folder, keep_days, write, restore) as recorder:
+    still_after_s = STILL_AFTER_S if has_board else None
+    with Recorder(folder, keep_days, write, restore, still_after_s=still_after_s) as recorder:
         yield recorder
 
 

@@ -17,6 +17,7 @@ from noctule.folder_lock import FolderError, FolderLock, Owner
 from noctule_viewer.recordings import days, rrd_file
 
 LEAST_FREE_BYTES = 500_000_000
+STILL_AFTER_S = 60.0
 _LARGEST_BYTES = 256_000_000  # Rerun keeps an index of a file in memory until its end: half a kilobyte for each chunk
 _LOOK_EVERY_S = 1.0
 _END_WITHIN_S = 1.0
@@ -46,11 +47,14 @@ class Recorder:
         today: Callable[[], date] = date.today,
         free_bytes: Callable[[Path], int] = lambda folder: shutil.disk_usage(folder).free,
         pause_s: float = FIRST_PAUSE_S,
+        still_after_s: float | None = STILL_AFTER_S,
     ) -> None:
         """``start`` begins to write a file, ``first`` is called before the first one; ``keep_days`` is at least 1.
 
-        After a trouble it waits for ``pause_s``, and twice as long each time, up to ten minutes.
+        A writer whose file has not grown for ``still_after_s`` hangs and is ended; None where nobody draws all the
+        time. After a trouble it waits for ``pause_s``, and twice as long each time, up to ten minutes.
         """
+        self._still_after_s = still_after_s
         self._folder, self._keep_days, self._start, self._first = folder, keep_days, start, first
         self._today, self._free_bytes = today, free_bytes
         self._trouble = ""
@@ -99,15 +103,20 @@ class Recorder:
             return trouble
         path = days.next_file(self._folder, day)
         writer = self._start(path)
-        began_s = monotonic()
+        began_s = grown_s = monotonic()
+        size = 0
         try:
             while not self._closed.wait(_LOOK_EVERY_S):
                 if (status := writer.poll()) is not None:
                     return f"the recorder ended by itself, with status {status}"
+                if (now := path.stat().st_size if path.exists() else 0) > size:
+                    size, grown_s = now, monotonic()
+                elif self._still_after_s is not None and monotonic() - grown_s > self._still_after_s:
+                    return f"the recorder has written nothing for {monotonic() - grown_s:.0f} s"
                 self._trouble = ""
                 if monotonic() - began_s > _LONGEST_PAUSE_S:
                     self._pause_s = self._first_pause_s
-                if self._today() != day or (path.exists() and path.stat().st_size > _LARGEST_BYTES):
+                if self._today() != day or size > _LARGEST_BYTES:
                     break
                 if trouble := self._lack_of_space():
                     return trouble

@@ -1,0 +1,135 @@
+"""docs/pages/years.md rehearsed with the installed commands: backup, upgrade, the way back, restore, another unit."""
+
+import shutil
+import sqlite3
+import subprocess
+from contextlib import closing
+from pathlib import Path
+
+from deploy.other_versions import make_log_earlier, make_store_earlier
+from deploy.test_upgrade import another_sweep, end, start
+from system.processes import ROOT, Programs, free_ports, programs, wait_until
+from system.site import SITE, SURVEY_SWEEPS, paper_room, wait_for_contour
+from system.test_restart import logged_sweeps
+
+from noctule.client import Client
+from noctule.messages_pb2 import Sweep
+
+
+def ran(*command: str | Path) -> str:
+    """What a command prints; fails where the command does."""
+    ended = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    return ended.stdout
+
+
+def restore(copy: Path, data: Path) -> None:
+    """As years.md says: move the folder away, put the copy in its place."""
+    if data.exists():
+        data.rename(data.with_name(f"{data.name}.away"))
+    shutil.copytree(copy, data)
+
+
+def schema(path: Path) -> int:
+    """The version of a database's format."""
+    with closing(sqlite3.connect(path)) as database:
+        return database.execute("PRAGMA user_version").fetchone()[0]
+
+
+def test_a_backup_before_an_upgrade_is_the_way_back_and_the_map_goes_on_after_it(tmp_path: Path) -> None:
+    room = paper_room(tmp_path)
+    gateway, mapper = tmp_path / "gateway", tmp_path / "mapper"
+    log, store = gateway / "u1.sqlite", mapper / f"{SITE}.sqlite3"
+    with programs(tmp_path) as running:
+        running.start("simulator", *room.simulator(speed=24))
+        start(room, running)
+        before = wait_for_contour(room, running)
+        first = logged_sweeps(room)
+        end(running)
+        make_log_earlier(log)
+        make_store_earlier(store)
+        earlier = schema(log), schema(store)
+
+        ran("noctule-gateway", "backup", gateway, tmp_path / "gateway-copy")
+        ran("noctule-mapper", "backup", mapper, tmp_path / "mapper-copy")
+        start(room, running)
+        another_sweep(room, running, SURVEY_SWEEPS + 1)
+        end(running)
+        assert (schema(log), schema(store)) > earlier  # which programs of the version before refuse
+
+        restore(tmp_path / "gateway-copy", gateway)
+        restore(tmp_path / "mapper-copy", mapper)
+        assert (schema(log), schema(store)) == earlier  # which they read
+        start(room, running)
+        after = another_sweep(room, running, SURVEY_SWEEPS + 1)
+        restored = logged_sweeps(room)
+        end(running)
+        running.end("simulator")
+
+    assert len(after.walls) == len(before.walls) and len(after.corners) == len(before.corners)
+    assert [facts(sweep) for sweep in restored[:-1]] == [facts(sweep) for sweep in first]
+    with closing(sqlite3.connect(store)) as database:
+        assert database.execute("SELECT count(*) FROM sweep").fetchone() == (SURVEY_SWEEPS + 1,)
+    assert "damage" not in ran("noctule-gateway", "check", gateway)
+    ran("noctule-mapper", "check", mapper)
+
+
+def facts(sweep: Sweep) -> tuple[int, int, bytes]:
+    """What was measured, without the log that it stands in."""
+    return sweep.log_sequence, sweep.sequence, b"".join(each.SerializeToString() for each in sweep.readings)
+
+
+def test_a_unit_that_takes_anothers_place_goes_on_with_its_name_and_log(tmp_path: Path) -> None:
+    unit_port, new_port, zenoh_port = ports(3)
+    site = tmp_path / "site.toml"
+    text = (ROOT / "deploy/demo/sites/lounge.toml").read_text()
+    head, old, new = text.split("[[unit]]")
+    old = old.replace("127.0.0.1:7101", f"127.0.0.1:{unit_port}")
+    site.write_text(f"{head}[[unit]]{old}")
+    data = tmp_path / "gateway"
+    listen = f"tcp/127.0.0.1:{zenoh_port}"
+    gateway = ["noctule-gateway", "run", str(site), "--data", str(data), "--listen", listen]
+
+    def logged(running: Programs, count: int) -> list[Sweep]:
+        def enough() -> bool:
+            running.check()
+            return any(each.unit == "u1" and each.log_head >= count for each in client.unit_statuses())
+
+        with Client("lounge", connect=[listen]) as client:
+            wait_until(enough, f"fewer than {count} sweeps of u1 in the log")
+            records = client.log("u1", from_sequence=1)
+        assert records is not None
+        return list(records.sweeps)
+
+    with programs(tmp_path) as running:
+        simulator = "noctule-sim --firmware firmware/build/noctule.ihx --room lounge --units 2 --speed 24 --seed 7"
+        running.start("simulator", *simulator.split(), "--tcp", f"127.0.0.1:{unit_port}")
+        running.start("gateway", *gateway)
+        before = logged(running, 3)
+        assert running.end("gateway") == 0
+
+        # The other unit is plugged in, and the site file is still of the one before.
+        moved = new.replace('name = "u2"', 'name = "u1"')
+        site.write_text(f"{head}[[unit]]{moved.replace('serial = 2', 'serial = 1')}".replace(":7102", f":{new_port}"))
+        running.start("gateway", *gateway)
+        wait_until(lambda: "answers where the site file has" in running.log("gateway"), "the other unit is not refused")
+        assert running.end("gateway") == 0
+
+        site.write_text(f"{head}[[unit]]{moved}".replace(":7102", f":{new_port}"))
+        (data / "u1.health").unlink()
+        running.start("gateway", *gateway)
+        after = logged(running, len(before) + 3)
+        for name in ("gateway", "simulator"):
+            assert running.end(name) == 0, running.log(name)
+
+    assert {sweep.log_id for sweep in after} == {before[0].log_id}
+    assert [sweep.log_sequence for sweep in after] == list(range(1, len(after) + 1))
+    assert after[len(before) - 1].SerializeToString() == before[-1].SerializeToString()
+    assert {sweep.unit for sweep in after} == {"u1"}
+    ran("noctule-gateway", "check", data)
+
+
+def ports(count: int) -> list[int]:
+    """Free ports, of which the second follows the first: those of two units of one simulator."""
+    first, *_ = free_ports(1)
+    return [first, first + 1, *free_ports(count - 2)]
