@@ -74,7 +74,8 @@ static void do_unhurried(void)
     until_due = ROUNDS(UNHURRIED_MS);
     if (!stack_is_sound())
         reset_now(NOTE_STACK);
-    turns_task(timebase_now());
+    if (turns_are_set())
+        turns_task(timebase_now());
     surveyor_task();
     thermometer_task();
     confirmation_task();
