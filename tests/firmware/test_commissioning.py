@@ -12,6 +12,7 @@ from system.processes import ROOT
 PAGE = ROOT / "firmware/hardware/commissioning.md"
 DEFAULT_TURN = 4075.77  # half steps, as the page has it
 TURN, PLAY = 4102.5, 33  # of this motor, neither a default
+FORWARD = "home\nnoctule rpc attic u7 go_to --bearing-deg 0"
 PROTRACTOR_DEG = 0.25  # the half degree that the page speaks of, to either side
 ROOM = f"""
 name = "bench"
@@ -68,6 +69,6 @@ def test_what_is_left_of_forward_is_added_to_home(unit: SteppedUnit) -> None:
     """The page: a degree clockwise of the mark, that is below it, makes -151 of -150."""
     taken_for_home_deg = -152.0  # the simulated switch closes at -150
     calibrate(unit, TURN, PLAY, home_deg=taken_for_home_deg)
-    left = typed(unit, "go_to --bearing-deg 0")[-1]
+    left = typed(unit, FORWARD)[-1]
     calibrate(unit, TURN, PLAY, home_deg=taken_for_home_deg + left)
-    assert typed(unit, "go_to --bearing-deg 0")[-1] == pytest.approx(0.0, abs=HOMED_DEG)
+    assert typed(unit, FORWARD)[-1] == pytest.approx(0.0, abs=HOMED_DEG)
