@@ -1,4 +1,4 @@
-"""The turntable seen from above (bearings, home, how far the sensor may turn) and from the side (which piece is where)."""
+"""The turntable from above (bearings, home, how far the sensor may turn) and from the side (which piece is where)."""
 
 from itertools import pairwise
 from math import cos, radians, sin

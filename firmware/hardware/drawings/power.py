@@ -50,7 +50,7 @@ def _capacitor(paper: Drawing, at: Point, words: str) -> None:
 
 
 def _own_adapter(paper: Drawing) -> None:
-    """The other way to feed the chip's board: then its 5 V and C8 are left out, and its ground still goes to the star."""
+    """The other way to feed the chip's board: without 5 V and C8 there, but with its ground at the star."""
     text(paper, (-4, OWN + 2.3), "or, for U1 alone, in place of its 5 V and C8:", size=11)
     part(paper, -4, 0, "9 V adapter", {}, {"+": OWN, "–": OWN - 1.2}, low=OWN - 2)
     part(paper, BRANCH, BRANCH + 5, "U1  C8051F340-TB", {"P1": OWN, "GND": OWN - 2.4}, {}, low=OWN - 3.2)
