@@ -6,8 +6,10 @@ from pathlib import Path
 import pytest
 from docs.blocks import blocks
 from firmware.stepped_unit import SteppedUnit, stepped_unit
-from firmware.test_turning import HOMED_DEG, calibrate, go_to, home, looks_at_deg
+from firmware.test_turning import DECREASING, HOMED_DEG, calibrate, go_to, home, looks_at_deg
 from system.processes import ROOT
+
+from noctule_gateway.wire.frames import Outcome, Single, State, Sweep
 
 PAGE = ROOT / "firmware/hardware/commissioning.md"
 DEFAULT_TURN = 4075.77  # half steps, as the page has it
@@ -72,3 +74,10 @@ def test_what_is_left_of_forward_is_added_to_home(unit: SteppedUnit) -> None:
     left = typed(unit, FORWARD)[-1]
     calibrate(unit, TURN, PLAY, home_deg=taken_for_home_deg + left)
     assert typed(unit, FORWARD)[-1] == pytest.approx(0.0, abs=HOMED_DEG)
+
+
+def test_the_first_sweep_after_home_goes_the_other_way(unit: SteppedUnit) -> None:
+    """power-up.md, step 7: clockwise until S2 is pressed, then in steps anticlockwise, which is up."""
+    assert unit.command(Single(0)) == Outcome.DONE
+    unit.wait_for_state(State.SWEEPING)
+    assert not unit.receive(Sweep, within_s=30).flags & DECREASING
