@@ -2,11 +2,14 @@
 
 import zlib
 from dataclasses import replace
+from math import radians
 
 import pytest
 from cobs import cobs
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
+from noctule.messages_pb2 import CommandRequest, SweepPlan
+from noctule_gateway.wire import orders
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import (
     NO_WAYPOINT,
@@ -166,6 +169,16 @@ def test_what_no_unit_can_do_is_out_of_range_and_changes_nothing(homed, order):
     after = homed.ask(AskSettings(0), Settings)
     assert replace(after, request=before.request) == before
     assert homed.ask(AskStatus(0), Status).state == State.IDLE
+
+
+@pytest.mark.parametrize("bearing_deg", [-148, 148])
+def test_the_outermost_bearings_are_taken_as_the_gateway_orders_them(homed, bearing_deg):
+    outermost = CommandRequest(
+        bearing_rad=radians(bearing_deg), plan=SweepPlan(first_bearing_rad=radians(bearing_deg), count=1)
+    )
+    present = homed.ask(AskSettings(0), Settings)
+    assert homed.command(orders.order_over("configure", outermost, present)) == Outcome.DONE
+    assert homed.command(orders.order("go_to", outermost)) == Outcome.DONE
 
 
 @pytest.mark.parametrize("order", [PLAN, CALIBRATION, Store(0)], ids=name)

@@ -6,12 +6,15 @@ from pathlib import Path
 import pytest
 from docs.blocks import blocks
 from firmware.stepped_unit import SteppedUnit, stepped_unit
-from firmware.test_turning import HOMED_DEG, calibrate, go_to, home, looks_at_deg
+from firmware.test_turning import DECREASING, HOMED_DEG, calibrate, go_to, home, looks_at_deg
 from system.processes import ROOT
+
+from noctule_gateway.wire.frames import Outcome, Single, State, Sweep
 
 PAGE = ROOT / "firmware/hardware/commissioning.md"
 DEFAULT_TURN = 4075.77  # half steps, as the page has it
 TURN, PLAY = 4102.5, 33  # of this motor, neither a default
+FORWARD = "home\nnoctule rpc attic u7 go_to --bearing-deg 0"
 PROTRACTOR_DEG = 0.25  # the half degree that the page speaks of, to either side
 ROOM = f"""
 name = "bench"
@@ -68,6 +71,13 @@ def test_what_is_left_of_forward_is_added_to_home(unit: SteppedUnit) -> None:
     """The page: a degree clockwise of the mark, that is below it, makes -151 of -150."""
     taken_for_home_deg = -152.0  # the simulated switch closes at -150
     calibrate(unit, TURN, PLAY, home_deg=taken_for_home_deg)
-    left = typed(unit, "go_to --bearing-deg 0")[-1]
+    left = typed(unit, FORWARD)[-1]
     calibrate(unit, TURN, PLAY, home_deg=taken_for_home_deg + left)
-    assert typed(unit, "go_to --bearing-deg 0")[-1] == pytest.approx(0.0, abs=HOMED_DEG)
+    assert typed(unit, FORWARD)[-1] == pytest.approx(0.0, abs=HOMED_DEG)
+
+
+def test_the_first_sweep_after_home_goes_the_other_way(unit: SteppedUnit) -> None:
+    """power-up.md, step 7: clockwise until S2 is pressed, then in steps anticlockwise, which is up."""
+    assert unit.command(Single(0)) == Outcome.DONE
+    unit.wait_for_state(State.SWEEPING)
+    assert not unit.receive(Sweep, within_s=30).flags & DECREASING

@@ -89,6 +89,38 @@ def test_the_parts_list_has_each_part_drawn_with_its_value() -> None:
     assert values_drawn() == values_ordered()
 
 
+def named(text: str) -> set[str]:
+    """The parts that a text names, R6 to R9 being four."""
+    ranges = re.findall(r"\b([RC])(\d+) to \1(\d+)\b", text)
+    between = {f"{kind}{number}" for kind, first, last in ranges for number in range(int(first), int(last) + 1)}
+    return set(re.findall(r"\b[RCQDSJ]\d+\b", text)) | between
+
+
+def test_each_part_is_tried_in_a_step_of_the_first_power_up() -> None:
+    steps = re.findall(r"^\| \d+ \| ([^|]+) \|", (PAGES / "power-up.md").read_text(), re.MULTILINE)
+    rows = re.findall(r"^\| ([^|]+) \|", (PAGES / "parts.md").read_text(), re.MULTILINE)
+    ordered = {part for row in rows for part in named(row)}
+    assert len(ordered) >= 25
+    assert ordered <= set().union(*map(named, steps))
+
+
+def test_the_pages_agree_on_what_the_motor_draws() -> None:
+    pages = [(PAGES / f"{name}.md").read_text().replace("*", "") for name in ("wiring", "power-up", "production")]
+    ranges = [re.findall(r"(\d+) to (\d+) mA more", page) for page in pages]
+    assert all(ranges)
+    ((_, most),) = {one for found in ranges for one in found}
+    assert f"up to {most} mA" in drawn_texts("power")
+
+
+def test_what_is_calibrated_is_stored_before_the_section_ends() -> None:
+    sections = (PAGES / "commissioning.md").read_text().split("\n## ")
+    changed = [part for part in sections if re.search(r"^ .* (calibrate|trim_temperature) ", part, re.MULTILINE)]
+    assert len(changed) == 4
+    for section in changed:
+        *_, last = re.findall(r"^ .* u7 (calibrate|trim_temperature|store)\b", section, re.MULTILINE)
+        assert last == "store", section.splitlines()[0]
+
+
 def test_the_drawings_are_what_their_sources_draw(tmp_path: Path) -> None:
     subprocess.run([sys.executable, PAGES / "drawings/draw.py", tmp_path], check=True)
     for name in DRAWN:

@@ -20,6 +20,7 @@ def test_an_update_says_from_which_version_to_which() -> None:
 
 def test_settings_are_in_the_units_of_measure_of_the_command_line() -> None:
     plan = SweepPlan(first_bearing_rad=math.radians(-135), bearing_step_rad=math.radians(22.5), count=13, settle_s=0.02)
+    plan.top_speed_half_steps_s = 600
     calibration = Calibration(half_steps_per_turn=4080.5, home=Calibration.HOME_STOP, home_bearing_rad=math.radians(90))
     shown = lines(
         "u7", "settings", CommandReply(settings=UnitSettings(plan=plan, calibration=calibration, stored=True))
@@ -29,6 +30,7 @@ def test_settings_are_in_the_units_of_measure_of_the_command_line() -> None:
         ["first", "bearing    -135.00 degrees"],
         ["bearing", "step     22.50 degrees"],
         ["count", "13"],
+        ["top", "speed        600 half steps/s"],
         ["settle", "0.02 s"],
         ["half", "steps per turn 4080.5"],
         ["home", "stop"],

@@ -2,7 +2,7 @@
 
 from schemdraw import Drawing
 from schemdraw import elements as elm
-from sheet import dot, ground, part, sheet, supply, text, wire
+from sheet import dot, ground, part, sheet, star, supply, text, wire
 
 PIN_HEIGHT, RAIL = 0.0, 6.0
 BASE = 8.0  # of the upper transistor, from the left
@@ -24,7 +24,7 @@ def drawing(pins: dict[str, str]) -> Drawing:
     wire(paper, tuple(lower.collector), drive)
     upper = paper.add(elm.BjtPnp(circle=True).at((BASE, 3.2)).anchor("base").theta(0))
     text(paper, (upper.emitter[0] + 0.6, 3.2), "Q2  BC327")
-    paper.add(elm.Resistor().at(drive).to((BASE - 1, 3.2)).label("R12  2.2 kΩ", "top"))
+    paper.add(elm.Resistor().at(drive).to((BASE - 1, 3.2)).label("R12  2.2 kΩ", "bottom"))
     wire(paper, (BASE - 1, 3.2), (BASE, 3.2))
     dot(paper, (BASE - 1, 3.2))
     paper.add(elm.Resistor().at((BASE - 1, RAIL)).to((BASE - 1, 3.2)).label("R13  10 kΩ", "top"))
@@ -41,7 +41,7 @@ def drawing(pins: dict[str, str]) -> Drawing:
     ):
         dot(paper, (left, 0.8))
         paper.add(element.at((left, 0.8)).to((left, low)))
-        ground(paper, (left, low))
+        star(paper, (left, low))
     wire(paper, (SENSOR, -2), (SENSOR - 0.8, -2))
-    ground(paper, (SENSOR - 0.8, -2))
+    star(paper, (SENSOR - 0.8, -2))
     return paper

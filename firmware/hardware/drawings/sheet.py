@@ -30,7 +30,13 @@ def dot(drawing: Drawing, at: Point) -> None:
 
 
 def ground(drawing: Drawing, at: Point) -> None:
+    """GND at the chip's board: bars."""
     drawing += elm.Ground().at(at)
+
+
+def star(drawing: Drawing, at: Point) -> None:
+    """The ground star, at the supply: a triangle."""
+    drawing += elm.GroundSignal().at(at)
 
 
 def supply(drawing: Drawing, at: Point, volts: str) -> None:

@@ -2,7 +2,7 @@
 
 from schemdraw import Drawing
 from schemdraw import elements as elm
-from sheet import dot, ground, part, sheet, supply, text, wire
+from sheet import dot, ground, part, sheet, star, supply, text, wire
 
 LEFT, RIGHT = 0.0, 6.0  # the chip's board
 PLUG = -6.5  # what is plugged in on its left
@@ -22,7 +22,7 @@ def drawing(pins: dict[str, str]) -> Drawing:
         "COIL_4": 5,
     }
     part(
-        paper, LEFT, RIGHT, "C8051F340 board",
+        paper, LEFT, RIGHT, "U1  C8051F340 board",
         {_name(pins, signal): height for signal, height in heights_left.items()} | {"GND": -3.2},
         {_name(pins, signal): height for signal, height in heights_right.items()} | {"3.3 V": 0, "GND": -2},
         low=-4,
@@ -50,18 +50,27 @@ def _serial(paper: Drawing, tx: float, rx: float) -> None:
     wire(paper, (PLUG, rx), (PLUG + 2, rx))
     wire(paper, (LEFT - 2, rx), (LEFT, rx))
     wire(paper, (PLUG, 15.5), (PLUG + 1, 15.5))
-    ground(paper, (PLUG + 1, 15.5))
+    star(paper, (PLUG + 1, 15.5))
 
 
 def _reset(paper: Drawing, height: float) -> None:
-    part(paper, PLUG + 0.5, PLUG + 3.2, "", {}, {"/RST": height}, low=height - 1.2)
+    part(paper, PLUG + 0.5, PLUG + 3.2, "", {}, {"/RST": height}, low=height - 1.5)
     text(paper, (PLUG + 0.7, height + 0.55), "U2 supervisor", size=10)
-    text(paper, (PLUG + 0.7, height - 0.75), "2.9 V", size=10)
-    wire(paper, (PLUG + 3.2, height), (LEFT, height))
-    wire(paper, (PLUG + 0.5, height + 0.4), (PLUG - 0.5, height + 0.4))
-    supply(paper, (PLUG - 0.5, height + 0.4), "3.3 V")
-    wire(paper, (PLUG + 0.5, height - 0.6), (PLUG - 0.5, height - 0.6))
-    ground(paper, (PLUG - 0.5, height - 0.6))
+    text(paper, (PLUG + 1.2, height - 0.75), "2.9 V", size=10)
+    text(paper, (PLUG + 0.6, height + 0.2), "2", size=9)
+    text(paper, (PLUG + 0.6, height - 1.0), "3", size=9)
+    text(paper, (PLUG + 3.3, height + 0.25), "1", size=9)
+    wire(paper, (PLUG + 3.2, height), (LEFT - 2.4, height))
+    paper.add(elm.Line().at((LEFT - 2.4, height)).to((LEFT - 1, height)).dot(open=True).idot(open=True).label("J1"))
+    wire(paper, (LEFT - 1, height), (LEFT, height))
+    upper, lower, at = height + 0.4, height - 1.2, PLUG - 0.6
+    wire(paper, (PLUG + 0.5, upper), (at, upper))
+    supply(paper, (at, upper), "3.3 V")
+    paper.add(elm.Capacitor().at((at, upper)).to((at, lower)).label("C7  100 nF", "top"))
+    dot(paper, (at, upper))
+    dot(paper, (at, lower))
+    wire(paper, (PLUG + 0.5, lower), (at, lower))
+    ground(paper, (at, lower))
 
 
 def _button(paper: Drawing, height: float) -> None:
@@ -79,13 +88,13 @@ def _led(paper: Drawing, height: float) -> None:
 
 def _home(paper: Drawing, height: float) -> None:
     wire(paper, (LEFT, height), (LEFT - 7, height))
-    paper.add(elm.Resistor().at((LEFT - 3, height + 2)).to((LEFT - 3, height)).label("R3  4.7 kΩ", "bottom"))
+    paper.add(elm.Resistor().at((LEFT - 3, height + 2)).to((LEFT - 3, height)).label("R3  2.2 kΩ", "bottom"))
     supply(paper, (LEFT - 3, height + 2), "3.3 V")
     dot(paper, (LEFT - 3, height))
-    paper.add(elm.Capacitor().at((LEFT - 4, height)).to((LEFT - 4, height - 2)).label("C1  100 nF", "bottom"))
+    paper.add(elm.Capacitor().at((LEFT - 4, height)).to((LEFT - 4, height - 2)).label("C1  220 nF", "bottom"))
     dot(paper, (LEFT - 4, height))
     ground(paper, (LEFT - 4, height - 2))
-    paper.add(elm.Switch().at((LEFT - 7, height)).to((LEFT - 7, height - 2)).label("S2 home switch", "top"))
+    paper.add(elm.Switch(nc=True).at((LEFT - 7, height)).to((LEFT - 7, height - 2)).label("S2 (NC)", "top"))
     ground(paper, (LEFT - 7, height - 2))
 
 
@@ -110,8 +119,9 @@ def _sensor(paper: Drawing, trigger: float, echo: float) -> None:
     ground(paper, (RIGHT + 3, echo - 2))
     wire(paper, (SENSOR, 18.5), (SENSOR - 4, 18.5))
     supply(paper, (SENSOR - 4, 18.5), "5 V")
+    text(paper, (SENSOR - 3.6, 18.9), "or from Q2, if fitted", size=10)
     wire(paper, (SENSOR, 13), (SENSOR - 1, 13))
-    ground(paper, (SENSOR - 1, 13))
+    star(paper, (SENSOR - 1, 13))
 
 
 def _motor(paper: Drawing, heights: list[float]) -> None:
@@ -132,12 +142,18 @@ def _motor(paper: Drawing, heights: list[float]) -> None:
     wire(paper, (SENSOR, 3.5), (SENSOR - 1.2, 3.5))
     supply(paper, (SENSOR - 1.2, 3.5), "5 V")
     wire(paper, (SENSOR, 2.3), (SENSOR - 0.6, 2.3))
-    ground(paper, (SENSOR - 0.6, 2.3))
+    star(paper, (SENSOR - 0.6, 2.3))
 
 
 def _rest(paper: Drawing, sensor_power: float) -> None:
     wire(paper, (RIGHT, sensor_power), (RIGHT + 1, sensor_power))
     text(paper, (RIGHT + 1.2, sensor_power), "left open, or to R10 and R11", size=10)
-    for height, words in ((0, "to R3, U2 (and R10)"), (-2, "to every ground of this page")):
-        wire(paper, (RIGHT, height), (RIGHT + 1, height))
-        text(paper, (RIGHT + 1.2, height), words, size=10)
+    wire(paper, (RIGHT, 0), (RIGHT + 1, 0))
+    text(paper, (RIGHT + 1.2, 0), "to R3, U2 (and R10)", size=10)
+    wire(paper, (RIGHT, -2), (RIGHT + 1, -2))
+    star(paper, (RIGHT + 1, -2))
+    text(paper, (RIGHT + 1.8, -2.2), "one wire to the ground star", size=10)
+    ground(paper, (RIGHT + 1, -4))
+    text(paper, (RIGHT + 1.8, -4.2), "GND at the chip's board: no motor current", size=10)
+    star(paper, (RIGHT + 1, -5))
+    text(paper, (RIGHT + 1.8, -5.2), "the ground star, at the supply: power.svg", size=10)

@@ -27,7 +27,7 @@ TRIM_AIR_C = Number(-40, 85, "degrees C")
 _ROUNDING = 1e-6  # of a quantity that went through other units
 _FASTEST_FROM_REST = 500  # half steps/s
 _SHORTEST_RAMP_MS = 50
-_OUTERMOST = round(BEARING_RAD.most * PER_RADIAN)
+_OUTERMOST = int(BEARING_RAD.most * PER_RADIAN)  # as firmware/src/core/plan.c, which cuts off what is not whole
 
 
 def check(field: str, value: float, bound: Number) -> None:
@@ -47,6 +47,11 @@ def check_fields(message: SweepPlan | Calibration, bounds: dict[str, Number]) ->
             check(field, getattr(message, field), bound)
     if isinstance(message, SweepPlan) and message.HasField("pings") and message.pings not in PINGS:
         raise CommandError(f"out of range: pings is {message.pings}: give {', '.join(map(str, PINGS))}")
+
+
+def within_outermost(bearing: int) -> int:
+    """The wire's ``bearing``, checked in radians before: what rounding has put beyond the outermost is that one."""
+    return max(-_OUTERMOST, min(_OUTERMOST, bearing))
 
 
 def check_last_bearing(plan: Configure) -> None:

@@ -42,7 +42,10 @@ def configure(plan: SweepPlan, present: Configure) -> Configure:
 def configure_with_any_ramp(plan: SweepPlan, present: Configure) -> Configure:
     """configure(), but a ramp too short for the top speed stays: only firmware before 0.4 takes that."""
     limits.check_fields(plan, limits.PLAN_BOUNDS)
-    order = _fitting(replace(present, **_given(plan, PLAN)))
+    given = _given(plan, PLAN)
+    if "first_bearing" in given:
+        given["first_bearing"] = limits.within_outermost(given["first_bearing"])
+    order = _fitting(replace(present, **given))
     if plan.ListFields():
         limits.check_last_bearing(order)
     return order
@@ -75,7 +78,8 @@ def _set_waypoint(request: CommandRequest) -> SetWaypoint:
 
 
 def _go_to(request: CommandRequest) -> GoTo:
-    return _fitting(GoTo(0, _needed(request, "bearing_rad", PER_RADIAN, limits.BEARING_RAD)))
+    bearing = _needed(request, "bearing_rad", PER_RADIAN, limits.BEARING_RAD)
+    return GoTo(0, limits.within_outermost(bearing))
 
 
 def _trim_temperature(request: CommandRequest) -> TrimTemperature:

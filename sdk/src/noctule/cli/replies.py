@@ -83,8 +83,11 @@ def _fields(message: Message) -> Iterator[tuple[str, object]]:
     """Name and value of each field that is set, with its unit of measure, which is the end of its name."""
     for field, value in message.ListFields():
         name, _, unit_of_measure = field.name.rpartition("_")
+        speed = field.name.removesuffix("_half_steps_s")
         if field.enum_type is Calibration.Home.DESCRIPTOR:
             yield field.name, Calibration.Home.Name(value).removeprefix("HOME_").lower()
+        elif speed != field.name:
+            yield speed.replace("_", " "), f"{value:g} half steps/s"
         elif unit_of_measure == "rad":
             yield name.replace("_", " "), f"{math.degrees(value):.2f} degrees"
         elif unit_of_measure == "s":
