@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from mapper.grid_probe import arcs, at, centres, cones
 from mapper.room import paper_path, paper_room, survey
+from numba import typeof
 
 from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig, MapperConfig
 from noctule_mapper.contacts.voting import Contacts, Kind
 from noctule_mapper.fusion import fuse
 from noctule_mapper.fusion.sensor_model import arc_masses
+from noctule_mapper.grid import kernels
 from noctule_mapper.grid.grid import Grid
 from noctule_mapper.grid.regions import Cones, contact_regions, free_space
 from noctule_mapper.mapper import Mapper
@@ -247,3 +249,25 @@ def test_walking_through_the_papers_room_and_taking_every_sweep_back_leaves_noth
     assert_same_beliefs(lived.grid, left.grid)
     lived.remove_sweep(sweeps[0].identity)
     assert lived.grid.tiles() == []
+
+
+def test_the_compiled_functions_get_just_the_types_that_they_were_compiled_for(monkeypatch):
+    """They are called without Numba's look at each argument: anything else would be read as what it is not."""
+    calls = {"cones": 0, "arcs": 0}
+
+    def looked_at(name, call, signatures):
+        def looking(*arguments):
+            calls[name] += 1
+            assert tuple(map(typeof, arguments)) in signatures
+            return call(*arguments)
+
+        return looking
+
+    monkeypatch.setattr(kernels, "ARCS", looked_at("arcs", kernels.ARCS, kernels.stroke_arcs.signatures))
+    for of, call in kernels.CONES_OF_COUNTS.items():
+        monkeypatch.setitem(kernels.CONES_OF_COUNTS, of, looked_at("cones", call, kernels.stroke_cones.signatures))
+    mapper = Mapper(MapperConfig())
+    for sweep in survey(paper_room(), paper_path()[:30], np.random.default_rng(1)):
+        mapper.register_sweep(sweep)
+    assert mapper.grid.tiles()
+    assert min(calls.values()) > 1

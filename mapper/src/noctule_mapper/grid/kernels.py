@@ -28,7 +28,6 @@ CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS = range(4)  # what ``state`` 
 COLUMN, ROW, PIECES, STAMP, STROKES, FIELDS = range(6)  # what ``slots`` holds of a tile; the last is their number
 LANE_BITS = 8  # of a level in a cell's fresh counts
 MOST_STROKES = 127  # that a lane can hold, either way
-_LANE = np.uint64((1 << LANE_BITS) - 1)
 _HALF = 1 << LANE_BITS - 1
 _MIDDLES = np.uint64(sum(1 << LANE_BITS * k + LANE_BITS - 1 for k in range(sensor_model.FREE_LEVELS)))
 

@@ -7,7 +7,7 @@ import numpy as np
 _RINGS = 256
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=4)  # a table takes 1.6 MB by default, and 16 times that at a quarter of the cells' size
 def cells_by_sector(reach: int, sectors: int, wide: int) -> tuple[np.ndarray, np.ndarray]:
     """The cells within ``reach`` of the sensor's, sector by sector and in each by rising distance: int32 (2, cells),
     how far a cell lies from the sensor's in an array ``wide`` columns wide, and the square of its distance. And int32
@@ -20,7 +20,7 @@ def cells_by_sector(reach: int, sectors: int, wide: int) -> tuple[np.ndarray, np
     return np.stack([row * wide + column, row * row + column * column]), rings
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def _places(reach: int, sectors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Their rows and columns against the sensor's, int32 (cells,), and the rings."""
     row, column = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).astype(np.int32)

@@ -36,7 +36,7 @@ class Tiles:
         from noctule_mapper.grid import geometry, kernels  # loads Numba, which only a grid that is made should cost
 
         self._kernels, self._geometry = kernels, geometry
-        self._side, self._cell_m, self._terms = side, cell_m, terms
+        self._side, self._cell_m, self._terms = side, cell_m, np.ascontiguousarray(terms, np.float32)
         self._stamp = 0  # number of the newest stroke
         self._asked = 0  # the newest that ``touched`` has told of
         self._told: set[Key] = set()  # tiles that it has told hold evidence

@@ -48,17 +48,18 @@ def sure_map(
         return _completed(start, library, scene, fitted, linked, config, barred)
 
     state, left_out = completed(state), list[Line]()
-    while True:
+    for _ in range(_MOST_EXCHANGES):
         state, margins = _judged(state, left_out, completed, scene, fitted, rare.weak_echoes)
         unsure = sorted((margin, number) for number, margin in margins.items() if margin < rare.sure_nats)
         if not unsure:
             return state
-        # Two may each be doubtful and yet not both be missing: the others are judged once more beside what is left.
+        # Two may each be doubtful and yet not both be missing: if others are doubtful, all are judged once more.
         weakest = state.objects[unsure[0][1]]
         left_out += [weakest] if isinstance(weakest, Line) else []
         state = fitted([one for one in state.objects if one is not weakest])
         if len(unsure) == 1:
-            return state
+            break
+    return state
 
 
 def _judged(
@@ -141,7 +142,8 @@ def _lines(
     lines: Candidates, solid: Sequence[Reflector], free: np.ndarray, scene: Scene, config: MapperConfig
 ) -> Iterator[Line]:
     """The lines that gain most from the ``free`` echoes, bool (n,), each from others, cut to what was heard of them
-    beside the ``solid`` objects."""
+    beside the ``solid`` objects.
+    """
     data, found = scene.data, []
     for theta_rad, rho_m in lines.parameters[np.argsort(-(lines.gains @ free.astype(np.float32)))[: 4 * _MOST_TRIED]]:
         line = Line(float(theta_rad), float(rho_m))
