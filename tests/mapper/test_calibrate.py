@@ -252,7 +252,11 @@ def test_a_units_own_sensor_is_written_where_the_unit_is_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
-    [("site = 3", "site is 3"), ("[", "is not a TOML file"), (SITE.replace('"u1"', '"u7"'), "has no unit 'u1'")],
+    [
+        (SITE.replace('"bench"', "3"), "site is 3"),
+        ("[", "is not a TOML file"),
+        (SITE.replace('"u1"', '"u7"'), "has no unit 'u1'"),
+    ],
 )
 def test_a_site_file_that_can_not_be_written_stays_as_it_is(file, tmp_path, text, complaint):
     site = tmp_path / "site.toml"
