@@ -139,38 +139,6 @@ def test_the_window_holds_no_more_than_its_count_and_lets_the_oldest_go(path: Pa
     store.close()
 
 
-def test_history_that_is_read_behind_newer_sweeps_displaces_none_of_them(path: Path) -> None:
-    store = SweepStore(path, Window(max_sweeps=6))
-    store.commit([stop(number, x_m=0.2 * number) for number in range(7, 11)], [])
-    for first in (1, 4):
-        store.commit([stop(number, x_m=0.2 * number) for number in range(first, first + 3)], [])
-    store.commit([stop(11, x_m=2.2)], [])
-    assert sequences(store) == [6, 7, 8, 9, 10, 11]
-    store.close()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_log_whose_newest_sweeps_are_read_first_leaves_the_window_that_it_leaves_in_order(
-    tmp_path: Path, seed: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    stays = rng.integers(1, 12, 30)
-    places = np.repeat(rng.integers(0, 4, len(stays)), stays)
-    log = [stop(number + 1, x_m=float(place)) for number, place in enumerate(places)]
-    window, newest = Window(sweeps_per_place=3), len(log) - 32
-    in_order, newest_first = (SweepStore(tmp_path / name, window) for name in ("in-order", "newest-first"))
-    in_order.commit(log, [])
-    newest_first.commit(log[newest:], [])
-    for first in range(0, newest + 20, 25):  # and some of the newest again
-        newest_first.commit(log[first : first + 25], [])
-    # But for the visit that the newest ones cut in two: of that only their part stays.
-    began = newest - (np.flatnonzero(places[:newest] != places[newest])[-1] + 1) if newest else 0
-    cut = set(range(newest - began + 1, newest + 1))
-    assert sequences(newest_first) == [number for number in sequences(in_order) if number not in cut]
-    in_order.close()
-    newest_first.close()
-
-
 def test_of_one_visit_to_a_place_the_newest_sweeps_stay(path: Path) -> None:
     store = SweepStore(path, Window(sweeps_per_place=2))
     assert store.commit([sweep(1, x_m=0.0), sweep(2, x_m=0.004)], []).left == ()

@@ -488,3 +488,23 @@ def test_sweeps_made_while_the_router_was_dead_come_when_it_is_back(router, open
     unit.sweep(4)
     router.start()
     store.wait_for(lambda stored: stored.of("u1") == list(range(1, 8)))
+
+
+def test_sweeps_that_are_made_while_a_long_log_is_read_come_after_it_in_order(open_session, follow):
+    unit, logged = LoggedUnit(open_session(), "u1"), 2000  # four replies
+
+    class Busy(Store):
+        """A sweep is made and published with each delivery of the log."""
+
+        def deliver(self, sweeps):
+            super().deliver(sweeps)
+            if len(self.sweeps) <= logged:
+                unit.sweep()
+
+    store = Busy()
+    unit.sweep(logged)
+    follower = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) >= logged + 4)
+    assert store.of("u1") == list(range(1, unit.head + 1))
+    assert store.cursors["u1"].log_sequence == unit.head > logged
+    assert follower.counters()["lost"] == 0

@@ -7,7 +7,7 @@ keeps it over a restart; for a file it stands in memory.
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, tau
+from math import tau
 from typing import Any, Literal
 
 from noctule.checksum import checksum
@@ -45,7 +45,6 @@ _COVERED = (
     "heading_rad",
     "record",
 )
-_PLACE = ("visit", "x_m", "y_m", "heading_rad")
 _CLOCKS_DIFFER_NS = 300 * 10**9  # a sweep may be stamped this much ahead of the host that reads it
 
 # A sweep is at least as old as the time that has passed since it entered. A log may have kept it for long before that,
@@ -80,22 +79,8 @@ SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
     ORDER BY log_sequence DESC LIMIT 1)
 WHERE {_NEAR}
 """
-# Where newer sweeps of the log have come before it, it may lie within the visit of the next one. A visit that their
-# first one began may be the end of a longer one: what lies before it is superseded.
-_VISIT_AROUND = f"""
-SELECT visit, place_x_m, place_y_m, place_heading_rad FROM (
-    SELECT * FROM sweep WHERE unit = :unit AND log_id = :log_id AND log_sequence > :log_sequence
-    ORDER BY log_sequence LIMIT 1)
-WHERE visit <= :log_sequence AND {_NEAR}
-"""
-# Where sweeps are too many, the first rows go first. So a sweep that comes after newer ones of its log, as history does
-# that is read behind them, stands before all that came in order, and after other history.
 _ENTER = """
-INSERT OR IGNORE INTO sweep (rowid, unit, log_id, log_sequence, clock_epoch, start_ns, entered_elapsed_s, visit,
-    place_x_m, place_y_m, place_heading_rad, record, checksum)
-VALUES (
-    CASE WHEN EXISTS (SELECT 1 FROM sweep WHERE unit = :unit AND log_id = :log_id AND log_sequence > :log_sequence)
-    THEN coalesce((SELECT max(rowid) FROM sweep WHERE rowid < 0), -(1 << 62)) + 1 END,
+INSERT OR IGNORE INTO sweep VALUES (
     :unit, :log_id, :log_sequence, :clock_epoch, :start_ns, :elapsed_s, :visit, :x_m, :y_m, :heading_rad, :record,
     :checksum)
 """
@@ -126,19 +111,16 @@ class SweepWindow:
         for statement in SCHEMA:
             database.execute(statement)
         self._held: int | None = None  # so many sweeps; None where they are to be counted
-        self._last: dict[str, dict[str, Any]] = {}  # the last row of each log, which may have left at once
 
     def recount(self) -> None:
         """Count the sweeps again when their number matters: after a transaction that failed, or others' changes."""
         self._held = None
-        self._last.clear()
 
     def enter(self, sweep: Sweep, record: bytes, elapsed_s: float) -> list[Identity] | None:
         """Take a sweep in, with what is to be kept of it; those that it supersedes, perhaps itself. None if it is there
         already. ``elapsed_s`` as for too_old().
         """
         row = self._row(sweep) | {"record": record, "elapsed_s": elapsed_s}
-        self._last[row["log_id"]] = {name: row[name] for name in ("log_sequence", *_PLACE)}
         row["checksum"] = checksum(*(row[name] for name in _COVERED))
         if self._database.execute(_ENTER, row).rowcount != 1:
             return None
@@ -177,7 +159,7 @@ class SweepWindow:
         return taken
 
     def _row(self, sweep: Sweep) -> dict[str, Any]:
-        """A sweep's row: it belongs to the visit around it, or of the sweep before it in its log, or begins one."""
+        """A sweep's row: it belongs to the visit of the sweep before it in its log, or begins a visit where it is."""
         log_id, log_sequence = identity_of(sweep)
         row = {
             "unit": sweep.unit,
@@ -194,22 +176,8 @@ class SweepWindow:
             "full_turn_rad": tau,
             "sweeps_per_place": self._window.sweeps_per_place,
         }
-        return row | (self._visit(_VISIT_AROUND, row) or self._visit_before(row))
-
-    def _visit_before(self, row: dict[str, Any]) -> dict[str, Any]:
-        """The visit and place of the sweep before it, if it is near that."""
-        last = self._last.get(row["log_id"])
-        if last is None or last["log_sequence"] != row["log_sequence"] - 1:
-            return self._visit(_VISIT_BEFORE, row)
-        turned_rad = abs(last["heading_rad"] - row["heading_rad"])
-        near = (
-            hypot(last["x_m"] - row["x_m"], last["y_m"] - row["y_m"]) <= self._window.place_radius_m
-            and min(turned_rad, tau - turned_rad) <= self._window.place_heading_rad
-        )
-        return {name: last[name] for name in _PLACE} if near else {}
-
-    def _visit(self, statement: str, row: dict[str, Any]) -> dict[str, Any]:
-        return dict(zip(_PLACE, self._database.execute(statement, row).fetchone() or (), strict=False))
+        before = self._database.execute(_VISIT_BEFORE, row).fetchone()
+        return row | dict(zip(("visit", "x_m", "y_m", "heading_rad"), before or (), strict=False))
 
 
 @dataclass(frozen=True)

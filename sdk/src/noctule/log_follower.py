@@ -14,7 +14,6 @@ from noctule.client import Client
 from noctule.errors import BusError, NoctuleError
 from noctule.log_pulls import Answer, LogPulls, Standing
 from noctule.messages_pb2 import Cursor, Sweep, UnitStatus
-from noctule.newest_first import NewestFirst
 from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
@@ -51,7 +50,7 @@ class _BackOff:
 class _Unit:
     """What the worker has to do for one unit."""
 
-    def __init__(self, reader: UnitReader | NewestFirst) -> None:
+    def __init__(self, reader: UnitReader) -> None:
         self.reader = reader
         self.live: deque[Sweep] = deque(maxlen=LIVE_LENGTH)
         self.behind = True  # the log may hold more than was delivered
@@ -84,10 +83,6 @@ class LogFollower:
     If it raises, nothing has moved, and the same sweeps come again, later and later. ``cursors`` (by unit) is what was
     stored when the process last ran. What the gateway removed before it was read is counted as lost, a record that is
     none of the log or beyond the bounds as refused, and so is each sign of a unit beyond the first MAX_UNITS.
-
-    With ``deliver_ahead`` the newest sweeps of a log that is more than 500 sweeps ahead go to it first, and so do live
-    ones, while ``deliver`` gets the history behind them, and the last of these for a second time. ``deliver_ahead``
-    stores sweeps and leaves the cursor.
     """
 
     def __init__(
@@ -96,11 +91,10 @@ class LogFollower:
         deliver: Callable[[Sequence[Sweep]], None],
         cursors: Mapping[str, Cursor],
         poll_s: float = 10.0,
-        deliver_ahead: Callable[[Sequence[Sweep]], None] | None = None,
     ) -> None:
         """``poll_s``: after so long without a status of its unit each log is asked whether it holds more."""
         self._client = client
-        self._deliver, self._deliver_ahead = deliver, deliver_ahead
+        self._deliver = deliver
         self._poll_s = poll_s
         self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, damaged=0, refused=0, failed=0)
         self._changed = threading.Condition()
@@ -193,14 +187,9 @@ class LogFollower:
             if len(self._units) >= MAX_UNITS:
                 self._refuse(name)
                 return None
-            self._units[name] = _Unit(self._reader(name, cursor))
+            self._units[name] = _Unit(UnitReader(name, cursor, self._deliver, self._counts))
             self._see_to(name)
         return self._units[name]
-
-    def _reader(self, name: str, cursor: Cursor | None) -> UnitReader | NewestFirst:
-        if self._deliver_ahead is None:
-            return UnitReader(name, cursor, self._deliver, self._counts)
-        return NewestFirst(name, cursor, self._deliver, self._deliver_ahead, self._counts)
 
     def _refuse(self, name: str) -> None:
         if not self._told_too_many:
@@ -255,10 +244,10 @@ class LogFollower:
             live = list(unit.live)
             unit.live.clear()
         try:
-            before = unit.reader.reached
+            before = unit.reader.cursor
             if not unit.reader.take(live):
                 unit.behind = True
-            if unit.reader.reached != before:
+            if unit.reader.cursor is not before:
                 unit.delivery.succeeded()
         # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
         except Exception as error:  # whatever the store has to say, the sweeps are still in the log
@@ -267,7 +256,7 @@ class LogFollower:
         with self._changed:
             if unit.ask_due_s <= monotonic():
                 unit.behind, unit.asking = False, True
-                self._pulls.begin(name, unit.reader.ask_after(), unit.standing)
+                self._pulls.begin(name, unit.reader.cursor, unit.standing)
             elif unit.behind or unit.live:
                 self._see_to(name)
 
@@ -278,9 +267,9 @@ class LogFollower:
         try:
             if answer.error is not None:
                 raise answer.error
-            before = unit.reader.reached
+            before = unit.reader.cursor
             more = answer.records is not None and unit.reader.read(answer.records, answer.asked)
-            if unit.reader.reached != before:
+            if unit.reader.cursor is not before:
                 unit.delivery.succeeded()
             if answer.records is not None:
                 unit.asks.succeeded()

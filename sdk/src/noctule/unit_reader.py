@@ -35,15 +35,6 @@ class UnitReader:
         self._taken_before = range(0)  # sequences that were delivered, and that the log then had still to give
         self._turns = 0  # to another log, since one last gave what was asked of it
 
-    @property
-    def reached(self) -> tuple[Cursor, ...]:
-        """It changes with each delivery."""
-        return (self.cursor,)
-
-    def ask_after(self) -> Cursor:
-        """After which sweep the log is to be asked now."""
-        return self.cursor
-
     def is_behind(self, log_id: str, head: int) -> bool:
         """Whether a log with that head holds more than was delivered."""
         return log_id != self.cursor.log_id or head > self.cursor.log_sequence

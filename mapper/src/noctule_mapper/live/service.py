@@ -134,7 +134,7 @@ class LiveMapper:
             self._troubles,
             FitTurn(settings.fit_turn) if settings.fit_turn else None,
         )
-        self._follower = LogFollower(client, self.deliver, store.cursors(), deliver_ahead=self.deliver_ahead)
+        self._follower = LogFollower(client, self.deliver, store.cursors())
         self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(store.sweeps_set_aside()))
         self._refused = RefusedSweeps(log.show_event)
         self._rivals = Rivals(
@@ -167,18 +167,12 @@ class LiveMapper:
 
     def deliver(self, sweeps: Sequence[Sweep]) -> None:
         """Take in sweeps of one unit's log, in order: into the store with the cursor, then onto the map."""
-        last = sweeps[-1]
-        self._take_in(sweeps, [Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)])
-
-    def deliver_ahead(self, sweeps: Sequence[Sweep]) -> None:
-        """The same without the cursor: the newest sweeps of a log whose history is still to be read."""
-        self._take_in(sweeps, [])
-
-    def _take_in(self, sweeps: Sequence[Sweep], cursors: Sequence[Cursor]) -> None:
         usable = [(sweep, readings) for sweep in sweeps if (readings := self._readings(sweep)) is not None]
+        last = sweeps[-1]
+        cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
         suspects = faulty.suspects(sweeps)
-        change = self._commit([sweep for sweep, _ in usable], cursors, suspects)
-        self._tell_suspects(sweeps[-1].unit, suspects, change)
+        change = self._commit([sweep for sweep, _ in usable], cursor, suspects)
+        self._tell_suspects(last.unit, suspects, change)
         entered = {identity_of(sweep) for sweep in change.entered}
         new = [readings for _, readings in usable if readings.identity in entered]
         self._worker.take(change.left, new)
@@ -196,9 +190,9 @@ class LiveMapper:
                 _log.warning("%s", text)
                 self._log.show_event(text, "WARN")
 
-    def _commit(self, sweeps: Sequence[Sweep], cursors: Sequence[Cursor], suspects: Sequence[Suspect]) -> Change:
+    def _commit(self, sweeps: Sequence[Sweep], cursor: Cursor, suspects: Sequence[Suspect]) -> Change:
         try:
-            change = self._store.commit(sweeps, cursors, suspects)
+            change = self._store.commit(sweeps, [cursor], suspects)
         except StoreError as error:
             self._troubles.begin("commit", f"{error}; the sweeps wait in the gateways' logs")
             raise
