@@ -38,10 +38,10 @@ def start_sshd(running: Programs, folder: Path) -> list[str]:
         "AuthorizedKeysFile": folder / "user.pub",
         "PidFile": "none",
         "StrictModes": "no",
-        "UsePAM": "no",
+        "UsePAM": "yes",  # without it a root whose password is locked is refused, whatever its key
     }
     options = [f"-o{name}={value}" for name, value in settings.items()]
-    assert SSHD is not None
+    assert SSHD is not None, "sshd is missing: apt-get install openssh-server"
     running.start("sshd", SSHD, "-D", "-e", "-f", "/dev/null", f"-oListenAddress=127.0.0.1:{port}", *options)
     wait_until(lambda: listens(port), f"sshd does not listen: {running.log('sshd')}")
     (folder / "known").write_text(f"[127.0.0.1]:{port} {(folder / 'host.pub').read_text()}")
@@ -49,7 +49,7 @@ def start_sshd(running: Programs, folder: Path) -> list[str]:
     return ["ssh", "-F", "none", "-i", str(folder / "user"), known, "-p", str(port), f"{getpass.getuser()}@127.0.0.1"]
 
 
-@pytest.mark.skipif(SSHD is None or os.getuid() != 0, reason="needs sshd, and root for its folder")
+@pytest.mark.skipif(os.getuid() != 0, reason="needs root for sshd's folder")
 def test_through_ssh_the_page_opens_and_a_native_viewer_sees_what_is_drawn(running: Programs, tmp_path: Path) -> None:
     relay = start_relay(running)
     *ssh, host = start_sshd(running, tmp_path)
