@@ -49,10 +49,10 @@ wheels: $(UV)
 	@$(UV) export --quiet --locked --no-dev --all-packages --no-emit-workspace --no-hashes --output-file dist/constraints.txt
 	@ls dist
 
-# For machines without Rust: `make demo` takes it from this folder. It runs where glibc is as new as here, or newer.
+# For machines without Rust: `make demo` takes it from this folder, as long as the simulator's sources are these. It runs
+# where glibc is as new as here, or newer.
 wheel-simulator: $(UV)
-	@$(UV) build --quiet --wheel --package noctule-sim --out-dir dist/simulator
-	@ls dist/simulator/*.whl
+	@sh deploy/wheel_simulator.sh $(UV) $(or $(SIMULATOR_WHEELS),dist/simulator)
 
 # The pictures of the pages, made again.
 screenshots: packages-test setup firmware
@@ -62,8 +62,11 @@ screenshots: packages-test setup firmware
 hardware: setup
 	@python firmware/hardware/drawings/draw.py
 
+# For deploy/simulator.sh: what was asked for, and whether it runs cargo itself.
+ASKED := GOAL=$(or $(firstword $(MAKECMDGOALS)),demo) NEEDS_CARGO=$(firstword $(filter test soak lint,$(MAKECMDGOALS)))
+
 packages-run packages-test:
-	@GOAL=$(or $(firstword $(MAKECMDGOALS)),demo) sh deploy/packages.sh $(@:packages-%=%)
+	@$(ASKED) sh deploy/packages.sh $(@:packages-%=%)
 
 # The demo needs a third of what the tests need; what is there already stays.
 setup-demo: SYNC := --inexact --no-default-groups --group demo
@@ -71,7 +74,7 @@ setup-demo: export SIZE := 450 MB
 
 # The lock file decides every version; the simulator is built again when its sources change.
 setup setup-demo: $(UV)
-	@GOAL=$(or $(firstword $(MAKECMDGOALS)),demo) sh deploy/sync.sh $(UV) $(SYNC)
+	@$(ASKED) sh deploy/sync.sh $(UV) $(SYNC)
 
 firmware: setup
 firmware-demo: setup-demo

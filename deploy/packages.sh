@@ -6,7 +6,7 @@ set -eu
 simulator=$(sh deploy/simulator.sh)
 run="sdcc sdcc-libraries"
 [ "$simulator" != build ] || run="gcc libc6-dev $run"
-test="$run gcc libc6-dev sdcc-ucsim cppcheck strace mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git systemd caddy iproute2 buildah"
+test="$run gcc libc6-dev sdcc-ucsim cppcheck strace mesa-vulkan-drivers libgl1-mesa-dri libxkbcommon-x11-0 chromium git systemd caddy iproute2 buildah openssh-client"
 bench="$test g++ libmrpt-maps-dev"
 case $1 in
 run) wanted=$run ;;

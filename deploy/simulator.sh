@@ -1,11 +1,11 @@
 #!/bin/sh
 # Print where the simulator comes from: `build` (there is a Rust compiler), else the path of its wheel, else `installed`.
-# Where there is none of these, say the one line to type. SIMULATOR_WHEELS is the folder of the wheel.
+# These two count if they are of the present sources, and not for a goal that NEEDS_CARGO itself. Where there is none of
+# the three, say the one line to type. SIMULATOR_WHEELS is the folder of the wheel.
 set -eu
 
 needed=1.88.0
 folder=${SIMULATOR_WHEELS:-dist/simulator}
-own=$(sed -n 's/^version = "\(.*\)"$/\1/p' firmware/simulator/pyproject.toml)
 
 if command -v cargo >/dev/null; then
     version=$(cargo --version 2>/dev/null | cut -d' ' -f2)
@@ -23,18 +23,24 @@ else
     line="make ${GOAL:-demo} RUST=fetch"
 fi
 
-for wheel in "$folder/noctule_sim-$own"-*_"$(uname -m)".whl; do
-    if [ -e "$wheel" ]; then
-        echo "$wheel"
+if [ -n "${NEEDS_CARGO:-}" ]; then
+    otherwise="make $NEEDS_CARGO runs cargo itself"
+else
+    otherwise="$folder has no wheel of its present sources"
+    sources=$(sh deploy/simulator_sources.sh)
+    for wheel in "$folder"/noctule_sim-*-"0$sources"-*_"$(uname -m)".whl; do
+        if [ -e "$wheel" ]; then
+            echo "$wheel"
+            exit
+        fi
+    done
+    if [ -x .venv/bin/noctule-sim ] && [ "$(cat .venv/simulator-sources 2>/dev/null)" = "$sources" ]; then
+        echo installed
         exit
     fi
-done
-if [ "$(.venv/bin/noctule-sim --version 2>/dev/null)" = "noctule-sim $own" ]; then
-    echo installed
-    exit
 fi
 cat >&2 <<END
-Nothing was done: $problem, and $folder has no wheel of it. Type:
+Nothing was done: $problem, and $otherwise. Type:
     $line
 END
 exit 1

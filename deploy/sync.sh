@@ -5,7 +5,13 @@ set -eu
 uv=$1
 shift
 simulator=$(sh deploy/simulator.sh)
-[ "$simulator" = build ] || set -- --no-install-package noctule-sim "$@"
+if [ "$simulator" != build ]; then
+    case " $* " in
+    *" --inexact "*) ;;
+    *) set -- --inexact "$@" ;; # an exact one removes the simulator that is there
+    esac
+    set -- --no-install-package noctule-sim "$@"
+fi
 if [ -d .venv ]; then
     set -- --quiet "$@"
 elif [ "$simulator" = build ]; then
@@ -15,5 +21,6 @@ else
 fi
 "$uv" sync --locked "$@"
 case $simulator in
-*.whl) "$uv" pip install --python .venv --quiet --no-deps --no-index "$simulator" ;;
+*.whl) "$uv" pip install --python .venv --quiet --no-deps --no-index --reinstall "$simulator" ;;
 esac
+sh deploy/simulator_sources.sh >.venv/simulator-sources # for simulator.sh, once no wheel is there any more

@@ -1,4 +1,6 @@
-"""Without Rust, `make demo` takes the wheel of the simulator; without that too it says what to type before any work."""
+"""Without Rust, `make demo` takes the wheel of the simulator, if it is of the present sources; without that too it says
+what to type before any work.
+"""
 
 import os
 import shutil
@@ -9,7 +11,7 @@ import pytest
 from deploy.test_installed_packages import UV
 from system.processes import ROOT
 
-WHEEL = "noctule_sim-0.1.0-py3-none-linux_{machine}.whl"
+WHEEL = "noctule_sim-0.1.0-0{sources}-py3-none-linux_{machine}.whl"
 TYPED = "    make demo RUST=fetch\n"
 
 
@@ -17,9 +19,12 @@ TYPED = "    make demo RUST=fetch\n"
 def project(tmp_path: Path) -> Path:
     """What `make demo` reads before it does anything."""
     project = tmp_path / "project"
-    for name in ("Makefile", "deploy/packages.sh", "deploy/simulator.sh", "firmware/simulator/pyproject.toml"):
-        (project / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, project / name)
+    shutil.copytree(
+        ROOT / "firmware/simulator", project / "firmware/simulator", ignore=shutil.ignore_patterns("target")
+    )
+    (project / "deploy").mkdir()
+    for path in (ROOT / "Makefile", *ROOT.glob("deploy/*.sh")):
+        shutil.copy2(path, project / path.relative_to(ROOT))
     return project
 
 
@@ -56,6 +61,27 @@ def source(project: Path, environment: dict[str, str], **settings: str) -> str:
     return ended.stdout.strip() or ended.stderr
 
 
+def sources(project: Path) -> str:
+    """Which sources of the simulator the project has."""
+    return run(project, dict(os.environ), "sh", "deploy/simulator_sources.sh").stdout.strip()
+
+
+def wheel_in(folder: Path, of: str) -> Path:
+    """A wheel for this machine, of such sources."""
+    folder.mkdir(exist_ok=True)
+    wheel = folder / WHEEL.format(sources=of, machine=os.uname().machine)
+    wheel.touch()
+    return wheel
+
+
+def install(project: Path, of: str) -> None:
+    """An installed simulator, of such sources."""
+    (project / ".venv/bin").mkdir(parents=True, exist_ok=True)
+    (project / ".venv/bin/noctule-sim").touch()
+    (project / ".venv/bin/noctule-sim").chmod(0o755)
+    (project / ".venv/simulator-sources").write_text(f"{of}\n")
+
+
 def test_without_rust_and_wheel_the_line_to_type_comes_before_any_work(
     project: Path, without_rust: dict[str, str]
 ) -> None:
@@ -70,16 +96,14 @@ def test_without_rust_and_wheel_the_line_to_type_comes_before_any_work(
 
 def test_rust_comes_before_a_wheel_and_a_wheel_before_an_old_rust(project: Path, without_rust: dict[str, str]) -> None:
     folder = project / "elsewhere"
-    folder.mkdir()
-    wheel = folder / WHEEL.format(machine=os.uname().machine)
 
     def found() -> str:
         return source(project, without_rust, SIMULATOR_WHEELS=str(folder))
 
-    for other in (WHEEL.format(machine="other"), wheel.name.replace("0.1.0", "0.0.9")):
-        (folder / other).touch()
+    wheel_in(folder, "0123456789ab")
+    (folder / WHEEL.format(sources=sources(project), machine="other")).touch()
     assert TYPED in found()
-    wheel.touch()
+    wheel = wheel_in(folder, sources(project))
     assert found() == str(wheel)
     cargo(without_rust, "echo cargo 1.88.0 today")
     assert found() == "build"
@@ -90,16 +114,57 @@ def test_rust_comes_before_a_wheel_and_a_wheel_before_an_old_rust(project: Path,
     assert "    rustup update stable\n" in found()
 
 
-def test_a_simulator_that_is_installed_is_taken_in_the_projects_version_only(
+@pytest.mark.parametrize("changed", ["src/main.rs", "rooms/lounge.toml", "Cargo.lock", "src/new.rs"])
+def test_no_wheel_and_no_installed_simulator_is_taken_once_the_sources_are_others(
+    project: Path, without_rust: dict[str, str], changed: str
+) -> None:
+    install(project, sources(project))
+    assert source(project, without_rust) == "installed"
+    wheel = wheel_in(project / "wheels", sources(project))
+    assert source(project, without_rust, SIMULATOR_WHEELS="wheels") == str(wheel.relative_to(project))
+    with (project / "firmware/simulator" / changed).open("a") as file:
+        file.write("\n")
+    said = source(project, without_rust, SIMULATOR_WHEELS="wheels")
+    assert "wheels has no wheel of its present sources" in said and TYPED in said
+
+
+@pytest.mark.parametrize(
+    ("goals", "needing"), [("test", "test"), ("docs lint", "lint"), ("soak", "soak"), ("docs", ""), ("bench", "")]
+)
+def test_what_runs_cargo_itself_takes_no_simulator_without_it(
+    project: Path, without_rust: dict[str, str], goals: str, needing: str
+) -> None:
+    install(project, sources(project))
+    (project / "deploy/packages.sh").write_text("sh deploy/simulator.sh; exit 1\n")  # and no package is installed
+    ended = run(project, without_rust, "make", *goals.split())
+    assert ended.returncode != 0
+    if needing:
+        assert (ended.stdout, f", and make {needing} runs cargo itself. Type:" in ended.stderr) == ("", True)
+        assert f"    make {goals.split()[0]} RUST=fetch\n" in ended.stderr
+    else:
+        assert ended.stdout.splitlines()[0] == "installed"
+    cargo(without_rust, "echo cargo 1.88.0 today")
+    assert run(project, without_rust, "make", *goals.split()).stdout.splitlines()[0] == "build"
+
+
+def synced(project: Path, environment: dict[str, str], *words: str) -> list[str]:
+    """The words of the first command that is given to uv, with ``words`` for it."""
+    uv = project / "uv"
+    uv.write_text('#!/bin/sh\necho "$@"\n')
+    uv.chmod(0o755)
+    ended = run(project, environment, "sh", "deploy/sync.sh", "./uv", *words)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout.splitlines()[0].split()
+
+
+def test_a_simulator_that_is_not_built_is_not_removed_with_what_the_lock_file_does_not_name(
     project: Path, without_rust: dict[str, str]
 ) -> None:
-    installed = project / ".venv/bin/noctule-sim"
-    installed.parent.mkdir(parents=True)
-    for version, found in (("0.1.0", "installed"), ("0.0.9", "")):
-        installed.write_text(f"#!/bin/sh\necho noctule-sim {version}\n")
-        installed.chmod(0o755)
-        said = source(project, without_rust)
-        assert said == found if found else TYPED in said
+    install(project, sources(project))
+    for words in ((), ("--inexact",)):
+        assert synced(project, without_rust, *words).count("--inexact") == 1  # uv refuses it twice
+    cargo(without_rust, "echo cargo 1.88.0 today")
+    assert "--inexact" not in synced(project, without_rust)
 
 
 @pytest.mark.soak
@@ -112,9 +177,7 @@ def test_the_set_up_of_the_demo_installs_the_wheel(tmp_path: Path, without_rust:
             (project / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, project / name)
     wheels = tmp_path / "wheels"
-    built = run(
-        ROOT, dict(os.environ), UV, "build", "--quiet", "--wheel", "--package", "noctule-sim", "-o", str(wheels)
-    )
+    built = run(ROOT, dict(os.environ), "make", "wheel-simulator", f"SIMULATOR_WHEELS={wheels}")
     assert built.returncode == 0, built.stderr
     cache = run(ROOT, dict(os.environ), UV, "cache", "dir").stdout.strip()
     python = run(ROOT, dict(os.environ), "python", "-c", "import sys; print(sys.base_prefix)").stdout.strip()
@@ -129,5 +192,9 @@ def test_the_set_up_of_the_demo_installs_the_wheel(tmp_path: Path, without_rust:
         assert ended.returncode == 0, ended.stdout + ended.stderr
         shown = run(project, environment, ".venv/bin/noctule-sim", "--version")
         assert shown.stdout == "noctule-sim 0.1.0\n"
+    shutil.rmtree(wheels)
+    exact = run(project, environment, "sh", "deploy/sync.sh", "uv", "--no-default-groups", "--group", "demo")
+    assert exact.returncode == 0, exact.stderr
+    assert run(project, environment, ".venv/bin/noctule-sim", "--version").returncode == 0
     assert run(project, environment, ".venv/bin/noctule-mapper", "--version").returncode == 0
     assert not (project / "firmware/simulator/target").exists()  # nothing was built

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from deploy.other_versions import make_log_earlier, make_store_earlier
 from deploy.test_upgrade import another_sweep, end, start
-from system.processes import ROOT, Programs, free_ports, programs, wait_until
+from system.processes import ROOT, Programs, free_port_range, free_ports, programs, wait_until
 from system.site import SITE, SURVEY_SWEEPS, paper_room, wait_for_contour
 from system.test_restart import logged_sweeps
 
@@ -80,7 +80,9 @@ def facts(sweep: Sweep) -> tuple[int, int, bytes]:
 
 
 def test_a_unit_that_takes_anothers_place_goes_on_with_its_name_and_log(tmp_path: Path) -> None:
-    unit_port, new_port, zenoh_port = ports(3)
+    unit_port = free_port_range(2)
+    new_port = unit_port + 1  # the simulator counts on
+    (zenoh_port,) = free_ports(1)
     site = tmp_path / "site.toml"
     text = (ROOT / "deploy/demo/sites/lounge.toml").read_text()
     head, old, new = text.split("[[unit]]")
@@ -116,8 +118,10 @@ def test_a_unit_that_takes_anothers_place_goes_on_with_its_name_and_log(tmp_path
         assert running.end("gateway") == 0
 
         site.write_text(f"{head}[[unit]]{moved}".replace(":7102", f":{new_port}"))
-        (data / "u1.health").unlink()
         running.start("gateway", *gateway)
+        wait_until(lambda: running.log("gateway").count("on the bus: ") == 3, "the gateway is not on the bus again")
+        accepted = ran("noctule", "rpc", "lounge", "u1", "accept_room", "--connect", listen)
+        assert "its gateway learns again what it hears" in accepted
         after = logged(running, len(before) + 3)
         for name in ("gateway", "simulator"):
             assert running.end(name) == 0, running.log(name)
@@ -127,9 +131,3 @@ def test_a_unit_that_takes_anothers_place_goes_on_with_its_name_and_log(tmp_path
     assert after[len(before) - 1].SerializeToString() == before[-1].SerializeToString()
     assert {sweep.unit for sweep in after} == {"u1"}
     ran("noctule-gateway", "check", data)
-
-
-def ports(count: int) -> list[int]:
-    """Free ports, of which the second follows the first: those of two units of one simulator."""
-    first, *_ = free_ports(1)
-    return [first, first + 1, *free_ports(count - 2)]

@@ -259,7 +259,11 @@ def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, caps
     with closing(sqlite3.connect(path)) as database, database:
         database.execute("UPDATE sweep SET visit = 9")
     main_of(["check", str(path.parent)], status=1)
-    assert capsys.readouterr().out == "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
+    damaged = "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
+    assert capsys.readouterr().out == damaged
+    main_of(["backup", str(path.parent), str(path.parent / "damaged")], status=1)
+    assert capsys.readouterr().out == damaged
+    assert (path.parent / "damaged" / path.name).exists()  # nothing better can be had
     restored = SweepStore(out / path.name, Window())
     assert (sequences(restored), restored.damage) == ([1, 2], "")
     restored.close()

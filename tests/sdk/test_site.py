@@ -305,12 +305,13 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file(tmp_path):
     assert numbers == sorted(numbers)
 
 
-def test_a_file_of_very_many_mistakes_fills_one_screen(tmp_path):
+@pytest.mark.parametrize(("count", "last"), [(500, "and 480 more mistakes"), (21, "and 1 more mistake")])
+def test_a_file_of_very_many_mistakes_fills_one_screen(tmp_path, count, last):
     with pytest.raises(SiteFileError) as error:
-        load(tmp_path, HEAD + UNIT + f"path = {{ waypoints = [{'[0, 0, 720], ' * 500}] }}\n")
+        load(tmp_path, HEAD + UNIT + f"path = {{ waypoints = [{'[0, 0, 720], ' * count}] }}\n")
     lines = str(error.value).splitlines()
     assert len(lines) == 21
-    assert lines[-1].endswith("and 480 more mistakes")
+    assert lines[-1].endswith(last)
 
 
 def test_every_unit_that_has_something_of_another_is_told(tmp_path):

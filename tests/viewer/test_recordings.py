@@ -237,14 +237,28 @@ def test_a_writer_that_hangs_is_told_and_another_follows(tmp_path: Path, caplog:
         assert write.started[0].poll() is not None
 
 
-def test_where_nobody_draws_all_the_time_a_writer_may_be_still(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("still_after_s", "hangs"), [(60.0, True), (None, False)])
+def test_where_nobody_draws_all_the_time_a_writer_may_be_still(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    still_after_s: float | None,
+    hangs: bool,
+) -> None:
+    looked_at_s: list[float] = []
+
+    def quick_clock() -> float:
+        """One on which a minute passes at each look."""
+        looked_at_s.append(60.0 * len(looked_at_s))
+        return looked_at_s[-1]
+
+    monkeypatch.setattr("noctule_viewer.recordings.recorder.monotonic", quick_clock)
+    monkeypatch.setattr("noctule_viewer.recordings.recorder._LOOK_EVERY_S", 0.05)
     write = Writers()
-    with Recorder(tmp_path, 2, write, free_bytes=lambda _: AMPLE, pause_s=0.1, still_after_s=None) as recorder:
-        wait_until(lambda: write.started, "nothing is written")
-        path = tmp_path / write.files[0]
-        assert not recorder.trouble and path.stat().st_size == 0
-        with pytest.raises(AssertionError, match="still"):
-            wait_until(lambda: recorder.trouble or len(write.started) > 1, "still", within_s=4.0)
+    with Recorder(tmp_path, 2, write, free_bytes=lambda _: AMPLE, pause_s=0.1, still_after_s=still_after_s):
+        wait_until(lambda: len(looked_at_s) > 10, "the clock is not looked at")
+    assert ("the recorder has written nothing for" in caplog.text) is hangs
+    assert (len(write.started) > 1) is hangs
 
 
 def draw(relay: Relay, first: int, count: int, static: bool = False) -> None:

@@ -1,15 +1,14 @@
 """Watching from elsewhere as the README says: ssh carries page and drawings; a viewer of another version is told."""
 
-import getpass
-import os
-import shutil
-import subprocess
+import asyncio
 from collections.abc import Iterator
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 from urllib.request import urlopen
 
+import asyncssh
 import pytest
 from mapper.rerun_relay import viewer
 from system.processes import Programs, free_ports, listens, programs, wait_until
@@ -18,8 +17,6 @@ from viewer.test_viewer import log_room, run_viewer, start_relay
 from noctule import rerun_paths
 from noctule_viewer import rerun_versions
 
-SSHD = shutil.which("sshd", path="/usr/sbin:/usr/local/sbin")
-
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[Programs]:
@@ -27,47 +24,63 @@ def running(tmp_path: Path) -> Iterator[Programs]:
         yield made
 
 
-def start_sshd(running: Programs, folder: Path) -> list[str]:
-    """An ssh server of this user's on loopback; the words of an ssh command that reaches it."""
-    (port,) = free_ports(1)
+class Forwarding(asyncssh.SSHServer):
+    """Lets who has the key reach any port of loopback."""
+
+    def connection_requested(self, dest_host: str, dest_port: int, orig_host: str, orig_port: int) -> bool:  # noqa: ARG002
+        return dest_host == "127.0.0.1"
+
+
+@contextmanager
+def ssh_server(folder: Path) -> Iterator[list[str]]:
+    """An ssh server on loopback; the words of an ssh command that reaches it."""
     for name in ("host", "user"):
-        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", folder / name], check=True)
-    Path("/run/sshd").mkdir(exist_ok=True)  # sshd of root wants it, and it is made at boot otherwise
-    settings = {
-        "HostKey": folder / "host",
-        "AuthorizedKeysFile": folder / "user.pub",
-        "PidFile": "none",
-        "StrictModes": "no",
-        "UsePAM": "no",
-    }
-    options = [f"-o{name}={value}" for name, value in settings.items()]
-    assert SSHD is not None
-    running.start("sshd", SSHD, "-D", "-e", "-f", "/dev/null", f"-oListenAddress=127.0.0.1:{port}", *options)
-    wait_until(lambda: listens(port), f"sshd does not listen: {running.log('sshd')}")
-    (folder / "known").write_text(f"[127.0.0.1]:{port} {(folder / 'host.pub').read_text()}")
-    known = f"-oUserKnownHostsFile={folder}/known"
-    return ["ssh", "-F", "none", "-i", str(folder / "user"), known, "-p", str(port), f"{getpass.getuser()}@127.0.0.1"]
+        asyncssh.generate_private_key("ssh-ed25519").write_private_key(str(folder / name))
+        asyncssh.read_private_key(str(folder / name)).write_public_key(str(folder / f"{name}.pub"))
+        (folder / name).chmod(0o600)
+    loop = asyncio.new_event_loop()
+    thread = Thread(target=loop.run_forever)
+    thread.start()
+
+    async def served() -> asyncssh.SSHAcceptor:
+        keys = {"server_host_keys": [str(folder / "host")], "authorized_client_keys": str(folder / "user.pub")}
+        return await asyncssh.listen("127.0.0.1", 0, server_factory=Forwarding, **keys)
+
+    async def closed(server: asyncssh.SSHAcceptor) -> None:
+        server.close()
+        await server.wait_closed()
+
+    server = asyncio.run_coroutine_threadsafe(served(), loop).result()
+    try:
+        port = server.get_port()
+        (folder / "known").write_text(f"[127.0.0.1]:{port} {(folder / 'host.pub').read_text()}")
+        known = f"-oUserKnownHostsFile={folder}/known"
+        yield ["ssh", "-F", "none", "-i", str(folder / "user"), known, "-p", str(port), "operator@127.0.0.1"]
+    finally:
+        asyncio.run_coroutine_threadsafe(closed(server), loop).result()
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
 
 
-@pytest.mark.skipif(SSHD is None or os.getuid() != 0, reason="needs sshd, and root for its folder")
 def test_through_ssh_the_page_opens_and_a_native_viewer_sees_what_is_drawn(running: Programs, tmp_path: Path) -> None:
     relay = start_relay(running)
-    *ssh, host = start_sshd(running, tmp_path)
-    page, data = free_ports(2)
-    forwarded = [f"-L{page}:127.0.0.1:{relay.web_port}", f"-L{data}:127.0.0.1:{relay.port}"]
-    running.start("ssh", *ssh, "-N", "-o", "ExitOnForwardFailure=yes", *forwarded, host)
-    wait_until(lambda: listens(page) and listens(data), f"ssh does not forward: {running.log('ssh')}")
+    with ssh_server(tmp_path) as (*ssh, host):
+        page, data = free_ports(2)
+        forwarded = [f"-L{page}:127.0.0.1:{relay.web_port}", f"-L{data}:127.0.0.1:{relay.port}"]
+        running.start("ssh", *ssh, "-N", "-o", "ExitOnForwardFailure=yes", *forwarded, host)
+        wait_until(lambda: listens(page) and listens(data), f"ssh does not forward: {running.log('ssh')}")
 
-    log_room(relay)
-    with urlopen(f"http://127.0.0.1:{page}") as opened:
-        assert b"<title>Rerun Viewer</title>" in opened.read()
-    url = f"rerun+http://127.0.0.1:{data}/proxy"
-    (tmp_path / "far").mkdir()
-    with viewer(url, tmp_path / "far") as far:
-        far.wait_for(rerun_paths.WALLS)
-    assert run_viewer("open", "--url", url, "--web-port", str(page)).stderr == ""
-    for name in ("ssh", "sshd", "viewer"):
-        running.end(name)
+        log_room(relay)
+        with urlopen(f"http://127.0.0.1:{page}") as opened:
+            assert b"<title>Rerun Viewer</title>" in opened.read()
+        url = f"rerun+http://127.0.0.1:{data}/proxy"
+        (tmp_path / "far").mkdir()
+        with viewer(url, tmp_path / "far") as far:
+            far.wait_for(rerun_paths.WALLS)
+        assert run_viewer("open", "--url", url, "--web-port", str(page)).stderr == ""
+        running.end("ssh")
+        running.end("viewer")
 
 
 class OtherVersion(BaseHTTPRequestHandler):

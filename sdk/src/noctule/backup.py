@@ -16,11 +16,11 @@ class BackupError(NoctuleError):
 
 @contextmanager
 def whole_or_nothing(out: Path) -> Iterator[None]:
-    """Within the block a backup is made in ``out``, which Ctrl-C removes if it was not there before."""
+    """Within the block a backup is made in ``out``, which is removed if the block fails and it was not there before."""
     was_there = out.exists()
     try:
         yield
-    except KeyboardInterrupt:
+    except BaseException:  # Ctrl-C too
         if not was_there:
             shutil.rmtree(out, ignore_errors=True)
         raise
@@ -30,7 +30,7 @@ def copy_databases(data: Path, out: Path, tell: Callable[[str, int, int], None])
     """Copy every database ``data/*.sqlite*`` into the new folder ``out``, each one as it is at one moment.
 
     ``tell`` is given what is copied, how many are done, and of how many. Raises BackupError; what was copied before it
-    stays.
+    stays, outside of whole_or_nothing().
     """
     found = sorted(each for each in data.glob("*.sqlite*") if each.suffix in (".sqlite", ".sqlite3"))
     if not found:

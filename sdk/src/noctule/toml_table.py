@@ -51,7 +51,8 @@ class Table:
         """Raise SiteFileError with a line for each mistake of the file, in the order of the file; none is no error."""
         words = [words for _, _, words in sorted(self.found, key=lambda each: each[1])]
         if len(words) > _MOST_NAMED:
-            words[_MOST_NAMED:] = [f"{self.file}: and {len(words) - _MOST_NAMED} more mistakes"]
+            more = len(words) - _MOST_NAMED
+            words[_MOST_NAMED:] = [f"{self.file}: and {more} more mistake{'s' if more > 1 else ''}"]
         if words:
             raise SiteFileError("\n".join(words))
 

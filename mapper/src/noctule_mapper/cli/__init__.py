@@ -35,8 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(arguments)
     except Exception as error:
-        from noctule.errors import NoctuleError
+        from noctule.errors import NoctuleError, SiteFileError
 
+        if isinstance(error, SiteFileError):
+            sys.exit(str(error))  # a line for each mistake, which begins with the file
         if not isinstance(error, NoctuleError | OSError):
             raise
         sys.exit(f"noctule-mapper: {error}")

@@ -10,8 +10,13 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a
 
 def check(data: Data) -> None:
     """Read every row of the store and say what is damaged; exit status 1 if anything is. Changes nothing."""
+    _tell(_faults(data))
+
+
+def _faults(data: Path) -> dict[Path, str]:
+    """What is damaged in each store, empty where it is sound. Raises StoreError where there is no store."""
     from noctule.progress import progress
-    from noctule_mapper.live.store_file import StoreError, fault, held
+    from noctule_mapper.live.store_file import StoreError, fault
 
     stores = sorted(data.glob("*.sqlite3"))
     if not stores:
@@ -21,6 +26,12 @@ def check(data: Data) -> None:
         for done, store in enumerate(stores):
             shown.at(f"Reading {store.name}", done, len(stores))
             faults[store] = fault(store)
+    return faults
+
+
+def _tell(faults: dict[Path, str]) -> None:
+    from noctule_mapper.live.store_file import held
+
     for store, damage in faults.items():
         typer.echo(f"{store.name}: {damage or f'{held(store)} sweeps, all is sound'}")
     if any(faults.values()):
@@ -38,4 +49,5 @@ def backup(
     with whole_or_nothing(out):
         with progress() as shown:
             copy_databases(data, out, shown.at)
-        check(out)
+        faults = _faults(out)
+    _tell(faults)  # a damaged copy stays: nothing better can be had
