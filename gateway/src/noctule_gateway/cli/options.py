@@ -26,6 +26,4 @@ TlsFolder = Annotated[
         help="Certificate and key: a folder that noctule-deploy made. It also names the routers.",
     ),
 ]
-Format = Annotated[
-    logs.LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
-]
+Format = Annotated[logs.LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")]
