@@ -1,4 +1,4 @@
-"""How long a command of the mapper takes to begin, against what any program with NumPy takes: bytecode is cached."""
+"""How long a command takes to begin, against what any program with NumPy takes: bytecode is cached."""
 
 import os
 import resource

@@ -26,7 +26,7 @@ PIECES = [
 
 @pytest.fixture
 def failed_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[threading.ExceptHookArgs]]:
-    """What the gateway would end of (cli.py)."""
+    """What the gateway would end of (cli/run.py)."""
     failed: list[threading.ExceptHookArgs] = []
     monkeypatch.setattr(threading, "excepthook", failed.append)
     yield failed

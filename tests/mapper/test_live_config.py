@@ -1,11 +1,13 @@
 """Files of parameters: what they may say, and what is said of those that can't be used."""
 
 import math
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from noctule_mapper.live.config import ConfigFileError, LiveConfig, load_live, load_sensor
+from noctule_mapper.live.config import ConfigFileError, LiveConfig, load_live, load_sensor, to_toml
+from noctule_mapper.live.toml_text import toml_text
 
 
 @pytest.fixture
@@ -63,3 +65,30 @@ def test_a_calibration_that_makes_no_sense_is_refused(file: Path, text: str, com
     file.write_text(text)
     with pytest.raises(ConfigFileError, match=complaint):
         load_sensor(file)
+
+
+def test_the_parameters_that_are_written_are_those_that_are_read(file: Path) -> None:
+    file.write_text('[window]\nmax_age_s = 60.0\n[mapper]\nmethod = "eht-lsm"\n[mapper.sensor]\nrange_sigma_m = 1e-4\n')
+    config = load_live(file)
+    file.write_text(to_toml(config))
+    assert load_live(file) == config != LiveConfig()
+
+
+def test_texts_numbers_lists_and_tables_in_tables_are_read_as_they_were_written() -> None:
+    fields = {
+        "text": 'a "b" \\ \n ü 🦇',
+        "small": 1e-7,
+        "large": 1e300,
+        "whole": 2**53,
+        "one": 1.0,
+        "flag": True,
+        "list": [[1, 2], [0.5]],
+        "empty": {},
+        "outer": {"inner": {"x_m": -0.25}, "y_m": 3.0},
+    }
+    assert tomllib.loads(toml_text(fields)) == fields
+
+
+def test_a_number_that_is_none_is_not_written() -> None:
+    with pytest.raises(ValueError):
+        toml_text({"x_m": math.inf})

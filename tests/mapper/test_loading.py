@@ -51,7 +51,7 @@ def test_a_fit_loads_neither_compiler_nor_viewer_nor_bus_nor_scipy(tmp_path: Pat
         survey.write(paper_survey(), stream)
     loaded = loaded_by("fit", source, "--contour", tmp_path / "contour.json")
     assert "numpy" in loaded
-    assert loaded & {"scipy", "numba", "llvmlite", "rerun", "matplotlib", "cv2", "zenoh"} == set()
+    assert loaded & {"scipy", "numba", "llvmlite", "rerun", "matplotlib", "cv2", "zenoh", "tomlkit"} == set()
     others = ("grid.grid", "paper.walls", "placement.unknown_poses")  # for other methods and other surveys
     assert loaded & {f"noctule_mapper.{module}" for module in others} == set()
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import zenoh
 
 from noctule import endpoints, tls
+from noctule.endpoints import DEFAULT_ROUTER
 from noctule.errors import BusConfigError
 
-DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 CONFIG_VARIABLE = "ZENOH_CONFIG"
 
 SIDES = ("connect", "listen")

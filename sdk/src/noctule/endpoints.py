@@ -4,6 +4,7 @@ import ipaddress
 import re
 from collections.abc import Iterable
 
+DEFAULT_ROUTER = "tcp/127.0.0.1:7447"
 LAST_PORT = 65535
 _OF_HOSTS = frozenset({"tcp", "tls", "udp", "quic", "ws"})
 _PROTOCOLS = _OF_HOSTS | {"unixsock-stream"}  # Zenoh's wheels speak no other

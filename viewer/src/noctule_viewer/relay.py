@@ -16,7 +16,6 @@ from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
-from urllib.parse import quote
 
 import rerun_cli
 
@@ -25,7 +24,7 @@ from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import ServiceStatus
 from noctule.systemd import ServiceManager
-from noctule_viewer import page
+from noctule_viewer import address, page
 from noctule_viewer.pulse import Pulse
 
 RERUN = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
@@ -60,12 +59,12 @@ class Relay:
     @property
     def url(self) -> str:
         """Where mappers and native viewers connect to."""
-        return f"rerun+http://{self.bind}:{self.port}/proxy"
+        return address.url(self.bind, self.port)
 
     @property
     def page(self) -> str:
         """What to open in a browser."""
-        return f"http://{self.bind}:{self.web_port}/?url={quote(self.url, safe='')}&theme=dark&hide_welcome_screen"
+        return address.page(self.bind, self.port, self.web_port)
 
     def check_ports(self) -> None:
         """Raises RelayError if one of the ports can't be had."""
@@ -100,9 +99,11 @@ class Relay:
         with _process(self._command(files_port)) as relay:
             _wait_until_listening(relay, self.bind, (self.port, files_port))
             self._send_layout()
-            pulse, address = Pulse(self.bind, files_port), (self.bind, self.web_port)
-            data = f"http://{self.bind}:{self.port}"
-            with page.serving(address, (self.bind, files_port), data, lambda: pulse.silent_s), serving():
+            pulse, data = Pulse(self.bind, files_port), f"http://{self.bind}:{self.port}"
+            with (
+                page.serving((self.bind, self.web_port), (self.bind, files_port), data, lambda: pulse.silent_s),
+                serving(),
+            ):
                 return self._look_after(relay, pulse, metrics_at, ending, show)
 
     def _look_after(

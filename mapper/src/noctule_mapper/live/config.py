@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from noctule.errors import NoctuleError
 from noctule_mapper.choices import Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig, Window
+from noctule_mapper.live.toml_text import toml_text
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -60,9 +61,7 @@ def in_force(
 
 def to_toml(config: LiveConfig) -> str:
     """Every parameter, as load_live() reads it."""
-    import tomlkit  # takes a while to load, and a mapper that reads its parameters does without
-
-    return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
+    return toml_text(config.model_dump(mode="json", exclude_none=True))
 
 
 def load_sensor(path: Path) -> SensorConfig:

@@ -8,7 +8,7 @@ from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.mapper import Mapper
 
 Mapper().feature_points()  # compiles the grid
-to_toml(LiveConfig())  # the first time costs seven times as much
+to_toml(LiveConfig())  # the first time costs twice as much
 gc.freeze()  # a mapper's collections would write into each object that is here, and so copy all its pages
 # Nothing is open in that process, and on a busy machine the libraries' own ends take it seconds.
 atexit.register(os._exit, 0)

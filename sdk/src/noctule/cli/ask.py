@@ -1,24 +1,16 @@
 """The commands that ask one question: a unit's log, a message's schema."""
 
 import difflib
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-import zenoh
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from noctule import bus, keys, survey
-from noctule.cli.joining import (
-    DEFAULT_CONNECT,
-    SHORT_PATIENCE_S,
-    Connect,
-    SiteName,
-    Tls,
-    UnitName,
-    joined,
-    nothing_found,
-)
+from noctule import keys
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName
 from noctule.errors import BusError, NotServedError
+
+if TYPE_CHECKING:
+    import zenoh
 
 
 def log(
@@ -29,6 +21,9 @@ def log(
     tls: Tls = None,
 ) -> None:
     """Print a unit's log as JSON lines of Sweep."""
+    from noctule import survey
+    from noctule.cli.joining import joined, nothing_found
+
     with joined(site, connect, tls) as client:
         try:
             records = client.log(unit, first, max=1)
@@ -48,6 +43,11 @@ def schema(
     tls: Tls = None,
 ) -> None:
     """Print the schemas that the bus gives out: the messages' names, or one message's fields."""
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+    from noctule import bus
+    from noctule.cli.joining import SHORT_PATIENCE_S
+
     with bus.closing(bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls)) as session:
         replies = [reply.ok for reply in session.get(keys.schema(message or keys.ANY)) if reply.ok is not None]
         if not replies:
@@ -62,7 +62,7 @@ def schema(
                 typer.echo(str(described).rstrip())
 
 
-def _no_schema(session: zenoh.Session, message: str | None) -> str:
+def _no_schema(session: "zenoh.Session", message: str | None) -> str:
     known = [_name(reply.ok) for reply in session.get(keys.schema(keys.ANY)) if reply.ok is not None]
     if not known:
         return f"nobody on the bus knows the schema of {message or 'any message'}: start a gateway or mapper"
@@ -72,5 +72,5 @@ def _no_schema(session: zenoh.Session, message: str | None) -> str:
     return f"no message is named {message}: " + (f"did you mean {meant}?" if meant else f"there is {', '.join(known)}")
 
 
-def _name(reply: zenoh.Sample) -> str:
+def _name(reply: "zenoh.Sample") -> str:
     return str(reply.key_expr).rsplit("/", 1)[-1]

@@ -4,22 +4,14 @@ What each means is in gateway/README.md, "Commands".
 """
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from noctule import survey
-from noctule.cli import replies
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName, joined
-from noctule.client import Client
-from noctule.errors import BusError
-from noctule.messages_pb2 import Calibration, CommandReply, CommandRequest, SweepPlan, UnitStatus
-from noctule.plain_text import plain
+from noctule.cli.asked import Addressed, Asked
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName
 
 MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0
@@ -37,22 +29,9 @@ class Home(StrEnum):
     OPENING_SWITCH = "opening-switch"
 
 
-_HOMES = {
-    Home.SWITCH: Calibration.HOME_SWITCH,
-    Home.STOP: Calibration.HOME_STOP,
-    Home.OPENING_SWITCH: Calibration.HOME_OPENING_SWITCH,
-}
+_HOMES = {Home.SWITCH: "HOME_SWITCH", Home.STOP: "HOME_STOP", Home.OPENING_SWITCH: "HOME_OPENING_SWITCH"}
 
 rpc = typer.Typer(no_args_is_help=True)
-
-
-@dataclass(frozen=True)
-class _Addressed:
-    """The unit that the command line names, and how its reply is to be shown."""
-
-    site: str
-    unit: str
-    json: bool
 
 
 @rpc.callback()
@@ -65,7 +44,7 @@ def _address(
     ] = False,
 ) -> None:
     """Have a unit carry out a command. Each command has its own options: noctule rpc SITE UNIT COMMAND --help."""
-    context.obj = _Addressed(site, unit, json)
+    context.obj = Addressed(site, unit, json)
 
 
 def _add_plain(name: str, summary: str, longest_s: float = TIMEOUT_S) -> None:
@@ -75,8 +54,7 @@ def _add_plain(name: str, summary: str, longest_s: float = TIMEOUT_S) -> None:
     def _plain(
         context: typer.Context, connect: Connect = DEFAULT_CONNECT, tls: Tls = None, timeout_s: Timeout = longest_s
     ) -> None:
-        with joined(context.obj.site, connect, tls) as client:
-            _ask(context, client, CommandRequest(), timeout_s)
+        _ask(context, connect, tls, timeout_s)
 
 
 for _name, _summary in (
@@ -108,8 +86,7 @@ def start(
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
     """Sweep until stopped."""
-    with joined(context.obj.site, connect, tls) as client:
-        _ask(context, client, CommandRequest(pause_s=pause_s), timeout_s)
+    _ask(context, connect, tls, timeout_s, pause_s=pause_s)
 
 
 @rpc.command("go_to")
@@ -121,8 +98,7 @@ def go_to(
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
     """Turn to a bearing and stay there; the unit must be homed and idle. Done when the unit begins."""
-    with joined(context.obj.site, connect, tls) as client:
-        _ask(context, client, CommandRequest(bearing_rad=_radians(bearing_deg)), timeout_s)
+    _ask(context, connect, tls, timeout_s, bearing_rad=_radians(bearing_deg))
 
 
 @rpc.command("set_waypoint")
@@ -134,8 +110,7 @@ def set_waypoint(
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
     """Say at which waypoint of its path the unit is."""
-    with joined(context.obj.site, connect, tls) as client:
-        _ask(context, client, CommandRequest(waypoint=waypoint), timeout_s)
+    _ask(context, connect, tls, timeout_s, waypoint=waypoint)
 
 
 @rpc.command()
@@ -156,7 +131,7 @@ def configure(
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
     """Change the unit's plan; what is left out keeps its present value."""
-    plan = SweepPlan(
+    plan = dict(
         first_bearing_rad=_radians(first_bearing_deg),
         bearing_step_rad=_radians(bearing_step_deg),
         count=count,
@@ -166,8 +141,7 @@ def configure(
         settle_s=settle_s,
         pings=pings,
     )
-    with joined(context.obj.site, connect, tls) as client:
-        _ask(context, client, CommandRequest(plan=plan), timeout_s)
+    _ask(context, connect, tls, timeout_s, plan=plan)
 
 
 @rpc.command()
@@ -182,14 +156,13 @@ def calibrate(
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
     """Tell the unit what was measured of it; what is left out keeps its present value."""
-    calibration = Calibration(
+    calibration = dict(
         half_steps_per_turn=half_steps_per_turn,
         backlash_half_steps=backlash_half_steps,
         home=None if home is None else _HOMES[home],
         home_bearing_rad=_radians(home_bearing_deg),
     )
-    with joined(context.obj.site, connect, tls) as client:
-        _ask(context, client, CommandRequest(calibration=calibration), timeout_s)
+    _ask(context, connect, tls, timeout_s, calibration=calibration)
 
 
 @rpc.command("trim_temperature")
@@ -201,8 +174,7 @@ def trim_temperature(
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
     """Trim the unit's thermometer by the air's temperature; its sweeps then carry one."""
-    with joined(context.obj.site, connect, tls) as client:
-        _ask(context, client, CommandRequest(temperature_c=temperature_c), timeout_s)
+    _ask(context, connect, tls, timeout_s, temperature_c=temperature_c)
 
 
 @rpc.command()
@@ -217,28 +189,23 @@ def update(
     timeout_s: Timeout = UPDATE_TIMEOUT_S,
 ) -> None:
     """Give the unit new firmware; a terminal shows how far it is."""
+    from noctule.cli.asking import ask_showing_progress
+
     if image is None:
         raise typer.BadParameter("update needs the image: give --image build/update.hex", param_hint="--image")
-    unit = context.obj.unit
-    with joined(context.obj.site, connect, tls) as client, Console(stderr=True).status(f"{unit}: updating") as shown:
-
-        def show(status: UnitStatus) -> None:
-            if status.unit == unit:
-                shown.update(Text(plain(f"{unit}: {status.detail}")))
-
-        client.on_unit_status(show)
-        _ask(context, client, CommandRequest(image=image.read_bytes(), force=force), timeout_s)
+    ask_showing_progress(_asked(context, connect, tls, timeout_s), {"image": image.read_bytes(), "force": force})
 
 
-def _ask(context: typer.Context, client: Client, request: CommandRequest, timeout_s: float) -> None:
-    """Have the unit carry out the command of ``context``, and print its reply. Raises BusError if it did not."""
-    unit, command = context.obj.unit, context.info_name
-    assert command is not None
-    reply: CommandReply = client.command(unit, command, request, timeout_s)
-    if not reply.done:
-        raise BusError(f"unit {unit!r} did not {command}: {reply.error}")
-    shown = [survey.to_json(reply)] if context.obj.json else map(plain, replies.lines(unit, command, reply))
-    typer.echo("\n".join(shown))
+def _ask(context: typer.Context, connect: list[str], tls: Path | None, timeout_s: float, **fields: object) -> None:
+    """Have the unit carry out the command, its request with ``fields``; one that is None is not set."""
+    from noctule.cli.asking import ask
+
+    ask(_asked(context, connect, tls, timeout_s), fields)
+
+
+def _asked(context: typer.Context, connect: list[str], tls: Path | None, timeout_s: float) -> Asked:
+    assert context.info_name is not None
+    return Asked(context.obj, context.info_name, connect, tls, timeout_s)
 
 
 def _radians(angle_deg: float | None) -> float | None:

@@ -4,35 +4,11 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from noctule import bus, keys, sites, tls
 from noctule.client import Client
 
 SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
-
-Connect = Annotated[
-    list[str],
-    typer.Option(
-        envvar="NOCTULE_CONNECT",
-        metavar="ENDPOINT",
-        help=f"A router, or one of several to fall back on. Left out: those of --tls, or {bus.DEFAULT_ROUTER}.",
-    ),
-]
-Tls = Annotated[
-    Path | None,
-    typer.Option(
-        "--tls",
-        envvar=tls.FOLDER_VARIABLE,
-        metavar="FOLDER",
-        help="Certificate and key: a folder that noctule-deploy render made.",
-    ),
-]
-SiteName = Annotated[str, typer.Argument(metavar="SITE", help="The site's name.")]
-UnitName = Annotated[str, typer.Argument(metavar="UNIT", help="The unit's name.")]
-DEFAULT_CONNECT: list[str] = []
 
 
 def nothing_found(client: Client, tls_folder: Path | None) -> str:

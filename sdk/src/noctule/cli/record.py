@@ -6,16 +6,13 @@ from typing import Annotated
 
 import typer
 
-from noctule import awake
-from noctule.cli.joining import DEFAULT_CONNECT, Connect, SiteName, Tls, joined_until
-from noctule.log_follower import LogFollower
-from noctule.progress import progress
-from noctule.read_watch import ReadWatch
-from noctule.recording import JOURNAL_SUFFIX, Recording
-from noctule.survey import MCAP_SUFFIX
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls
 
 
 def _out(name: str) -> Path:
+    from noctule.recording import JOURNAL_SUFFIX
+    from noctule.survey import MCAP_SUFFIX
+
     out = Path(name)
     if out.suffix not in (JOURNAL_SUFFIX, MCAP_SUFFIX):
         raise typer.BadParameter(f"{name} is neither {JOURNAL_SUFFIX} nor {MCAP_SUFFIX}: name it by what it is to be")
@@ -34,6 +31,13 @@ def record(
     tls: Tls = None,
 ) -> None:
     """Record every sweep of a site until Ctrl-C, through outages, from where the file ends."""
+    from noctule import awake
+    from noctule.cli.joining import joined_until
+    from noctule.log_follower import LogFollower
+    from noctule.progress import progress
+    from noctule.read_watch import ReadWatch
+    from noctule.recording import Recording
+
     with (
         awake.told_to_end() as over,
         closing(Recording(out, site)) as recording,

@@ -1,8 +1,10 @@
 """What a person says of the file: which column is what, in which units, and where the scanner stood."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from noctule.site import Pose2
+if TYPE_CHECKING:
+    from noctule.site import Pose2
 
 AIR_TEMPERATURE_C = 20.0
 STATED_SIGMA_M, STATED_SIGMA_DEG = 0.01, 1.0  # of a pose that someone has measured with care
@@ -55,7 +57,7 @@ class ScanOptions:
     no_echo_above: float | None = None  # in the file's units
     clockwise: bool = False
     forward_deg: float = 0.0  # the file's angle at which the scanner looks forward
-    pose: Pose2 | None = None  # None: the scanner's place and forward direction are the site's frame
+    pose: "Pose2 | None" = None  # None: the scanner's place and forward direction are the site's frame
     sigma_position_m: float = STATED_SIGMA_M
     sigma_heading_deg: float = STATED_SIGMA_DEG
     air_temperature_c: float = AIR_TEMPERATURE_C

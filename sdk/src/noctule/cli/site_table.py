@@ -1,0 +1,124 @@
+"""What ``units`` shows: a site's units and services now, as tables or as JSON lines."""
+
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from json import dumps
+from pathlib import Path
+from typing import TypeVar
+
+import typer
+from google.protobuf.message import Message
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from noctule import awake, survey, unit_list
+from noctule.cli.joining import joined, nothing_found
+from noctule.cli.replies import state
+from noctule.client import Client
+from noctule.errors import BusError
+from noctule.messages_pb2 import ServiceStatus, UnitStatus
+from noctule.plain_text import plain
+from noctule.site import Site, load
+from noctule.unit_list import UnitRow
+
+M = TypeVar("M", bound=Message)
+_WIDEST = 1000
+_LOOK_EVERY_S = 1.0
+_UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
+
+
+def show_site(site: str, connect: list[str], tls: Path | None, json: bool, goes_on: bool) -> None:
+    """Show the ``site`` of that name or file; with ``goes_on`` until Ctrl-C. Raises BusError where it has no unit."""
+    file = load(Path(site)) if site.endswith(".toml") else None
+    name = site if file is None else file.name
+    with joined(name, connect, tls) as client, ThreadPoolExecutor() as pool:
+        seen = _Seen.of(client, file, pool)
+        if not seen.rows:
+            raise BusError(f"site {name!r} has no units on the bus: is its gateway up?{nothing_found(client, tls)}")
+        if json:
+            for row in seen.rows:
+                typer.echo(_json(row))
+        elif goes_on:
+            with awake.told_to_end() as over, Live(seen.unwell_first().shown(), auto_refresh=False) as live:
+                while not over.wait(_LOOK_EVERY_S):
+                    live.update(_Seen.of(client, file, pool).unwell_first().shown(), refresh=True)
+        else:
+            # A reader that is no terminal gets whole lines.
+            Console(width=None if sys.stdout.isatty() else _WIDEST).print(seen.shown())
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A site's units and services, at one moment."""
+
+    rows: list[UnitRow]
+    services: list[ServiceStatus]
+
+    @classmethod
+    def of(cls, client: Client, file: Site | None, pool: ThreadPoolExecutor) -> "_Seen":
+        """Ask all at once, because a gateway that hangs lets each question run out of time."""
+        alive = client.units()
+        statuses, services = pool.submit(_told, client.unit_statuses), pool.submit(_told, client.service_statuses)
+        told = sorted(services.result(), key=lambda service: (service.role, service.name))
+        return cls(unit_list.rows(alive, statuses.result(), told, file), told)
+
+    def unwell_first(self) -> "_Seen":
+        """A terminal that is too small cuts off the end."""
+        return _Seen(sorted(self.rows, key=_is_well), self.services)
+
+    def shown(self) -> Group:
+        """The table of units, and that of services where there are any."""
+        return Group(_table(self.rows), *([_service_table(self.services)] if self.services else []))
+
+
+def _told(ask: Callable[[], list[M]]) -> list[M]:
+    """What was replied; nothing where the only one who could reply hangs, which its row shows."""
+    try:
+        return ask()
+    except BusError:
+        return []
+
+
+def _is_well(row: UnitRow) -> bool:
+    return row.status is not None and row.status.state not in _UNWELL and not row.status.faults
+
+
+def _table(rows: list[UnitRow]) -> Table:
+    table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
+    for row in rows:
+        gateway, *others = _cells(row)
+        style = "" if _is_well(row) else "red"
+        cells = [Text(plain(cell), style=style) for cell in (row.unit, gateway, *others, row.detail)]
+        table.add_row(*cells)
+    return table
+
+
+def _service_table(services: list[ServiceStatus]) -> Table:
+    table = Table("service", "role", "version", "detail")
+    for each in services:
+        table.add_row(*(Text(plain(cell)) for cell in (each.name, each.role, each.version, each.detail)))
+    return table
+
+
+def _json(row: UnitRow) -> str:
+    since = "null" if row.since_ns is None else f'"{datetime.fromtimestamp(row.since_ns / 1e9, UTC).isoformat()}"'
+    status = "null" if row.status is None else survey.to_json(row.status)
+    head = dumps({"unit": row.unit, "served": row.served, "detail": row.detail})
+    return f'{head[:-1]}, "since": {since}, "status": {status}}}'
+
+
+def _cells(row: UnitRow) -> list[str]:
+    since = "" if row.since_ns is None else f"{datetime.fromtimestamp(row.since_ns // 10**9):%Y-%m-%d %H:%M:%S}"
+    status = row.status
+    if status is None:
+        return ["?" if row.served else "none", "?" if row.served else "not served", since, *[""] * 5]
+    log = f"{status.log_tail}-{status.log_head}" if status.log_head else "empty"
+    shown = [status.gateway, state(status), since, log]
+    if not status.firmware:
+        return [*shown, "", str(status.serial or ""), "", ""]  # it has not said HELLO to this gateway yet
+    return [*shown, status.firmware, str(status.serial), str(status.boot), f"{status.clock_error_s * 1e3:.2f} ms"]
