@@ -1,13 +1,11 @@
 """Files of parameters: what they may say, and what is said of those that can't be used."""
 
 import math
-import tomllib
 from pathlib import Path
 
 import pytest
 
 from noctule_mapper.live.config import ConfigFileError, LiveConfig, load_live, load_sensor, to_toml
-from noctule_mapper.live.toml_text import toml_text
 
 
 @pytest.fixture
@@ -72,23 +70,3 @@ def test_the_parameters_that_are_written_are_those_that_are_read(file: Path) -> 
     config = load_live(file)
     file.write_text(to_toml(config))
     assert load_live(file) == config != LiveConfig()
-
-
-def test_texts_numbers_lists_and_tables_in_tables_are_read_as_they_were_written() -> None:
-    fields = {
-        "text": 'a "b" \\ \n ü 🦇',
-        "small": 1e-7,
-        "large": 1e300,
-        "whole": 2**53,
-        "one": 1.0,
-        "flag": True,
-        "list": [[1, 2], [0.5]],
-        "empty": {},
-        "outer": {"inner": {"x_m": -0.25}, "y_m": 3.0},
-    }
-    assert tomllib.loads(toml_text(fields)) == fields
-
-
-def test_a_number_that_is_none_is_not_written() -> None:
-    with pytest.raises(ValueError):
-        toml_text({"x_m": math.inf})

@@ -6,12 +6,12 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from noctule.errors import NoctuleError
 from noctule_mapper.choices import Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig, Window
-from noctule_mapper.live.toml_text import toml_text
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -61,7 +61,7 @@ def in_force(
 
 def to_toml(config: LiveConfig) -> str:
     """Every parameter, as load_live() reads it."""
-    return toml_text(config.model_dump(mode="json", exclude_none=True))
+    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def load_sensor(path: Path) -> SensorConfig:
