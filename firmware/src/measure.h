@@ -37,6 +37,9 @@ void measure_begin(const __xdata struct calibration *calibration, const __xdata 
 // Goes on with it; true once it is over, and the motor rests again.
 bool measure_step(void);
 
+// Whether it has ended away from home, so that nobody knows where the sensor looks.
+bool measure_is_lost(void);
+
 // If one is under way, it ends with `outcome`, without a result. The motor may still turn.
 void measure_give_up(uint8_t outcome);
 

@@ -112,8 +112,10 @@ void unit_task(void)
             go_on();
         break;
     case MEASURING:
-        if (measure_step())
+        if (measure_step()) {
+            homed = homed && !measure_is_lost();
             go_on();
+        }
         break;
     case SWEEPING:
         if (sweep_step())

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from math import degrees
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from noctule_gateway.wire.frames import (
     AskStatus,
     Calibrate,
     Configure,
+    GoTo,
     Home,
     HomeKind,
     Measure,
@@ -93,13 +95,44 @@ def test_a_turn_is_measured_from_edge_to_edge_and_its_gear_is_named(placed, turn
     assert ("replace the motor" in found.words) == (turn < 3800)
 
 
-def test_after_a_turn_the_unit_knows_where_it_looks(placed):
-    unit = placed(FREE)
-    measured(unit, MeasureKind.TURN)
+def check_where_it_looks(unit: SteppedUnit) -> None:
+    """The unit is homed, looks where it says, and its next check finds no slip."""
     assert unit.ask(AskStatus(0), Status).homed
+    assert unit.command(GoTo(0, 0)) == Outcome.DONE
+    unit.wait_for_state(State.IDLE)
+    assert abs(degrees(unit.truth["bearing_rad"])) <= 1.0
     assert unit.command(Home(0)) == Outcome.DONE
     unit.wait_for_state(State.IDLE)
     assert abs(unit.ask(AskMechanics(0), Mechanics).slip) <= 3 * 65536 / HALF_STEPS_PER_TURN
+
+
+@pytest.mark.parametrize("motor", [FREE, "stop_deg = 165.0", "stop_deg = 165.0\nhome_arc_deg = 20.0"])
+@pytest.mark.parametrize("kind", [MeasureKind.PLAY, MeasureKind.TURN, MeasureKind.ROUND])
+def test_after_a_measurement_the_unit_knows_where_it_looks_though_it_met_a_stop(placed, motor, kind):
+    unit = placed(motor)
+    measured(unit, kind)
+    check_where_it_looks(unit)
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_after_a_round_that_lost_steps_the_unit_knows_where_it_looks(placed, seed):
+    unit = placed(seed=seed)
+    assert unit.command(Measure(0, MeasureKind.ROUND)) == Outcome.DONE
+    unit.wait_for_state(State.MEASURING)
+    unit.inject("motor_loses_steps", probability=0.002)
+    ended(unit)
+    unit.inject("mended")
+    check_where_it_looks(unit)
+
+
+def test_a_unit_that_does_not_find_home_again_after_a_measurement_is_not_homed(placed):
+    unit = placed()
+    assert unit.command(Measure(0, MeasureKind.ROUND)) == Outcome.DONE
+    unit.wait_for_state(State.MEASURING)
+    unit.run(2.0)
+    unit.inject("home_stuck_open")
+    ended(unit)
+    assert not unit.ask(AskStatus(0), Status).homed
 
 
 @pytest.mark.parametrize(("turn", "verdict"), [(HALF_STEPS_PER_TURN, "UNKNOWN"), (64 * 16.032, "BAD")])
