@@ -85,7 +85,6 @@ static void end_homing(enum homing_outcome outcome)
 static void end_sweep(void)
 {
     single = false;
-    check_count_sweep();
     if (!started || pause_rounds == 0) {
         go_on();
         return;
