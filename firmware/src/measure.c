@@ -11,7 +11,7 @@
 #include "homing.h"
 #include "motor.h"
 
-#define SLOW_SPEED 250 // as slow as against an end stop, which a whole turn may meet
+#define SLOW_SPEED 250 // as slow as against an end stop, which a whole turn may meet; a round is no slower
 #define RAMP_MS 100
 #define PAST_EDGE 32 // half steps, past the switch's bounce
 #define PLAY_REACH 512 // the most play, and to spare
@@ -90,7 +90,7 @@ void measure_begin(const __xdata struct calibration *calibration, const __xdata 
     } else if (measured.kind == MEASURE_ROUND) {
         reach = (int16_t)(calibration->half_steps_per_turn >> 8) / 16 * 13; // 292 degrees, as far as a sweep
         wanted = 2; // the second would be a gear's that turns farther than it should
-        ramp_set(plan->top_speed, plan->ramp_ms);
+        ramp_set(plan->top_speed < SLOW_SPEED ? SLOW_SPEED : plan->top_speed, plan->ramp_ms);
     }
     opens = calibration->home == HOME_OPENING_SWITCH;
     at_home = true;

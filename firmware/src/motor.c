@@ -54,7 +54,7 @@ static void plan_half_steps(void)
         interval_us = ramp_interval_us(level = to_go);
     } else if (level == 0 || interval_us > ramp_cruise_us()) {
         interval_us = ramp_interval_us(++level);
-    } else {
+    } else if (interval_us <= STEPPER_LONGEST_TOGETHER_US) {
         uint16_t at_top_speed = to_go - level;
         half_steps = at_top_speed < MOST_AT_ONCE ? at_top_speed : MOST_AT_ONCE;
     }

@@ -179,8 +179,7 @@ uint8_t unit_stop(void)
 {
     started = false;
     single = false;
-    if (measure_is_due())
-        measure_give_up(MEASURED_STOPPED);
+    measure_give_up(MEASURED_STOPPED);
     if (activity == SWEEPING) {
         sweep_cut_short();
     } else if (activity == TURNING) {

@@ -114,6 +114,13 @@ def test_after_a_measurement_the_unit_knows_where_it_looks_though_it_met_a_stop(
     check_where_it_looks(unit)
 
 
+def test_a_round_ends_in_time_however_slow_the_plan_is(placed):
+    unit = placed()
+    assert unit.command(Configure(0, -24576, 4096, 13, 60, 50, 1000, 20, 1)) == Outcome.DONE  # 50 half steps/s
+    found = Edges.of(measured(unit, MeasureKind.ROUND))
+    assert found.up[0] - found.down[-1] == 1
+
+
 @pytest.mark.parametrize("seed", range(1, 4))
 def test_after_a_round_that_lost_steps_the_unit_knows_where_it_looks(placed, seed):
     unit = placed(seed=seed)
