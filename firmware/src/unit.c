@@ -55,6 +55,7 @@ static void go_on(void)
         measure_begin(&calibration, &plan);
         become(MEASURING);
     } else if (!started && !single) {
+        turns_clear(); // nobody gives them anew to a unit at rest
         stepper_release();
         become(RESTING);
     } else if (!homed || check_is_due(&calibration, motor_half_step())) {
@@ -184,7 +185,7 @@ uint8_t unit_stop(void)
         sweep_cut_short();
     } else if (activity == TURNING) {
         motor_end_after(0);
-    } else if (activity == MEASURING) {
+    } else if (activity == MEASURING && measured.kind != MEASURE_PING) { // a ping goes on to its end
         homed = false; // it may have turned too far
         motor_end_after(0);
         activity = ABANDONING;

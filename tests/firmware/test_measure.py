@@ -251,10 +251,46 @@ def test_a_ping_without_echo_tells_the_sensors_own_time_out(placed, no_echo_ms):
 
 
 def test_an_echo_that_never_rises_or_never_falls_is_told_so(placed):
-    unit = placed()
+    unit = placed(sensor="no_echo_ms = 1e9")
     unit.inject("sensor_missing")
     found = measured(unit, MeasureKind.PING)
     assert (found.lag, found.width) == (NEVER, NEVER)
+    unit.inject("sensor_deaf")
+    found = measured(unit, MeasureKind.PING)
+    assert found.lag / TICKS_PER_MS == pytest.approx(0.45, abs=0.03)
+    assert found.width == NEVER
+
+
+def test_a_ping_that_is_stopped_moves_nothing_and_leaves_the_unit_homed(placed):
+    unit = placed()
+    assert unit.command(Home(0)) == Outcome.DONE
+    unit.wait_for_state(State.IDLE)
+    unit.inject("sensor_missing")  # so that it takes 80 ms
+    assert unit.command(Measure(0, MeasureKind.PING)) == unit.command(Stop(0)) == Outcome.DONE
+    states = [unit.receive(Status).state]
+    while states[-1] != State.IDLE:
+        states.append(unit.receive(Status).state)
+    assert states == [State.MEASURING, State.IDLE]
+    assert unit.ask(AskMechanics(0), Mechanics).outcome == Measured.STOPPED
+    assert unit.ask(AskStatus(0), Status).homed
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.38])  # the line is waited for, the power is cut, the sensor starts
+def test_a_sensor_has_its_power_again_after_a_ping_that_was_stopped(placed, after_s):
+    unit = placed(sensor="no_echo_ms = 1e9\npower_switch = true")
+    for order in (Home(0), GoTo(0, 0)):  # before the wall
+        assert unit.command(order) == Outcome.DONE
+        unit.wait_for_state(State.IDLE)
+    unit.inject("sensor_deaf")
+    assert measured(unit, MeasureKind.PING).width == NEVER  # latched: the second of these cuts the power
+    assert unit.command(Measure(0, MeasureKind.PING)) == Outcome.DONE
+    unit.run(after_s)
+    assert unit.command(Stop(0)) == Outcome.DONE
+    unit.inject("mended")
+    assert ended(unit).outcome == Measured.STOPPED
+    found = measured(unit, MeasureKind.PING)
+    assert found.lag / TICKS_PER_MS == pytest.approx(0.45, abs=0.03)
+    assert found.width / TICKS_PER_MS == pytest.approx(2 * 1.0 / 343.42 * 1000, abs=0.1)  # the wall's
 
 
 def test_the_supply_is_told_by_the_reference(placed):
