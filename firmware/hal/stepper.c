@@ -6,7 +6,6 @@
 
 #define ROOM_BELOW 8 // half steps queued; at the fastest that is 8 ms for the main loop to be late
 #define RUNS 16 // that many half steps at their slowest
-#define LONGEST_PERIOD_US 16383 // of the timer
 #define CLOCKS_PER_US 4
 #define HOME_SAMPLES 3 // a coil that switches may disturb one
 
@@ -79,7 +78,7 @@ static inline void push_run(uint16_t period_us, uint8_t half_steps)
 
 void stepper_push(uint16_t interval_us, uint8_t half_steps)
 {
-    if (interval_us > LONGEST_PERIOD_US) {
+    if (interval_us > STEPPER_LONGEST_TOGETHER_US) { // more than a period of the timer
         interval_us /= 2;
         push_run(interval_us, 0);
     }

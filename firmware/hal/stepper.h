@@ -16,7 +16,9 @@ void stepper_set_direction(bool decreasing);
 
 bool stepper_has_room(void);
 
-// Queues half steps (one, where the interval is over 16,383 us), each `interval_us` (at most 32,766) after the one
+#define STEPPER_LONGEST_TOGETHER_US 16383
+
+// Queues half steps (one, where the interval is longer than that), each `interval_us` (at most 32,766) after the one
 // before it; there must be room.
 void stepper_push(uint16_t interval_us, uint8_t half_steps);
 

@@ -23,7 +23,7 @@
 
 // Its limits are in ticks, not in rounds: a main loop that is late makes up for its rounds faster than time passes.
 static enum { OVER, AWAITING_INTERVAL, AWAITING_TURN, AWAITING_RISE, AWAITING_FALL, WITHOUT_POWER } phase;
-static __xdata uint32_t due; // when the interval was over
+static __xdata uint32_t due; // when the interval was over, or the line last seen low since
 static __xdata uint32_t triggered;
 static __xdata uint32_t trigger_ended;
 static __xdata uint32_t interval_ticks;
@@ -79,7 +79,8 @@ static void trigger(void)
 static void await_turn(void)
 {
     if (!pins_echo_is_high()) {
-        if (turns_may_ping(timebase_now()))
+        due = timebase_now();
+        if (turns_may_ping(due))
             trigger();
     } else if (timebase_now() - due > FALL_LIMIT_TICKS) {
         triggered = timebase_now(); // the reading needs a time, and the next attempt its interval

@@ -91,6 +91,12 @@ static int16_t switch_half_step(void)
     return above > 0 ? nearest - 1 : nearest;
 }
 
+// The motor went on for its ramp after the switch was seen.
+void homing_take_switch(int16_t found_at)
+{
+    motor_set_half_step(stepper_position() - found_at + switch_half_step());
+}
+
 static enum homing_outcome leave_step(void)
 {
     looks_away = is_at_switch() ? 0 : looks_away + 1;
@@ -118,8 +124,7 @@ static enum homing_outcome switch_step(void)
     if (!seen)
         return HOMING_NO_SWITCH;
     slip = closed_at + calibration->backlash - switch_half_step(); // the sensor came down with the motor
-    // The motor went on for its ramp after the switch was seen.
-    motor_set_half_step(stepper_position() - closed_at + switch_half_step());
+    homing_take_switch(closed_at);
     return HOMING_FOUND;
 }
 

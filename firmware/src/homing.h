@@ -21,4 +21,8 @@ enum homing_outcome homing_step(void);
 // end stop does not tell.
 int16_t homing_slip(void);
 
+// Says where the motor stands, which has found the switch at `found_at` on its way down, in its own half steps, and
+// rests; after a homing.
+void homing_take_switch(int16_t found_at);
+
 #endif

@@ -8,9 +8,10 @@
 #include "core/protocol.h"
 #include "core/ramp.h"
 #include "echo.h"
+#include "homing.h"
 #include "motor.h"
 
-#define SLOW_SPEED 250 // as slow as against an end stop, which a whole turn may meet
+#define SLOW_SPEED 250 // as slow as against an end stop, which a whole turn may meet; a round is no slower
 #define RAMP_MS 100
 #define PAST_EDGE 32 // half steps, past the switch's bounce
 #define PLAY_REACH 512 // the most play, and to spare
@@ -28,6 +29,7 @@ static __xdata bool at_home; // by the latest edge
 static __xdata bool opens; // it is a normally-closed switch
 static __xdata int16_t bottom; // where it began
 static __xdata bool due;
+static __xdata bool lost;
 
 void measure_order(uint8_t kind)
 {
@@ -42,6 +44,11 @@ void measure_order(uint8_t kind)
 bool measure_is_due(void)
 {
     return due;
+}
+
+bool measure_is_lost(void)
+{
+    return lost;
 }
 
 void measure_give_up(uint8_t outcome)
@@ -68,6 +75,7 @@ static void go(uint8_t new_way, int16_t half_steps)
 
 void measure_begin(const __xdata struct calibration *calibration, const __xdata struct plan *plan)
 {
+    lost = false;
     if (measured.kind == MEASURE_PING) {
         way = PINGING;
         echo_ping(PING_INTERVAL_MS);
@@ -82,7 +90,7 @@ void measure_begin(const __xdata struct calibration *calibration, const __xdata 
     } else if (measured.kind == MEASURE_ROUND) {
         reach = (int16_t)(calibration->half_steps_per_turn >> 8) / 16 * 13; // 292 degrees, as far as a sweep
         wanted = 2; // the second would be a gear's that turns farther than it should
-        ramp_set(plan->top_speed, plan->ramp_ms);
+        ramp_set(plan->top_speed < SLOW_SPEED ? SLOW_SPEED : plan->top_speed, plan->ramp_ms);
     }
     opens = calibration->home == HOME_OPENING_SWITCH;
     at_home = true;
@@ -107,6 +115,15 @@ static void turn_round(void)
     go(DOWN, bottom - measured.top - TO_SPARE);
 }
 
+// The last edge on the way down is home's, whatever steps were lost before it.
+static void find_home(void)
+{
+    if (measured.edges[DOWN] == wanted && at_home)
+        homing_take_switch(measured.edge[DOWN][wanted - 1]);
+    else
+        lost = true;
+}
+
 static bool end(void)
 {
     measure_give_up(MEASURED_DONE);
@@ -127,8 +144,10 @@ bool measure_step(void)
     if (motor_is_moving())
         return false;
     motor_half_step(); // the sensor has followed
-    if (way == DOWN)
-        return end();
-    turn_round();
-    return false;
+    if (way == UP) {
+        turn_round();
+        return false;
+    }
+    find_home();
+    return end();
 }

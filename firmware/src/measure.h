@@ -37,7 +37,11 @@ void measure_begin(const __xdata struct calibration *calibration, const __xdata 
 // Goes on with it; true once it is over, and the motor rests again.
 bool measure_step(void);
 
-// If one is under way, it ends with `outcome`, without a result. The motor may still turn.
+// Whether it has ended away from home, so that nobody knows where the sensor looks.
+bool measure_is_lost(void);
+
+// If one is under way, it ends with `outcome`, without a result. The motor may still turn, and a ping goes on: it is
+// measure_step()'s to say when that is over.
 void measure_give_up(uint8_t outcome);
 
 #endif

@@ -10,6 +10,7 @@
 static uint16_t to_go; // half steps not planned yet
 static uint16_t level; // half steps that it would take to stop
 static uint16_t interval_us;
+static __xdata uint8_t at_once; // half steps at top speed
 
 void motor_turn(int16_t half_steps)
 {
@@ -17,6 +18,7 @@ void motor_turn(int16_t half_steps)
     to_go = half_steps < 0 ? -half_steps : half_steps;
     level = 0;
     interval_us = RAMP_SLOWEST_US;
+    at_once = ramp_cruise_us() > STEPPER_LONGEST_TOGETHER_US ? 1 : MOST_AT_ONCE;
 }
 
 void motor_go(int16_t half_step)
@@ -56,7 +58,7 @@ static void plan_half_steps(void)
         interval_us = ramp_interval_us(++level);
     } else {
         uint16_t at_top_speed = to_go - level;
-        half_steps = at_top_speed < MOST_AT_ONCE ? at_top_speed : MOST_AT_ONCE;
+        half_steps = at_top_speed < at_once ? at_top_speed : at_once;
     }
     stepper_push(interval_us, half_steps);
     to_go -= half_steps;

@@ -86,6 +86,7 @@ bool record_finish(void)
     if (!ring_commit())
         return false;
     counters.sweeps_made++;
+    check_count_sweep();
     return true;
 }
 

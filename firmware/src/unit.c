@@ -55,6 +55,7 @@ static void go_on(void)
         measure_begin(&calibration, &plan);
         become(MEASURING);
     } else if (!started && !single) {
+        turns_clear(); // nobody gives them anew to a unit at rest
         stepper_release();
         become(RESTING);
     } else if (!homed || check_is_due(&calibration, motor_half_step())) {
@@ -85,7 +86,6 @@ static void end_homing(enum homing_outcome outcome)
 static void end_sweep(void)
 {
     single = false;
-    check_count_sweep();
     if (!started || pause_rounds == 0) {
         go_on();
         return;
@@ -112,8 +112,10 @@ void unit_task(void)
             go_on();
         break;
     case MEASURING:
-        if (measure_step())
+        if (measure_step()) {
+            homed = homed && !measure_is_lost();
             go_on();
+        }
         break;
     case SWEEPING:
         if (sweep_step())
@@ -178,13 +180,12 @@ uint8_t unit_stop(void)
 {
     started = false;
     single = false;
-    if (measure_is_due())
-        measure_give_up(MEASURED_STOPPED);
+    measure_give_up(MEASURED_STOPPED);
     if (activity == SWEEPING) {
         sweep_cut_short();
     } else if (activity == TURNING) {
         motor_end_after(0);
-    } else if (activity == MEASURING) {
+    } else if (activity == MEASURING && measured.kind != MEASURE_PING) { // a ping goes on to its end
         homed = false; // it may have turned too far
         motor_end_after(0);
         activity = ABANDONING;

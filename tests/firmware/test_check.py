@@ -44,3 +44,16 @@ def test_no_more_sweeps_are_suspect_than_the_flags_can_tell(pure_modules):
 
 def test_a_home_that_is_found_for_the_first_time_tells_of_no_slip(pure_modules):
     assert after(pure_modules, f"{'s' * 10} u f") == [0]
+
+
+@pytest.mark.parametrize("checks", ["16 0", "16 u", "16 0 0", "16 12", "u 16 0"])
+def test_suspects_wait_for_the_sweep_that_tells_of_them_whatever_checks_come_before_it(pure_modules, checks):
+    suspect = 0 if checks.startswith("u") else 10
+    found_again = SLIPPED if checks == "16 12" else 0
+    first = suspect << 2 | (SLIPPED if suspect else found_again)
+    assert after(pure_modules, f"{'s' * 10} {checks} f f") == [first, found_again]
+
+
+def test_suspects_of_two_checks_add_up_to_what_the_flags_can_tell(pure_modules):
+    assert after(pure_modules, "sss 16 ss 16 f f") == [SLIPPED | 5 << 2, SLIPPED]
+    assert after(pure_modules, f"{'s' * 40} 16 {'s' * 40} 16 f 0 f") == [SLIPPED | MOST_SUSPECT << 2, 0]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from math import degrees
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from noctule_gateway.wire.frames import (
     AskStatus,
     Calibrate,
     Configure,
+    GoTo,
     Home,
     HomeKind,
     Measure,
@@ -93,13 +95,51 @@ def test_a_turn_is_measured_from_edge_to_edge_and_its_gear_is_named(placed, turn
     assert ("replace the motor" in found.words) == (turn < 3800)
 
 
-def test_after_a_turn_the_unit_knows_where_it_looks(placed):
-    unit = placed(FREE)
-    measured(unit, MeasureKind.TURN)
+def check_where_it_looks(unit: SteppedUnit) -> None:
+    """The unit is homed, looks where it says, and its next check finds no slip."""
     assert unit.ask(AskStatus(0), Status).homed
+    assert unit.command(GoTo(0, 0)) == Outcome.DONE
+    unit.wait_for_state(State.IDLE)
+    assert abs(degrees(unit.truth["bearing_rad"])) <= 1.0
     assert unit.command(Home(0)) == Outcome.DONE
     unit.wait_for_state(State.IDLE)
     assert abs(unit.ask(AskMechanics(0), Mechanics).slip) <= 3 * 65536 / HALF_STEPS_PER_TURN
+
+
+@pytest.mark.parametrize("motor", [FREE, "stop_deg = 165.0", "stop_deg = 165.0\nhome_arc_deg = 20.0"])
+@pytest.mark.parametrize("kind", [MeasureKind.PLAY, MeasureKind.TURN, MeasureKind.ROUND])
+def test_after_a_measurement_the_unit_knows_where_it_looks_though_it_met_a_stop(placed, motor, kind):
+    unit = placed(motor)
+    measured(unit, kind)
+    check_where_it_looks(unit)
+
+
+def test_a_round_ends_in_time_however_slow_the_plan_is(placed):
+    unit = placed()
+    assert unit.command(Configure(0, -24576, 4096, 13, 60, 50, 1000, 20, 1)) == Outcome.DONE  # 50 half steps/s
+    found = Edges.of(measured(unit, MeasureKind.ROUND))
+    assert found.up[0] - found.down[-1] == 1
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_after_a_round_that_lost_steps_the_unit_knows_where_it_looks(placed, seed):
+    unit = placed(seed=seed)
+    assert unit.command(Measure(0, MeasureKind.ROUND)) == Outcome.DONE
+    unit.wait_for_state(State.MEASURING)
+    unit.inject("motor_loses_steps", probability=0.002)
+    ended(unit)
+    unit.inject("mended")
+    check_where_it_looks(unit)
+
+
+def test_a_unit_that_does_not_find_home_again_after_a_measurement_is_not_homed(placed):
+    unit = placed()
+    assert unit.command(Measure(0, MeasureKind.ROUND)) == Outcome.DONE
+    unit.wait_for_state(State.MEASURING)
+    unit.run(2.0)
+    unit.inject("home_stuck_open")
+    ended(unit)
+    assert not unit.ask(AskStatus(0), Status).homed
 
 
 @pytest.mark.parametrize(("turn", "verdict"), [(HALF_STEPS_PER_TURN, "UNKNOWN"), (64 * 16.032, "BAD")])
@@ -211,10 +251,46 @@ def test_a_ping_without_echo_tells_the_sensors_own_time_out(placed, no_echo_ms):
 
 
 def test_an_echo_that_never_rises_or_never_falls_is_told_so(placed):
-    unit = placed()
+    unit = placed(sensor="no_echo_ms = 1e9")
     unit.inject("sensor_missing")
     found = measured(unit, MeasureKind.PING)
     assert (found.lag, found.width) == (NEVER, NEVER)
+    unit.inject("sensor_deaf")
+    found = measured(unit, MeasureKind.PING)
+    assert found.lag / TICKS_PER_MS == pytest.approx(0.45, abs=0.03)
+    assert found.width == NEVER
+
+
+def test_a_ping_that_is_stopped_moves_nothing_and_leaves_the_unit_homed(placed):
+    unit = placed()
+    assert unit.command(Home(0)) == Outcome.DONE
+    unit.wait_for_state(State.IDLE)
+    unit.inject("sensor_missing")  # so that it takes 80 ms
+    assert unit.command(Measure(0, MeasureKind.PING)) == unit.command(Stop(0)) == Outcome.DONE
+    states = [unit.receive(Status).state]
+    while states[-1] != State.IDLE:
+        states.append(unit.receive(Status).state)
+    assert states == [State.MEASURING, State.IDLE]
+    assert unit.ask(AskMechanics(0), Mechanics).outcome == Measured.STOPPED
+    assert unit.ask(AskStatus(0), Status).homed
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.38])  # the line is waited for, the power is cut, the sensor starts
+def test_a_sensor_has_its_power_again_after_a_ping_that_was_stopped(placed, after_s):
+    unit = placed(sensor="no_echo_ms = 1e9\npower_switch = true")
+    for order in (Home(0), GoTo(0, 0)):  # before the wall
+        assert unit.command(order) == Outcome.DONE
+        unit.wait_for_state(State.IDLE)
+    unit.inject("sensor_deaf")
+    assert measured(unit, MeasureKind.PING).width == NEVER  # latched: the second of these cuts the power
+    assert unit.command(Measure(0, MeasureKind.PING)) == Outcome.DONE
+    unit.run(after_s)
+    assert unit.command(Stop(0)) == Outcome.DONE
+    unit.inject("mended")
+    assert ended(unit).outcome == Measured.STOPPED
+    found = measured(unit, MeasureKind.PING)
+    assert found.lag / TICKS_PER_MS == pytest.approx(0.45, abs=0.03)
+    assert found.width / TICKS_PER_MS == pytest.approx(2 * 1.0 / 343.42 * 1000, abs=0.1)  # the wall's
 
 
 def test_the_supply_is_told_by_the_reference(placed):

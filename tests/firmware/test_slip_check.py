@@ -13,6 +13,7 @@ from noctule_gateway.wire.frames import (
     Calibrate,
     Configure,
     GoTo,
+    Home,
     HomeKind,
     Mechanics,
     Outcome,
@@ -147,3 +148,42 @@ def test_a_switch_that_breaks_is_named_at_the_next_check_and_the_motor_rests(uni
     assert (status.fault, status.homed) == (1, False)  # firmware/README.md, STATUS: no home switch found
     unit.run(1.0)
     assert not unit.truth["coils_on"]
+
+
+def come_to_rest(unit: SteppedUnit) -> int:
+    """Stop the unit, and take the sweeps that it still makes: how many."""
+    assert unit.command(Stop(0)) == Outcome.DONE
+    while unit.ask(AskStatus(0), Status).state != State.IDLE:
+        unit.run(0.1)
+    return len(sweeps(unit, unit.ask(AskStatus(0), Status).sweeps_waiting))
+
+
+def test_sweeps_that_a_homing_found_wrong_are_told_after_a_second_homing_that_finds_no_slip(unit):
+    begin(unit)
+    unit.receive(Sweep, 60.0)
+    unit.inject("sensor_turned", by_deg=6.0)
+    unit.run(3.0)
+    made = come_to_rest(unit)
+    for slip in (-6.0, 0.0):
+        assert unit.command(Home(0)) == Outcome.DONE
+        unit.wait_for_state(State.IDLE)
+        assert slip_deg(unit) == pytest.approx(slip, abs=4 * HALF_STEP_DEG)
+    assert unit.command(Start(0, 0)) == Outcome.DONE
+    first, second = sweeps(unit, 2)
+    assert (first.slipped, first.suspect_before) == (True, made)
+    assert (second.slipped, second.suspect_before) == (False, 0)
+
+
+def test_a_sweep_that_was_stopped_before_its_first_ping_is_not_counted(unit):
+    begin(unit)
+    made = len(sweeps(unit, 2)) + come_to_rest(unit)
+    assert unit.command(GoTo(0, 0)) == Outcome.DONE  # far from the first reading
+    unit.wait_for_state(State.IDLE)
+    for _ in range(5):
+        assert unit.command(Start(0, 0)) == unit.command(Stop(0)) == Outcome.DONE
+        assert come_to_rest(unit) == 0
+    unit.inject("sensor_turned", by_deg=6.0)
+    assert unit.command(Home(0)) == Outcome.DONE
+    unit.wait_for_state(State.IDLE)
+    assert unit.command(Start(0, 0)) == Outcome.DONE
+    assert sweeps(unit, 1)[0].suspect_before == made

@@ -361,3 +361,17 @@ def test_a_unit_that_is_calibrated_between_two_sweeps_homes_before_the_next(plac
     calibrate(unit, backlash=3)
     assert unit.wait_for_state(HOMING).started
     assert unit.wait_for_state(SWEEPING).homed
+
+
+@pytest.mark.parametrize("top_speed", [50, 55, 60, 61, 62, 100])
+def test_a_slow_plan_turns_at_its_speed(placed, top_speed):
+    unit = placed()
+    assert unit.command(Configure(0, 0, 0, 1, 60, top_speed, 0, 0, 1)) == DONE
+    assert unit.command(Home(0)) == DONE
+    unit.wait_for_state(IDLE)
+    assert unit.command(GoTo(0, 0)) == DONE
+    unit.run(1.0)
+    began_rad = unit.truth["bearing_rad"]
+    unit.run(4.0)
+    half_steps = (unit.truth["bearing_rad"] - began_rad) / math.tau * HALF_STEPS_PER_TURN
+    assert half_steps == pytest.approx(4.0 * top_speed, abs=2)

@@ -5,7 +5,20 @@ from dataclasses import replace
 import pytest
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
-from noctule_gateway.wire.frames import AskClock, AskStatus, Clock, Configure, Outcome, Start, Status, Stop, Sweep
+from noctule_gateway.wire.frames import (
+    AskClock,
+    AskStatus,
+    Clock,
+    Configure,
+    NoEcho,
+    Outcome,
+    Single,
+    Start,
+    State,
+    Status,
+    Stop,
+    Sweep,
+)
 
 MS = 4000  # ticks
 OPEN_MS = 3  # firmware/README.md, Turns
@@ -122,3 +135,32 @@ def test_turns_out_of_range_leave_the_unit_as_it_was(unit, period):
     assert unit.command(Start(0, 0, now(unit) + 2**33, PERIOD)) == Outcome.OUT_OF_RANGE
     status = unit.ask(AskStatus(0), Status)
     assert not status.started and not status.in_turn
+
+
+def test_a_stop_ends_the_turns_after_the_reading_under_way_and_a_start_gives_them_again(unit):
+    turn = now(unit)
+    assert unit.command(Start(0, 0, turn, PERIOD)) == Outcome.DONE
+    unit.receive(Sweep, 60.0)
+    unit.run(2.0)
+    assert unit.command(Stop(0)) == Outcome.DONE
+    unit.wait_for_state(State.IDLE)
+    assert not unit.ask(AskStatus(0), Status).in_turn
+    unit.run(1.0)
+    while unit.ask(AskStatus(0), Status).sweeps_waiting:
+        assert max(late_ms(next_sweep(unit), turn)) <= OPEN_MS
+    assert unit.command(Single(0)) == Outcome.DONE
+    assert max(late_ms(next_sweep(unit), turn)) > OPEN_MS
+    assert unit.command(Start(0, 0, turn, PERIOD)) == Outcome.DONE
+    assert unit.ask(AskStatus(0), Status).in_turn
+    assert max(late_ms(next_sweep(unit), turn)) <= OPEN_MS
+
+
+def test_a_line_that_is_high_for_a_moment_while_the_unit_waits_for_its_turn_is_not_stuck(unit):
+    assert unit.command(replace(PLAN, bearing_step=0)) == Outcome.DONE
+    assert unit.command(Start(0, 0, now(unit), 2000 * MS)) == Outcome.DONE
+    unit.wait_for_state(State.SWEEPING)
+    for _ in range(2 * PLAN.count * 4):  # four times between two turns
+        unit.run(0.5)
+        unit.inject("sensor_stuck_high", for_s=0.01)
+    echoes = [reading.echo for _ in range(2) for reading in next_sweep(unit).readings]
+    assert NoEcho.STUCK_HIGH not in echoes

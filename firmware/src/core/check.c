@@ -11,7 +11,7 @@
 #define MOST_SUSPECT 63 // sweeps, what SWEEP's flags have room for
 
 static __xdata uint8_t sweeps; // since the latest check
-static __xdata uint8_t suspect; // made before it, by bearings that it found wrong
+static __xdata uint8_t suspect; // made by bearings that a check found wrong, and no sweep has told of them yet
 static __xdata uint8_t number;
 static __xdata bool slipped;
 static __xdata int16_t latest = SLIP_UNKNOWN;
@@ -35,7 +35,8 @@ bool check_is_due(const __xdata struct calibration *calibration, int16_t half_st
 void check_end(int16_t slip)
 {
     slipped = slip != SLIP_UNKNOWN && (slip > TOLERATED || slip < -TOLERATED);
-    suspect = slipped ? sweeps : 0;
+    if (slipped)
+        suspect = suspect + sweeps < MOST_SUSPECT ? suspect + sweeps : MOST_SUSPECT;
     sweeps = 0;
     latest = slip;
     number++;
@@ -58,7 +59,7 @@ bool check_slipped(void)
 
 uint8_t check_sweep_flags(void)
 {
-    uint8_t flags = (slipped ? SWEEP_SLIPPED : 0) | suspect << SWEEP_SUSPECT_SHIFT;
+    uint8_t flags = (slipped || suspect != 0 ? SWEEP_SLIPPED : 0) | suspect << SWEEP_SUSPECT_SHIFT;
     suspect = 0;
     return flags;
 }

@@ -11,7 +11,7 @@
 // A slip that nobody knows: before the first check, and against an end stop.
 #define SLIP_UNKNOWN 0x7FFF
 
-// Counts a sweep.
+// Counts a sweep, one that has readings.
 void check_count_sweep(void);
 
 // Whether home is to be found before the next sweep; `half_step` is where the sensor looks.
@@ -27,7 +27,7 @@ uint8_t check_number(void);
 // Whether the latest check found a slip: until one finds none, the motor may slip again.
 bool check_slipped(void);
 
-// What the next sweep carries in its flags; what it says of earlier sweeps is said once.
+// What the next sweep carries in its flags; what it says of earlier sweeps is said once, whatever the checks since found.
 uint8_t check_sweep_flags(void);
 
 #endif

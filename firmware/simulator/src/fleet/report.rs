@@ -61,7 +61,7 @@ pub fn end(fleet: &Fleet, real: Duration) -> Vec<String> {
         let mips = member.unit.instructions() as f64 / simulated_s / 1e6;
         let resets = member.unit.resets();
         let serial = member.serial;
-        let whole = format!("unit {serial}: {mips:.3} million instructions/s, {resets} resets{swept}");
+        let whole = format!("unit {serial}: {mips:.5} million instructions/s, {resets} resets{swept}");
         let measured = member.unit.measured().map(|measured| format!("unit {serial}: {measured}"));
         [Some(whole), measured].into_iter().flatten()
     };
