@@ -173,6 +173,10 @@ class Link:
         self._tell_settings()
         return ticket
 
+    def withdraw(self, ticket: int) -> None:
+        """Don't give the order of this ticket any more, if it still waits: no OrderSettled comes of it then."""
+        self._orders.withdraw(ticket)
+
     def start_again(self) -> None:
         """Tell the unit once more how it is started, if it is: its turns have changed."""
         if self._state is LinkState.SERVING:
