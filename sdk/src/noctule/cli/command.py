@@ -96,18 +96,17 @@ for _name, _summary in (
 for _name, _summary, _longest_s in (
     (
         "measure_gear",
-        "Measure the half steps of a turn; the sensor must be free for a whole one. Takes two minutes.",
+        "Measure the half steps of a turn; the sensor must be free for a whole one. Takes 70 s.",
         MEASURE_TIMEOUT_S,
     ),
     (
         "measure_backlash",
-        "Measure the play of the gears, by the home switch met from both sides. Takes half a minute.",
+        "Measure the play of the gears, by the home switch met from both sides. Takes 5 s.",
         MEASURE_TIMEOUT_S,
     ),
     (
         "self_test",
-        "Test supply, home switch, motor, sensor and clock; the unit must be idle. "
-        "Takes a minute or two, more with a slow plan.",
+        "Test supply, home switch, motor, sensor and clock; the unit must be idle. Takes 45 s, more with a slow plan.",
         SELF_TEST_TIMEOUT_S,
     ),
 ):
