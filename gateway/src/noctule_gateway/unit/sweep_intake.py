@@ -16,7 +16,7 @@ from noctule_gateway.status.service_quality import Lateness
 from noctule_gateway.unit.step_check import StepCheck
 from noctule_gateway.unit.sweep_health import SweepHealth
 from noctule_gateway.wire.codec import encode
-from noctule_gateway.wire.frames import AnySweep, Mechanics
+from noctule_gateway.wire.frames import AnySweep, Mechanics, Status
 from noctule_gateway.wire.sweep_message import to_message, waypoint_of
 
 Call = Callable[[Callable[[], None]], None]
@@ -41,9 +41,11 @@ class SweepIntake:
         self._health = SweepHealth(served.unit, served.site.name, served.log.path)
         self._check = StepCheck(served.site.name, served.unit.name)
         self._flagged_by_check = 0
+        self._boot = 0
 
     def begin_boot(self, boot: int) -> None:
         """The unit has said that it runs under ``boot``, a boot_of_life."""
+        self._boot = boot
         self._clocks.begin(boot, time.monotonic(), self._served.clock.look().utc_offset_s)
 
     def clock_read(self, exchange: Exchange) -> None:
@@ -89,6 +91,10 @@ class SweepIntake:
     def checked(self, mechanics: Mechanics) -> None:
         """The unit has told what its latest check found."""
         self._check.checked(mechanics)
+
+    def status_read(self, status: Status) -> None:
+        """The unit has told whether that check found its bearings off."""
+        self._check.said(self._boot, status)
 
     def accept_room(self, done: Callable[[], None]) -> None:
         """Forget what the unit used to hear; ``done`` is called on the line's thread once that is on the disk. Raises

@@ -209,6 +209,7 @@ class UnitServer:
                     changed = self._state.status is None or read.state != self._state.status.state
                     self._state = self._state.said(read)
                     self._turns.said(read)
+                    self._intake.status_read(read)
                     self._report_due_s = 0.0 if changed else self._report_due_s
                     self._commands.status_read(read)
                 case MechanicsRead(mechanics):
