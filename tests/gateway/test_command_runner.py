@@ -29,7 +29,9 @@ class Desk:
     ) -> None:
         self.unit = unit
         self.link = Link(unit.serial, wanted, first_request=0)
-        self.commands = CommandRunner(self.link, status, lambda _image, _again: None, Admission(), lambda done: done())
+        self.commands = CommandRunner(
+            self.link, status, lambda _image, _again: None, Admission(), lambda done: done(None)
+        )
         self.now_s = 100.0
         self.link.connected(self.now_s)
 

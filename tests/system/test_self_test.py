@@ -35,7 +35,9 @@ class Desk(Lockstep):
     def __init__(self, unit: SteppedUnit) -> None:
         link = Link(serial=1, wanted=AT_REST, first_request=0)
         self.known = UnitState()
-        self.runner = CommandRunner(link, self._status, lambda _image, _again: None, Admission(), lambda done: done())
+        self.runner = CommandRunner(
+            link, self._status, lambda _image, _again: None, Admission(), lambda done: done(None)
+        )
         super().__init__(unit, link, CLEAN, seed=1)
 
     def begin(self, name: str) -> Future[CommandReply]:

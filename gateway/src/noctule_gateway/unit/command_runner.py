@@ -38,7 +38,8 @@ class _Command:
 
 class CommandRunner:
     """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises,
-    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given.
+    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given,
+    with an error if that is not kept.
 
     ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
     """
@@ -49,7 +50,7 @@ class CommandRunner:
         status: Callable[[], UnitStatus],
         update: Callable[[Image, bool], None],
         admission: Admission,
-        accept_room: Callable[[Callable[[], None]], None],
+        accept_room: Callable[[Callable[[CommandError | None], None]], None],
     ) -> None:
         self._link, self._status, self._update, self._admission = link, status, update, admission
         self._accept_room = accept_room
@@ -65,7 +66,7 @@ class CommandRunner:
             if name in AT_ONCE:
                 self._end(command)
             elif name == ACCEPT_ROOM:
-                self._accept_room(lambda: self._end(command))
+                self._accept_room(lambda error: self._end(command, error))
             elif self._updating is not None:
                 raise UnderWayError()
             elif self._measuring.under_way and name not in (SETTINGS, STOP):

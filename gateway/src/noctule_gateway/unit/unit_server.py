@@ -242,7 +242,7 @@ class UnitServer:
         self._commands.lost(why)
         self._report_due_s = 0.0
 
-    def _accept_room(self, done: Callable[[], None]) -> None:
+    def _accept_room(self, done: Callable[[CommandError | None], None]) -> None:
         self._intake.accept_room(done)
         _log.info("%s: its room is accepted as it is: the gateway learns again what the unit hears", self._unit.name)
 
