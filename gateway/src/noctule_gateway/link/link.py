@@ -303,7 +303,7 @@ class Link:
         done = self._orders.unit_was_reset() if rebooted else []
         lost = self._forget("the unit was reset")
         self._go(Cause.HELLO)
-        self._enquiries.begin(now_s, rebooted)
+        self._enquiries.begin(now_s, rebooted, hello.knows_mechanics)
         if rebooted:
             self._boot.begin(hello.boot_of_life)
             self._standing_orders.drop()
