@@ -17,7 +17,7 @@ from noctule_gateway.clock.boot_clocks import BootClocks, TickLine
 from noctule_gateway.clock.regression import GOOD_DRIFT_ERROR, Exchange
 from noctule_gateway.turns.hearing import HEARD_AFTER_M, Place, could_hear
 from noctule_gateway.turns.keeper import RENEWED_AFTER_S, TurnKeeper, drifted_s, in_ticks
-from noctule_gateway.turns.site_turns import reading_of, site_turns
+from noctule_gateway.turns.site_turns import not_reckoned_with, reading_of, site_turns
 from noctule_gateway.turns.timetable import (
     DRIFTS_S,
     MOST_SLOTS,
@@ -154,6 +154,23 @@ def test_a_site_whose_units_have_times_of_their_own_has_no_common_grid(tmp_path)
     assert turns_of(tmp_path, at(0.0), at(3.0), head='clock = "unit"') == {}
 
 
+def test_a_plan_that_looks_further_than_the_site_files_names_who_could_hear_it_out_of_turn(tmp_path):
+    looks = "sweep = {{ first_bearing_deg = {first_deg}, bearing_step_deg = 10, count = 2 }}"
+    narrow = f"{at(0.0)}\n{looks.format(first_deg=-90)}"  # along x
+    back = f"{at(-3.0)}\n{looks.format(first_deg=90)}"
+    (tmp_path / "site.toml").write_text(
+        'site = "s"\n' + "".join(UNIT.format(number=n) + text + "\n" for n, text in enumerate((narrow, back), 1))
+    )
+    site = load(tmp_path / "site.toml")
+    plans = {unit.name: expected_plan(unit) for unit in site.units}
+    turns = site_turns(site, plans)
+    assert turns == {}  # back to back
+    assert not_reckoned_with(site, plans, turns, "u1", plans["u1"]) == []
+    assert not_reckoned_with(site, plans, turns, "u1", FIXED_PLAN) == ["u2"]
+    both = site_turns(site, {**plans, "u1": FIXED_PLAN})
+    assert not_reckoned_with(site, plans, both, "u1", FIXED_PLAN) == []  # they have turns all the same
+
+
 # ---- A unit kept at its turns ----
 
 TURN = Turn(offset_s=0.05, period_s=0.2, slot_s=0.05)
@@ -242,6 +259,16 @@ def test_a_crowd_is_named_and_a_unit_alone_has_nothing_to_say():
     assert crowd.trouble(100.0).startswith("9 units could hear each other")
     alone = keeper(turn=None)
     assert alone.start(START, line(), 100.0) == START and alone.trouble(200.0) == ""
+
+
+def test_a_plan_that_the_turns_do_not_reckon_with_is_named_also_where_the_unit_had_none():
+    for turn in (TURN, None):
+        kept = keeper(turn=turn)
+        kept.start(START, line(), 100.0)
+        kept.goes_by(["u2", "u3"])
+        assert "so u2, u3 may hear its pings" in kept.trouble(100.0)
+        kept.goes_by([])
+        assert kept.trouble(100.0) == ""
 
 
 def test_a_unit_that_has_lost_its_turns_gets_them_again_and_one_that_is_stopped_does_not():

@@ -1,5 +1,6 @@
 """Keeps one unit at its turns: tells them in its ticks, and when it must be told anew. Pure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from noctule_gateway.clock.boot_clocks import TickLine
@@ -9,6 +10,7 @@ from noctule_gateway.wire.frames import Hello, Start, Status
 RENEWED_AFTER_S = 2.0  # at the earliest: a START takes a share of the line
 _RENEWED_WITHIN_S = 60.0  # whatever the unit has made of the last one
 _WORSE = 1.5  # two such clocks may just not meet
+_NAMED = 5
 _PATIENCE_S = 30.0  # a clock takes some seconds to be known well; until then there is nothing to say
 
 
@@ -43,6 +45,7 @@ class TurnKeeper:
         self._turn = turn
         self._given: TickTurns | None = None
         self._given_s = self._met_s = 0.0
+        self._out_of_turn_with: Sequence[str] = ()
         self._knows_turns = self._clock_is_good = self._started = False
 
     def met(self, hello: Hello, now_s: float) -> None:
@@ -55,6 +58,10 @@ class TurnKeeper:
         self._started = status.started
         if not status.in_turn:
             self._given = None
+
+    def goes_by(self, out_of_turn_with: Sequence[str]) -> None:
+        """Its plan is known now: it lets these units hear it out of turn, since the timetable was made for another."""
+        self._out_of_turn_with = out_of_turn_with
 
     def start(self, start: Start, line: TickLine | None, now_s: float) -> Start:
         """``start`` with the unit's turns, or without, where it has none or its clock is not known well enough."""
@@ -79,6 +86,12 @@ class TurnKeeper:
 
     def trouble(self, now_s: float) -> str:
         """Why the unit pings out of turn though others may hear it, for the operator; empty if it does not."""
+        if self._started and self._out_of_turn_with:
+            named = ", ".join(self._out_of_turn_with[:_NAMED])
+            return (
+                f"its plan looks further than the site file's, so {named} may hear its pings: "
+                "write the plan into the site file and start the gateway again"
+            )
         if self._turn is None or self._given is not None or not self._started:
             return ""
         if isinstance(self._turn, Crowd):

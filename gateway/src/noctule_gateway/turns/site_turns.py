@@ -30,6 +30,32 @@ def site_turns(site: Site, plans: Mapping[str, Configure]) -> dict[str, Turn | C
     return timetable({unit.name: reading_of(plans[unit.name]) for unit in standing}, heard)
 
 
+def not_reckoned_with(
+    site: Site, plans: Mapping[str, Configure], turns: Mapping[str, Turn | Crowd], name: str, plan: Configure
+) -> list[str]:
+    """The units that could hear unit ``name`` if it goes by ``plan`` in place of its own in ``plans``, out of turn.
+
+    For they could not by ``plans``, so ``turns`` lets them ping at the same time.
+    """
+    unit = site.unit(name)
+    others = [each for each in site.units if each.name != name and isinstance(each.pose, FixedPose)]
+    if site.clock == "unit" or not isinstance(unit.pose, FixedPose):
+        return []
+    return [
+        other.name
+        for other in others
+        if not _one_after_the_other(turns.get(name), turns.get(other.name))
+        and _share_a_room(unit, other, {**plans, name: plan})
+        and not _share_a_room(unit, other, plans)
+    ]
+
+
+def _one_after_the_other(one: Turn | Crowd | None, other: Turn | Crowd | None) -> bool:
+    if not (isinstance(one, Turn) and isinstance(other, Turn)):
+        return False
+    return one.period_s == other.period_s and one.offset_s != other.offset_s
+
+
 def reading_of(plan: Configure) -> Reading:
     """How long a reading of ``plan`` takes at most."""
     half_steps = plan.bearing_step * _HALF_STEPS_PER_TURN / _BEARINGS_PER_TURN

@@ -37,9 +37,10 @@ class _Command:
 
 
 class CommandRunner:
-    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises,
-    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given,
-    with an error if that is not kept.
+    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
+
+    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given, with an error if the disk
+    does not keep that.
 
     ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
     """
