@@ -25,7 +25,7 @@ AT_REST = Wanted(plan=None, start=frames.Start(0, 0), running=False)
 HALF_STEP_DEG = 360 / 4075.7728
 # When the gateway stops it, by the default plan and by one of 100 half steps/s: gateway/README.md, "What a unit
 # measures of itself".
-WITHIN_S, SLOW_WITHIN_S = 195.0, 410.0
+WITHIN_S, SLOW_WITHIN_S = 195.0, 285.0
 WALL = "[[wall]]\nfrom_m = [1.0, -9.0]\nto_m = [1.0, 9.0]\n"  # in front: no echo from behind
 
 
@@ -178,13 +178,11 @@ def test_a_reset_in_its_midst_ends_it(tmp_path: Path) -> None:
 
 
 def test_a_unit_with_a_slow_plan_has_the_time_that_it_takes(tmp_path: Path) -> None:
-    with desk_with(tmp_path) as (unit, desk):
+    with desk_with(tmp_path) as (_unit, desk):
         desk.carry_out(frames.Configure(0, -24576, 4096, 13, 60, 100, 100, 20, 1), 5.0)
-        began_s = unit.now_s
         reply = desk.begin("self_test")
         desk.wait_for(reply.done, SLOW_WITHIN_S)
         assert (reply.result().done, reply.result().detail) == (True, "nothing found wrong")
-        assert unit.now_s - began_s > 180.0  # three rounds of 67 s alone
 
 
 def test_a_unit_with_a_stop_tests_what_needs_no_switch(tmp_path: Path) -> None:

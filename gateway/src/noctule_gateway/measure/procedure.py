@@ -140,12 +140,12 @@ def _moves_s(step: Order, settings: Settings) -> float:
         case Measure(kind=MeasureKind.PLAY | MeasureKind.TURN):
             return _TO_AND_FRO[MeasureKind(step.kind)] / _HOMING_SPEED
         case Measure(kind=MeasureKind.ROUND):
-            half_steps = _ROUND
+            half_steps, speed = _ROUND, max(settings.top_speed, _HOMING_SPEED)
         case GoTo():
-            half_steps = _GO_TO
+            half_steps, speed = _GO_TO, settings.top_speed
         case _:
             return 0.0
-    return half_steps / settings.top_speed + 4 * settings.ramp_ms / 1000
+    return half_steps / speed + 4 * settings.ramp_ms / 1000
 
 
 def _is_ping(order: Order) -> bool:
