@@ -65,20 +65,23 @@ class TurnKeeper:
 
     def start(self, start: Start, line: TickLine | None, now_s: float) -> Start:
         """``start`` with the unit's turns, or without, where it has none or its clock is not known well enough."""
-        self._look(line)
+        self._judge_clock(line)
         if not (isinstance(self._turn, Turn) and line is not None and self._knows_turns and self._clock_is_good):
             self._given = None
             return Start(start.request, start.pause_ms)
         self._given, self._given_s = in_ticks(self._turn, line), now_s
         return Start(start.request, start.pause_ms, self._given.tick % 2**48, self._given.period)
 
-    def is_due(self, line: TickLine | None, now_s: float) -> bool:
-        """The unit must be told anew: it drifts from its turns, may have them now, or can't keep them any more."""
+    def look(self, line: TickLine | None, now_s: float) -> bool:
+        """Look at the unit's clock; True if the unit must be told its turns again.
+
+        It drifts from them, may have them now, or can't keep them any more.
+        """
         if not (isinstance(self._turn, Turn) and self._knows_turns and self._started):
             return False
         if now_s < self._given_s + RENEWED_AFTER_S:
             return False
-        self._look(line)
+        self._judge_clock(line)
         if self._given is None or line is None or not self._clock_is_good:
             return (self._given is not None) != self._clock_is_good
         old = now_s > self._given_s + _RENEWED_WITHIN_S
@@ -105,7 +108,7 @@ class TurnKeeper:
             return ""
         return "units near it hear its pings, because its clock is not known well enough for turns: check its line"
 
-    def _look(self, line: TickLine | None) -> None:
+    def _judge_clock(self, line: TickLine | None) -> None:
         """Whether the clock is good; one that is good may become worse by half, so that turns don't come and go."""
         if isinstance(self._turn, Turn):
             allowed_s = self._turn.clock_error_s * (_WORSE if self._clock_is_good else 1)

@@ -165,7 +165,7 @@ class UnitServer:
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
             self._commands.advance(now_s)
-            if self._turns.is_due(self._intake.clock_line, now_s):
+            if self._turns.look(self._intake.clock_line, now_s):
                 self._link.start_again()
             self._state = self._hearing.up_to_date(self._state, self._link.counts)
             self._state = replace(self._state, out_of_turn=self._turns.trouble(now_s))
