@@ -191,7 +191,7 @@ class ModelUnit:
                 self._started, self._next_sweep_s = True, now_s
                 self._in_turn = order.period != 0
             case frames.Stop():
-                self._started = False
+                self._started = self._in_turn = False
             case frames.Single():
                 self.make_sweep(now_s)
             case frames.SetWaypoint():

@@ -141,6 +141,8 @@ def test_the_kind_of_sensor_shows_in_its_lag(tmp_path: Path, lag_ms: float, word
     with desk_with(tmp_path, sensor=f"echo_lag_ms = {lag_ms}\nno_echo_ms = 60.0") as (_unit, desk):
         told = verdicts(desk.reply("self_test"), Measurement.VERDICT_GOOD)
         assert words[:3] in told["echo_lag_s"] and "60 ms" in told["no_echo_s"]
+        # gateway/README.md, Turns to speak: of 12 or 42 ms, not in one room with ordinary ones.
+        assert ("must not share a room" in told["echo_lag_s"]) == (lag_ms > 2.5)
 
 
 @pytest.mark.parametrize("command", ["measure_gear", "measure_backlash"])
