@@ -163,6 +163,8 @@ class ModelUnit:
                 return self._status(frame.request, now_s)
             case frames.AskSettings():
                 return self._settings(frame.request)
+            case frames.AskMechanics():
+                return frames.Mechanics(frame.request, frames.NO_SLIP, *14 * (0,))
         if isinstance(frame, frames.For):
             if (frame.serial, frame.life) != (self.serial, self.life):
                 return frames.Result(frame.order.request, frame.order.TYPE, Outcome.NOT_FOR_THIS_UNIT)

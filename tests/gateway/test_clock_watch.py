@@ -7,6 +7,7 @@ from threading import Thread
 import pytest
 from sdk.host_clocks import DAY_S, Host
 
+from noctule.elapsed import Instant
 from noctule_gateway.clock.clock_watch import SHOWN_S, ClockWatch
 
 
@@ -131,3 +132,17 @@ def test_threads_that_look_at_the_moment_of_a_set_agree_on_the_epoch(kept: Path)
     for thread in threads:
         thread.join()
     assert (len(seen), watch.sets) == (1, 1)
+
+
+def test_clocks_that_were_not_read_at_one_moment_are_read_again(kept: Path) -> None:
+    """A slot of turns/timetable.py has no share for an error of the offset."""
+    host, reads = Host(), []
+
+    def now() -> Instant:
+        reads.append(host())
+        if len(reads) == 1:
+            time.sleep(0.0005)  # another process breaks in
+        return reads[-1]
+
+    ClockWatch(kept, now).look()
+    assert len(reads) > 1

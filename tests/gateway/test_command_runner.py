@@ -1,12 +1,13 @@
 """Commands of the bus that come close upon one another, carried out by a unit that speaks the protocol."""
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 
 from gateway.model_unit import OWN_PLAN, ModelUnit
 
 from noctule.messages_pb2 import CommandReply, CommandRequest, SweepPlan, UnitStatus
-from noctule_gateway.link.events import OrderSettled, SettingsRead
+from noctule_gateway.link.events import MechanicsRead, OrderSettled, SettingsRead, StatusRead
 from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
 from noctule_gateway.unit.command_runner import CommandRunner
@@ -23,11 +24,13 @@ MEDIAN = CommandRequest(request_id="b", plan=SweepPlan(pings=3))
 class Desk:
     """Who gives commands to a unit on a sound line."""
 
-    def __init__(self, unit: ModelUnit, wanted: Wanted = AT_REST) -> None:
+    def __init__(
+        self, unit: ModelUnit, wanted: Wanted = AT_REST, status: Callable[[], UnitStatus] = UnitStatus
+    ) -> None:
         self.unit = unit
         self.link = Link(unit.serial, wanted, first_request=0)
         self.commands = CommandRunner(
-            self.link, UnitStatus, lambda _image, _again: None, Admission(), lambda done: done()
+            self.link, status, lambda _image, _again: None, Admission(), lambda done: done(None)
         )
         self.now_s = 100.0
         self.link.connected(self.now_s)
@@ -52,6 +55,10 @@ class Desk:
                     self.commands.settings_read()
                 case OrderSettled():
                     self.commands.settled(event)
+                case StatusRead(status):
+                    self.commands.status_read(status)
+                case MechanicsRead(mechanics):
+                    self.commands.mechanics_read(mechanics)
 
 
 def test_the_second_of_two_plans_given_in_part_leaves_what_the_first_has_changed() -> None:

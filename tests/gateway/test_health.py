@@ -341,6 +341,22 @@ def test_a_room_that_was_changed_is_accepted_by_a_command_and_stays_so_over_a_re
     ]
 
 
+def test_a_room_that_the_disk_does_not_keep_as_accepted_is_told_as_an_error(
+    tmp_path: Path, router: zenoh.Session
+) -> None:
+    (tmp_path / "u1.health").write_text(memory(findings=[FOUND]))
+    (tmp_path / "u1.health-new").mkdir()  # in its way
+    with tcp_unit(ModelUnit(7, born_s=time.monotonic())) as line:
+        path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: connected(client), "the unit was not connected")
+            refused = client.command("u1", "accept_room", CommandRequest(), timeout_s=10)
+            (tmp_path / "u1.health-new").rmdir()
+            kept = client.command("u1", "accept_room", CommandRequest(), timeout_s=10)
+    assert not refused.done and "accepted, but the disk does not take that" in refused.error
+    assert kept.done and memory_file.read(tmp_path / "u1.health").findings == ()
+
+
 def test_an_accepted_room_is_learnt_and_what_changes_in_it_then_is_named(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:

@@ -13,6 +13,7 @@ from noctule_gateway.link.events import (
     ClockRead,
     Identified,
     InLoader,
+    MechanicsRead,
     Refused,
     SettingsRead,
     Silent,
@@ -401,3 +402,10 @@ def test_a_clock_exchange_brackets_the_units_stamps_with_the_bytes_own_time_take
     # A byte is 10 bits at 115200 bit/s.
     assert event.exchange.sent_s == pytest.approx(1.0 + 8 * 10 / 115200)
     assert event.exchange.answered_s == pytest.approx(1.01 - 20 * 10 / 115200)
+
+
+@pytest.mark.parametrize(("firmware_0_5", "asked"), [(True, 1), (False, 0)])
+def test_what_a_unit_has_found_out_before_is_read_once_whatever_number_it_has(firmware_0_5: bool, asked: int) -> None:
+    rig = Rig(ModelUnit(knows_turns=firmware_0_5))
+    rig.run(5.0)
+    assert len(of_type(rig.events, MechanicsRead)) == asked

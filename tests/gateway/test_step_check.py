@@ -1,9 +1,11 @@
 """A unit's own check of its bearings in what the gateway makes of its sweeps: firmware/README.md."""
 
+from dataclasses import replace
 from math import degrees
 from typing import Any
 
 import pytest
+from gateway.test_unit_status import STATUS
 
 from noctule.faults import sentence
 from noctule.messages_pb2 import FAULT_KIND_BLOCKED, FAULT_KIND_SLIPPED, FAULT_KIND_TURNED, Sweep, UnitFault
@@ -15,7 +17,8 @@ from noctule_gateway.wire import frames
 from noctule_gateway.wire.frames import NO_SLIP, NO_TEMPERATURE, NO_WAYPOINT, Mechanics
 
 TWO_DEGREES = 364  # 1/65536 turn
-SLIPPED = 0x02
+SLIPPED, SLIPPED_STATUS = 0x02, 0x04
+THREE_HALF_STEPS, FOUR_HALF_STEPS = 48, 64  # of 4075.77 a turn, in 1/65536 turn
 UNIT = Unit("u1", 7, "socket://h:1", UnknownPose(), Sensor(), None, False, 0.0)
 
 
@@ -62,6 +65,31 @@ def test_the_fault_says_by_how_much_since_when_and_what_to_do_until_a_check_find
     assert check.added_to([], "e1") == [fault]  # the log gets a line for each change of words
     marked(check, 0)
     assert check.added_to([], "e1") == []
+
+
+@pytest.mark.parametrize("boot", [0x10001, 0x10002])  # the sweeps' own, and the next
+def test_a_status_that_says_all_is_right_ends_the_fault_without_another_sweep(boot: int) -> None:
+    check = StepCheck("attic", "u1")
+    marked(check, SLIPPED)
+    check.said(boot, replace(STATUS, flags=SLIPPED_STATUS, tick=9))
+    assert check.added_to([], "e1") != []
+    check.said(boot, replace(STATUS, flags=0, tick=9))
+    assert check.added_to([], "e1") == []
+    late = marked(check, SLIPPED)  # made before, at tick 0 of boot 1
+    assert list(late.faults) == [FAULT_KIND_SLIPPED] and check.added_to([], "e1") == []
+    check.mark(newer := Sweep(), replace(told(SLIPPED), boot=boot & 0xFFFF, start=10))
+    assert list(newer.faults) == [FAULT_KIND_SLIPPED] and check.added_to([], "e1") != []
+
+
+def test_an_amount_is_named_once_it_is_known_and_only_if_it_is_a_slip() -> None:
+    check = StepCheck("attic", "u1")
+    check.checked(mechanics(THREE_HALF_STEPS))  # an outage: the check since has found the bearings right
+    marked(check, SLIPPED)
+    assert "bearings were off; it has" in check.added_to([], "e1")[0].words
+    check.checked(mechanics(-FOUR_HALF_STEPS))
+    assert "bearings were off by -0.4 degrees; it has" in check.added_to([], "e1")[0].words
+    check.checked(mechanics(TWO_DEGREES))
+    assert "bearings were off by -0.4 degrees; it has" in check.added_to([], "e1")[0].words
 
 
 @pytest.mark.parametrize(("slip", "slip_deg"), [(TWO_DEGREES, 2.0), (-TWO_DEGREES, -2.0), (NO_SLIP, None)])

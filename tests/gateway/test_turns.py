@@ -17,13 +17,13 @@ from noctule_gateway.clock.boot_clocks import BootClocks, TickLine
 from noctule_gateway.clock.regression import GOOD_DRIFT_ERROR, Exchange
 from noctule_gateway.turns.hearing import HEARD_AFTER_M, Place, could_hear
 from noctule_gateway.turns.keeper import RENEWED_AFTER_S, TurnKeeper, drifted_s, in_ticks
-from noctule_gateway.turns.site_turns import reading_of, site_turns
+from noctule_gateway.turns.site_turns import not_reckoned_with, pace_of, site_turns
 from noctule_gateway.turns.timetable import (
     DRIFTS_S,
     MOST_SLOTS,
     SHORTEST_SLOT_S,
     Crowd,
-    Reading,
+    Pace,
     Turn,
     period,
     timetable,
@@ -65,7 +65,7 @@ def test_what_may_stand_nearer_than_it_was_measured_may_be_heard():
 
 # ---- The timetable ----
 
-READING = Reading(turn_s=0.2)
+READING = Pace(turn_s=0.2)
 
 
 def all_heard(names: list[str]) -> dict[str, list[str]]:
@@ -78,7 +78,7 @@ def test_of_any_two_that_could_hear_each_other_one_is_silent_while_the_other_lis
         names = [f"u{number}" for number in range(12)]
         pairs = [pair for pair in combinations(names, 2) if random.random() < 0.25]
         heard = {name: [other for pair in pairs if name in pair for other in pair if other != name] for name in names}
-        turns = timetable({name: Reading(random.uniform(0.1, 0.6)) for name in names}, heard)
+        turns = timetable({name: Pace(random.uniform(0.1, 0.6)) for name in names}, heard)
         assert set(turns) == {name for pair in pairs for name in pair}
         for one, other in pairs:
             first, second = turns[one], turns[other]
@@ -111,7 +111,7 @@ def test_more_units_than_there_are_slots_have_no_turns_and_know_how_many_they_ar
 )
 @pytest.mark.parametrize("plan", [FIXED_PLAN, OWN_PLAN], ids=["fine", "coarse"])
 def test_no_reading_takes_much_longer_by_turns_than_alone(slots, pings, most, plan):
-    reading = reading_of(replace(plan, pings=pings))
+    reading = pace_of(replace(plan, pings=pings))
     period_s = period([reading], slots)
     assert period_s >= slots * SHORTEST_SLOT_S
     assert reading.by_turns_s(period_s) <= most * reading.alone_s
@@ -152,6 +152,23 @@ def test_a_unit_whose_place_is_to_be_found_could_hear_all_and_one_that_is_carrie
 
 def test_a_site_whose_units_have_times_of_their_own_has_no_common_grid(tmp_path):
     assert turns_of(tmp_path, at(0.0), at(3.0), head='clock = "unit"') == {}
+
+
+def test_a_plan_that_looks_further_than_the_site_files_names_who_could_hear_it_out_of_turn(tmp_path):
+    looks = "sweep = {{ first_bearing_deg = {first_deg}, bearing_step_deg = 10, count = 2 }}"
+    narrow = f"{at(0.0)}\n{looks.format(first_deg=-90)}"  # along x
+    back = f"{at(-3.0)}\n{looks.format(first_deg=90)}"
+    (tmp_path / "site.toml").write_text(
+        'site = "s"\n' + "".join(UNIT.format(number=n) + text + "\n" for n, text in enumerate((narrow, back), 1))
+    )
+    site = load(tmp_path / "site.toml")
+    plans = {unit.name: expected_plan(unit) for unit in site.units}
+    turns = site_turns(site, plans)
+    assert turns == {}  # back to back
+    assert not_reckoned_with(site, plans, turns, "u1", plans["u1"]) == []
+    assert not_reckoned_with(site, plans, turns, "u1", FIXED_PLAN) == ["u2"]
+    both = site_turns(site, {**plans, "u1": FIXED_PLAN})
+    assert not_reckoned_with(site, plans, both, "u1", FIXED_PLAN) == []  # they have turns all the same
 
 
 # ---- A unit kept at its turns ----
@@ -199,11 +216,11 @@ def test_it_is_told_anew_when_it_has_drifted_and_not_before():
     kept.said(replace(STATUS, flags=STARTED | IN_TURN))
     now_s, tick = 110.0, 2**33 + round(4e6 * 1.01 * 10)
     true = line(tick=tick, utc_s=UTC_S + 10)
-    assert not kept.is_due(true, now_s)
-    assert not kept.is_due(replace(true, utc_s=true.utc_s + 0.9 * DRIFTS_S), now_s)
-    assert kept.is_due(replace(true, utc_s=true.utc_s + 1.1 * DRIFTS_S), now_s)
-    assert kept.is_due(replace(true, utc_s=true.utc_s - 1.1 * DRIFTS_S), now_s)
-    assert not kept.is_due(replace(true, utc_s=true.utc_s + 0.05), 100.0 + RENEWED_AFTER_S - 0.1)
+    assert not kept.look(true, now_s)
+    assert not kept.look(replace(true, utc_s=true.utc_s + 0.9 * DRIFTS_S), now_s)
+    assert kept.look(replace(true, utc_s=true.utc_s + 1.1 * DRIFTS_S), now_s)
+    assert kept.look(replace(true, utc_s=true.utc_s - 1.1 * DRIFTS_S), now_s)
+    assert not kept.look(replace(true, utc_s=true.utc_s + 0.05), 100.0 + RENEWED_AFTER_S - 0.1)
 
 
 def test_a_clock_that_is_not_good_costs_the_turns_and_is_named_after_a_while():
@@ -212,20 +229,20 @@ def test_a_clock_that_is_not_good_costs_the_turns_and_is_named_after_a_while():
     assert kept.start(START, bad, 100.0) == START
     assert kept.trouble(101.0) == ""
     assert "its clock" in kept.trouble(131.0)
-    assert not kept.is_due(bad, 131.0)
-    assert kept.is_due(line(), 131.0)
+    assert not kept.look(bad, 131.0)
+    assert kept.look(line(), 131.0)
     assert kept.start(START, line(), 131.0).period
     assert kept.trouble(132.0) == ""
     kept.said(replace(STATUS, flags=STARTED | IN_TURN))
-    assert not kept.is_due(replace(bad, error_s=1.4 * TURN.clock_error_s), 140.0)  # so it does not come and go
-    assert kept.is_due(replace(bad, error_s=1.6 * TURN.clock_error_s), 140.0)
+    assert not kept.look(replace(bad, error_s=1.4 * TURN.clock_error_s), 140.0)  # so it does not come and go
+    assert kept.look(replace(bad, error_s=1.6 * TURN.clock_error_s), 140.0)
     assert kept.start(START, replace(bad, error_s=1.6 * TURN.clock_error_s), 140.0) == START
 
 
 def test_older_firmware_is_started_as_it_knows_it_and_named():
     kept = keeper(OLD)
     assert kept.start(START, line(), 100.0) == START
-    assert not kept.is_due(line(), 200.0)
+    assert not kept.look(line(), 200.0)
     assert "its firmware knows no turns" in kept.trouble(100.0)
 
 
@@ -233,24 +250,34 @@ def test_a_unit_that_does_not_sweep_has_nothing_to_say():
     for hello, turn in ((OLD, TURN), (NEW, TURN), (NEW, Crowd(9))):
         kept = keeper(hello, turn)
         kept.said(replace(STATUS, flags=0))
-        assert not kept.is_due(line(), 200.0) and kept.trouble(200.0) == ""
+        assert not kept.look(line(), 200.0) and kept.trouble(200.0) == ""
 
 
 def test_a_crowd_is_named_and_a_unit_alone_has_nothing_to_say():
     crowd = keeper(turn=Crowd(9))
-    assert crowd.start(START, line(), 100.0) == START and not crowd.is_due(line(), 200.0)
+    assert crowd.start(START, line(), 100.0) == START and not crowd.look(line(), 200.0)
     assert crowd.trouble(100.0).startswith("9 units could hear each other")
     alone = keeper(turn=None)
     assert alone.start(START, line(), 100.0) == START and alone.trouble(200.0) == ""
+
+
+def test_a_plan_that_the_turns_do_not_reckon_with_is_named_also_where_the_unit_had_none():
+    for turn in (TURN, None):
+        kept = keeper(turn=turn)
+        kept.start(START, line(), 100.0)
+        kept.goes_by(["u2", "u3"])
+        assert "so u2, u3 may hear its pings" in kept.trouble(100.0)
+        kept.goes_by([])
+        assert kept.trouble(100.0) == ""
 
 
 def test_a_unit_that_has_lost_its_turns_gets_them_again_and_one_that_is_stopped_does_not():
     kept = keeper()
     kept.start(START, line(), 100.0)
     kept.said(replace(STATUS, flags=STARTED))  # a START that has not arrived
-    assert kept.is_due(line(), 103.0)
+    assert kept.look(line(), 103.0)
     kept.said(replace(STATUS, flags=0))
-    assert not kept.is_due(line(), 103.0)
+    assert not kept.look(line(), 103.0)
 
 
 def test_a_boots_ticks_are_told_as_utc_with_the_error_of_the_next_seconds():

@@ -10,6 +10,7 @@ from gateway.tcp_unit import TcpUnit, tcp_unit
 from system.processes import wait_until
 
 from noctule.client import Client
+from noctule.messages_pb2 import CommandRequest, SweepPlan
 from noctule_gateway.wire.frames import Start
 
 POSE = "pose = {{ x_m = {x_m}, y_m = 0.0, heading_deg = 90 }}\nsweep = {{ start = true }}"
@@ -64,3 +65,24 @@ def test_units_of_older_firmware_are_served_and_named(tmp_path: Path, router: ze
             wait_until(lambda: unit_status(client, "u1").detail.endswith(named), "the old one is not named")
             with old.lock:
                 assert all(order == Start(0, 0) for order in old.unit.carried_out if isinstance(order, Start))
+
+
+def test_a_plan_given_on_the_bus_that_looks_at_another_unit_is_named(tmp_path: Path, router: zenoh.Session) -> None:
+    born_s = time.monotonic()
+    one, two = (ModelUnit(serial, born_s=born_s, knows_turns=True) for serial in (7, 8))
+    away = "pose = {{ x_m = {x_m}, y_m = 0.0, heading_deg = 90 }}\nsweep = {{ first_bearing_deg = {first_deg}, "
+    away += "bearing_step_deg = 10, count = 2, start = true }}"
+    with tcp_unit(one) as first, tcp_unit(two) as second:
+        path = site_file(
+            tmp_path,
+            ("u1", 7, first.address, away.format(x_m=-1.5, first_deg=90)),
+            ("u2", 8, second.address, away.format(x_m=1.5, first_deg=-90)),
+        )
+        with running(path, tmp_path, router), Client(SITE, session=router) as client:
+            wait_until(lambda: unit_status(client, "u1").log_head, "it is not served")
+            assert unit_status(client, "u1").detail == ""
+            client.command("u1", "stop", CommandRequest(), timeout_s=10)
+            wide = SweepPlan(first_bearing_rad=-2.0, bearing_step_rad=0.4, count=11)
+            assert client.command("u1", "configure", CommandRequest(plan=wide), timeout_s=10).done
+            client.command("u1", "start", CommandRequest(), timeout_s=10)
+            wait_until(lambda: "so u2 may hear its pings" in unit_status(client, "u1").detail, "it is not named")

@@ -23,7 +23,9 @@ from noctule_gateway.wire import frames
 UNIT = Unit("u1", 1, "", UnknownPose(), Sensor(), None, False, 0.0)
 AT_REST = Wanted(plan=None, start=frames.Start(0, 0), running=False)
 HALF_STEP_DEG = 360 / 4075.7728
-WITHIN_S = 180.0  # gateway/README.md, "What a unit measures of itself"
+# When the gateway stops it, by the default plan and by one of 100 half steps/s: gateway/README.md, "What a unit
+# measures of itself".
+WITHIN_S, SLOW_WITHIN_S = 195.0, 285.0
 WALL = "[[wall]]\nfrom_m = [1.0, -9.0]\nto_m = [1.0, 9.0]\n"  # in front: no echo from behind
 
 
@@ -33,7 +35,9 @@ class Desk(Lockstep):
     def __init__(self, unit: SteppedUnit) -> None:
         link = Link(serial=1, wanted=AT_REST, first_request=0)
         self.known = UnitState()
-        self.runner = CommandRunner(link, self._status, lambda _image, _again: None, Admission(), lambda done: done())
+        self.runner = CommandRunner(
+            link, self._status, lambda _image, _again: None, Admission(), lambda done: done(None)
+        )
         super().__init__(unit, link, CLEAN, seed=1)
 
     def begin(self, name: str) -> Future[CommandReply]:
@@ -137,6 +141,8 @@ def test_the_kind_of_sensor_shows_in_its_lag(tmp_path: Path, lag_ms: float, word
     with desk_with(tmp_path, sensor=f"echo_lag_ms = {lag_ms}\nno_echo_ms = 60.0") as (_unit, desk):
         told = verdicts(desk.reply("self_test"), Measurement.VERDICT_GOOD)
         assert words[:3] in told["echo_lag_s"] and "60 ms" in told["no_echo_s"]
+        # gateway/README.md, Turns to speak: of 12 or 42 ms, not in one room with ordinary ones.
+        assert ("must not share a room" in told["echo_lag_s"]) == (lag_ms > 2.5)
 
 
 @pytest.mark.parametrize("command", ["measure_gear", "measure_backlash"])
@@ -171,6 +177,14 @@ def test_a_reset_in_its_midst_ends_it(tmp_path: Path) -> None:
         unit.inject("reset_pin")
         desk.wait_for(reply.done, 30.0)
         assert reply.result().error == "the unit was reset"
+
+
+def test_a_unit_with_a_slow_plan_has_the_time_that_it_takes(tmp_path: Path) -> None:
+    with desk_with(tmp_path) as (_unit, desk):
+        desk.carry_out(frames.Configure(0, -24576, 4096, 13, 60, 100, 100, 20, 1), 5.0)
+        reply = desk.begin("self_test")
+        desk.wait_for(reply.done, SLOW_WITHIN_S)
+        assert (reply.result().done, reply.result().detail) == (True, "nothing found wrong")
 
 
 def test_a_unit_with_a_stop_tests_what_needs_no_switch(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ class Server:
         self.take(self.link.advance(now_s), now_s)
         if now_s >= self._look_s:
             self._look_s = now_s + 1.0
-            if self.keeper.is_due(self.clocks.line(UTC_OFFSET_S), now_s):
+            if self.keeper.look(self.clocks.line(UTC_OFFSET_S), now_s):
                 self.link.start_again()
         return self.link.output(now_s)
 

@@ -1,5 +1,6 @@
 """One unit of the site file, with what the gateway keeps of it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from noctule.site import Site, Unit
@@ -7,11 +8,15 @@ from noctule_gateway.clock.clock_watch import ClockWatch
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.turns.timetable import Crowd, Turn
+from noctule_gateway.wire.frames import Configure
 
 
 @dataclass(frozen=True)
 class ServedUnit:
-    """A unit of ``site``: its ``log``, the poses that others have published for it, the host's ``clock``, its turn."""
+    """A unit of ``site``: its ``log``, the poses that others have published for it, the host's ``clock``, its turn.
+
+    ``not_reckoned_with`` names the units that could hear it out of turn if it goes by another plan than expected.
+    """
 
     site: Site
     unit: Unit
@@ -19,3 +24,4 @@ class ServedUnit:
     track: PoseTrack
     clock: ClockWatch
     turn: Turn | Crowd | None = None
+    not_reckoned_with: Callable[[Configure], Sequence[str]] = lambda _: ()

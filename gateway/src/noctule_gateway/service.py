@@ -5,7 +5,8 @@ Units are served with or without a bus: what is committed while no router answer
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -33,11 +34,12 @@ from noctule_gateway.log.log_file import Retention
 from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.pose import PoseTrack
 from noctule_gateway.served_unit import ServedUnit
-from noctule_gateway.turns.site_turns import site_turns
+from noctule_gateway.turns.site_turns import not_reckoned_with, site_turns
 from noctule_gateway.turns.timetable import Crowd, Turn
 from noctule_gateway.unit.plans import expected_plan
 from noctule_gateway.unit.unit_server import UnitServer
 from noctule_gateway.update.admission import Admission
+from noctule_gateway.wire.frames import Configure
 
 _HANGS_AFTER_S = 30.0  # without a status of a unit; opening a line takes 5 s at the most
 _LINES_WITHIN_S = 2.0  # for all lines to close
@@ -65,7 +67,8 @@ class _Served:
         now: Clock,
         clock: ClockWatch,
         admission: Admission,
-        turn: Turn | Crowd | None,
+        plans: Mapping[str, Configure],
+        turns: Mapping[str, Turn | Crowd],
     ) -> None:
         self.unit = unit
         self.on_bus: UnitOnBus | None = None
@@ -73,7 +76,8 @@ class _Served:
         self.reported_s = time.monotonic()  # its line's thread makes a status each second
         self._gateway = gateway
         self.log = SweepLog(data / f"{unit.name}.sqlite", retention, now)
-        self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock, turn)
+        unknown_to_turns = partial(not_reckoned_with, site, plans, turns, unit.name)
+        self.kept = ServedUnit(site, unit, self.log, PoseTrack(), clock, turns.get(unit.name), unknown_to_turns)
         self.server = UnitServer(self.kept, self._publish, self._report, admission)
 
     def _publish(self, record: bytes) -> None:
@@ -109,9 +113,10 @@ class Gateway:
         self._folder = FolderLock(data, Owner("gateway", site.name, self._name))
         self._clock_watch, self._synchronisation = ClockWatch(data / _EPOCH_FILE, now), Synchronisation(kernel_clock)
         retention, admission = retention or Retention(), admission or Admission()
-        turns = site_turns(site, {unit.name: expected_plan(unit) for unit in site.units})
+        plans = {unit.name: expected_plan(unit) for unit in site.units}
+        turns = site_turns(site, plans)
         self._served = [
-            _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission, turns.get(unit.name))
+            _Served(site, unit, data, retention, self._name, now, self._clock_watch, admission, plans, turns)
             for unit in site.units
         ]
         whose = {"site": site.name, "gateway": self._name, "version": VERSION}

@@ -18,11 +18,9 @@ from noctule_gateway.clock.regression import (
 
 UNKNOWN_BOOT_ERROR_S = 3600.0  # nothing tells how long a sweep has waited; a ring of them is rarely older than this
 _KEPT_BOOTS = 8
+_AHEAD_S = 3.0  # until the next look at a unit's clock has had its effect
 
 Anchor = tuple[int, HostTime]
-
-
-_AHEAD_S = 3.0  # until the next look at a unit's clock has had its effect
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from noctule.elapsed import Instant
 
 SHOWN_S = 600.0
 _SET_S = 0.1
-_AT_ONCE_S = 1e-3  # the clocks are read one after the other; what comes between is an error of the offset
+_AT_ONCE_S = 1e-4  # the clocks are read one after the other; half of what comes between is an error of the offset
 _TRIES = 10
 
 _log = logging.getLogger(__name__)

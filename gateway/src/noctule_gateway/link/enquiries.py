@@ -2,7 +2,8 @@
 
 HELLO now and again, because a reset may show in nothing else, and when nothing at all has come for a while, because
 another unit may be there. After a HELLO that finds another boot, CLOCK exchanges in a row, until the unit's time can be
-told; SETTINGS once; STATUS and CLOCK in turn from then on, and MECHANICS when STATUS says that it has changed.
+told; SETTINGS once, and MECHANICS; STATUS and CLOCK in turn from then on, and MECHANICS when STATUS says that it has
+changed.
 """
 
 from math import inf
@@ -24,7 +25,8 @@ class Enquiries:
         self._clocks_to_begin_with = QUICK_CLOCKS
         self._hello_asked_s = -inf
         self._hello_due_s = self._clock_due_s = self._status_due_s = self._settings_due_s = 0.0
-        self._mechanics_due_s, self._mechanics_number = inf, 0
+        self._mechanics_due_s = inf
+        self._mechanics_number: int | None = None  # in 4 bits: one that was never heard tells nothing
 
     @property
     def hello_due_s(self) -> float:
@@ -76,11 +78,11 @@ class Enquiries:
         """HELLO has been answered."""
         self._hello_due_s = now_s + HELLO_EVERY_S
 
-    def begin(self, now_s: float, rebooted: bool) -> None:
+    def begin(self, now_s: float, rebooted: bool, knows_mechanics: bool) -> None:
         """The unit has been identified, under another boot than last time if ``rebooted``."""
         self._clock_due_s = self._status_due_s = self._settings_due_s = now_s
         if rebooted:
-            self._mechanics_due_s, self._mechanics_number = inf, 0
+            self._mechanics_due_s, self._mechanics_number = inf, None if knows_mechanics else 0
         # One at least: only its ticks show a unit that lost its power and forgot how often it has booted.
         self._clocks_to_begin_with = QUICK_CLOCKS if rebooted else max(self._clocks_to_begin_with, 1)
 

@@ -173,6 +173,10 @@ class Link:
         self._tell_settings()
         return ticket
 
+    def withdraw(self, ticket: int) -> None:
+        """Don't give the order of this ticket any more, if it still waits: no OrderSettled comes of it then."""
+        self._orders.withdraw(ticket)
+
     def start_again(self) -> None:
         """Tell the unit once more how it is started, if it is: its turns have changed."""
         if self._state is LinkState.SERVING:
@@ -299,7 +303,7 @@ class Link:
         done = self._orders.unit_was_reset() if rebooted else []
         lost = self._forget("the unit was reset")
         self._go(Cause.HELLO)
-        self._enquiries.begin(now_s, rebooted)
+        self._enquiries.begin(now_s, rebooted, hello.knows_mechanics)
         if rebooted:
             self._boot.begin(hello.boot_of_life)
             self._standing_orders.drop()

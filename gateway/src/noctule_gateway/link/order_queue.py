@@ -65,6 +65,10 @@ class OrderQueue:
             self._waiting.append(given)
         return self._tickets
 
+    def withdraw(self, ticket: int) -> None:
+        """Forget an order that still waits; nothing is told of it. One that is on its way goes on."""
+        self._waiting = deque(each for each in self._waiting if each.ticket != ticket)
+
     def give(self) -> Order:
         """The order that is due now is on its way."""
         self._given = self._waiting.popleft() if self._waiting else _Given(self._standing.order, None)

@@ -12,7 +12,7 @@ from noctule.messages_pb2 import Measurement
 from noctule_gateway.measure.edges import Edges, failure
 from noctule_gateway.measure.figures import bad, good, unknown
 from noctule_gateway.wire.frames import Calibrate, Mechanics
-from noctule_gateway.wire.units import PER_HALF_STEP
+from noctule_gateway.wire.units import HALF_STEPS_PER_TURN, PER_HALF_STEP
 
 NAME = "half_steps_per_turn"
 
@@ -28,7 +28,7 @@ class Gear(NamedTuple):
 
 
 GEARS = (
-    Gear("1/63.684, the usual one", 25792 / 405 * 64),
+    Gear("1/63.684, the usual one", HALF_STEPS_PER_TURN),
     Gear("1/64", 64 * 64),
     Gear("1/16.032", 16.032 * 64),
 )

@@ -8,6 +8,7 @@ from noctule_gateway.errors import CommandError
 from noctule_gateway.measure import gear, play, self_test
 from noctule_gateway.measure.edges import NEEDS_SWITCH, failure
 from noctule_gateway.wire.frames import (
+    GoTo,
     HomeKind,
     Measure,
     Measured,
@@ -23,7 +24,14 @@ from noctule_gateway.wire.settings_message import calibration_of
 GEAR, BACKLASH, SELF_TEST = "measure_gear", "measure_backlash", "self_test"
 COMMANDS = (GEAR, BACKLASH, SELF_TEST)
 
-LIMIT_S = 180.0  # the longest, two turns of 4900 half steps up and down, takes 100 s
+# How far the motor turns at most, in half steps: firmware/README.md, MEASURE.
+_HOMING_SPEED = 250  # half steps/s
+_HOMING = 4900  # a turn of any gear that a unit takes, and some more
+_TO_AND_FRO = {MeasureKind.PLAY: 2 * 4400 // 8, MeasureKind.TURN: 2 * 4900}
+_ROUND = 2 * 4400 * 292 // 360
+_GO_TO = 500  # 30 degrees from one to the next, and the play
+_STEP_S = 3.0  # until the gateway knows that a step is over: it asks once a second, and over a bad line again
+_SPARE_S = 60.0
 
 _FIRST_FIRMWARE = (0, 5)
 _PASSES = {GEAR: 2, BACKLASH: 3}
@@ -44,28 +52,25 @@ class Procedure:
         self.over = False
         self._give = give
         self._steps = deque(_steps(name, settings))
+        self.limit_s = longest_s(self._steps, settings)
         self._now: Order | None = None
-        self._ticket: int | None = None  # of the order that is not settled yet
+        self.ticket: int | None = None  # of the order that is not settled yet
         self._next()
 
-    def is_mine(self, ticket: int) -> bool:
-        """The order of this ticket is the present step's: call settled() with what became of it."""
-        return ticket == self._ticket
-
     def settled(self) -> None:
-        """The unit has begun what was ordered."""
-        self._ticket = None
+        """The unit has begun what was ordered under ``ticket``."""
+        self.ticket = None
 
     def status_read(self, status: Status) -> None:
         """The unit has told what it is doing."""
-        if self._ticket is None and not isinstance(self._now, Measure) and status.state not in _MOVES:
+        if self.ticket is None and not isinstance(self._now, Measure) and status.state not in _MOVES:
             if status.state == State.FAULT:
                 self._skip_to_last()
             self._next()
 
     def mechanics_read(self, mechanics: Mechanics) -> None:
         """The unit has told what it has measured."""
-        if self._ticket is not None or not isinstance(self._now, Measure):
+        if self.ticket is not None or not isinstance(self._now, Measure):
             return
         if mechanics.outcome in (Measured.NOTHING, Measured.UNDER_WAY) or mechanics.kind != self._now.kind:
             return
@@ -99,7 +104,12 @@ class Procedure:
             self.over = True
             return
         self._now = self._steps.popleft()
-        self._ticket = self._give(self._now)
+        self.ticket = self._give(self._now)
+
+
+def longest_s(steps: Iterable[Order], settings: Settings) -> float:
+    """How long a sound unit may take for ``steps`` at most: some go at the speed of its plan."""
+    return _SPARE_S + _HOMING / _HOMING_SPEED + sum(_STEP_S + _moves_s(step, settings) for step in steps)
 
 
 def summary(found: Iterable[Measurement]) -> str:
@@ -122,6 +132,20 @@ def _steps(name: str, settings: Settings) -> list[Order]:
     if name == SELF_TEST:
         return self_test.steps(settings)
     return [Measure(0, _KINDS[name])] * _PASSES[name]
+
+
+def _moves_s(step: Order, settings: Settings) -> float:
+    """How long the motor turns at most, in a unit that is at home."""
+    match step:
+        case Measure(kind=MeasureKind.PLAY | MeasureKind.TURN):
+            return _TO_AND_FRO[MeasureKind(step.kind)] / _HOMING_SPEED
+        case Measure(kind=MeasureKind.ROUND):
+            half_steps, speed = _ROUND, max(settings.top_speed, _HOMING_SPEED)
+        case GoTo():
+            half_steps, speed = _GO_TO, settings.top_speed
+        case _:
+            return 0.0
+    return half_steps / speed + 4 * settings.ramp_ms / 1000
 
 
 def _is_ping(order: Order) -> bool:

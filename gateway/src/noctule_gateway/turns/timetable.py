@@ -25,7 +25,7 @@ _EARLY = 1e-9
 
 
 @dataclass(frozen=True)
-class Reading:
+class Pace:
     """How long a unit takes for a reading: to turn and come to rest, for a ping, and from ping to ping of several."""
 
     turn_s: float
@@ -64,7 +64,7 @@ class Crowd:
     units: int
 
 
-def timetable(readings: Mapping[str, Reading], heard: Mapping[str, Sequence[str]]) -> dict[str, Turn | Crowd]:
+def timetable(paces: Mapping[str, Pace], heard: Mapping[str, Sequence[str]]) -> dict[str, Turn | Crowd]:
     """The turns of the units that could hear others.
 
     ``heard`` names for each unit those that could hear it and that it could hear, which is symmetric. Units that are
@@ -77,20 +77,20 @@ def timetable(readings: Mapping[str, Reading], heard: Mapping[str, Sequence[str]
         if slots > MOST_SLOTS:
             found |= {name: Crowd(len(group)) for name in group}
             continue
-        period_s = period([readings[name] for name in group], slots)
+        period_s = period([paces[name] for name in group], slots)
         slot_s = period_s / slots
         found |= {name: Turn(slot_of[name] * slot_s, period_s, slot_s) for name in group}
     return found
 
 
-def period(readings: Sequence[Reading], slots: int) -> float:
+def period(paces: Sequence[Pace], slots: int) -> float:
     """The period of so many slots or longer by which the unit that loses most loses least."""
     shortest_s = slots * SHORTEST_SLOT_S
     candidates = {shortest_s}
-    for reading in readings:
-        for whole_s in (reading.turn_s, reading.ping_interval_s):
+    for pace in paces:
+        for whole_s in (pace.turn_s, pace.ping_interval_s):
             candidates |= {whole_s / parts for parts in range(1, int(whole_s / shortest_s) + 1)}
-    return min(sorted(candidates), key=lambda each_s: max(one.by_turns_s(each_s) / one.alone_s for one in readings))
+    return min(sorted(candidates), key=lambda each_s: max(one.by_turns_s(each_s) / one.alone_s for one in paces))
 
 
 def _periods(duration_s: float, period_s: float) -> int:

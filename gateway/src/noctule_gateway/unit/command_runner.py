@@ -9,12 +9,12 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 
-from noctule.messages_pb2 import CommandReply, CommandRequest, Measurement, UnitStatus
+from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule_gateway.errors import CommandError, GatewayError, UnderWayError
 from noctule_gateway.link.events import OrderSettled
 from noctule_gateway.link.link import Link
 from noctule_gateway.measure import procedure
-from noctule_gateway.measure.procedure import Procedure
+from noctule_gateway.measure.measuring import Measuring
 from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Ending, describe
@@ -36,18 +36,11 @@ class _Command:
     reply: Future[CommandReply]
 
 
-@dataclass(frozen=True)
-class _Measuring:
-    """A measurement under way, and until when it must be over."""
-
-    command: _Command
-    procedure: Procedure
-    due_s: float
-
-
 class CommandRunner:
-    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises,
-    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given.
+    """Commands under way; ``status`` gives the unit's status for a reply, ``update`` begins an update or raises.
+
+    ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given, with an error if the disk
+    does not keep that.
 
     ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
     """
@@ -58,13 +51,12 @@ class CommandRunner:
         status: Callable[[], UnitStatus],
         update: Callable[[Image, bool], None],
         admission: Admission,
-        accept_room: Callable[[Callable[[], None]], None],
+        accept_room: Callable[[Callable[[CommandError | None], None]], None],
     ) -> None:
         self._link, self._status, self._update, self._admission = link, status, update, admission
         self._accept_room = accept_room
         self._updating: _Command | None = None
-        self._measuring: _Measuring | None = None
-        self._measured: dict[str, list[Measurement]] = {}  # the latest by command
+        self._measuring = Measuring(link, status)
         self._ordered: dict[int, _Command] = {}
         self._await_settings: deque[_Command] = deque()
 
@@ -75,10 +67,10 @@ class CommandRunner:
             if name in AT_ONCE:
                 self._end(command)
             elif name == ACCEPT_ROOM:
-                self._accept_room(lambda: self._end(command))
+                self._accept_room(lambda error: self._end(command, error))
             elif self._updating is not None:
                 raise UnderWayError()
-            elif self._measuring is not None and name not in (SETTINGS, STOP):
+            elif self._measuring.under_way and name not in (SETTINGS, STOP):
                 raise CommandError(_MEASURING)
             elif name == UPDATE:
                 self._begin_update(command)
@@ -86,7 +78,7 @@ class CommandRunner:
                 self._begin_with_settings(command)
             else:
                 if name == STOP:
-                    self._give_up_measuring(CommandError("it was stopped"))
+                    self._measuring.give_up(CommandError("it was stopped"))
                 self._ordered[self._link.order(orders.order(name, request))] = command
         except GatewayError as error:
             self._end(command, error)
@@ -99,37 +91,29 @@ class CommandRunner:
 
     def settled(self, event: OrderSettled) -> None:
         """Something became of an order."""
-        measuring = self._measuring
-        if measuring is not None and measuring.procedure.is_mine(event.ticket):
-            if event.error is not None:
-                self._give_up_measuring(event.error)
-            else:
-                measuring.procedure.settled()
-        elif event.ticket in self._ordered:
+        self._measuring.settled(event)
+        if event.ticket in self._ordered:
             self._end(self._ordered.pop(event.ticket), event.error)
 
     def status_read(self, status: Status) -> None:
         """The unit has told what it is doing."""
-        if self._measuring is not None:
-            self._go_on_measuring(lambda procedure: procedure.status_read(status))
+        self._measuring.status_read(status)
 
     def mechanics_read(self, mechanics: Mechanics) -> None:
         """The unit has told what it has found out about its mechanics."""
-        if self._measuring is not None:
-            self._go_on_measuring(lambda procedure: procedure.mechanics_read(mechanics))
+        self._measuring.mechanics_read(mechanics)
 
     def advance(self, now_s: float) -> None:
         """Time has passed; to be called once a second or so."""
-        if self._measuring is not None and now_s >= self._measuring.due_s:
-            self._give_up_measuring(CommandError(f"the unit did not end it within {procedure.LIMIT_S:.0f} s"))
+        self._measuring.advance(now_s)
 
     def unit_was_reset(self) -> None:
         """The unit has started anew: it does not measure any more."""
-        self._give_up_measuring(CommandError("the unit was reset"))
+        self._measuring.give_up(CommandError("the unit was reset"))
 
     def lost(self, why: str) -> None:
         """The unit can't be asked any more."""
-        self._give_up_measuring(CommandError(why))
+        self._measuring.give_up(CommandError(why))
         waiting, self._await_settings = self._await_settings, deque()
         for command in waiting:
             self._end(command, CommandError(why))
@@ -169,47 +153,13 @@ class CommandRunner:
         elif command.name == SETTINGS:
             self._end(command, known=present)
         elif command.name in procedure.COMMANDS:
-            self._begin_measuring(command, present)
+            request = command.request
+            self._measuring.begin(command.name, present, request.request_id, command.reply, time.monotonic())
         else:
             if (plan := self._link.plan_to_give) is not None:
                 present = settings_message.with_plan(present, plan)
             order = orders.order_over(command.name, command.request, present)
             self._ordered[self._link.order(order)] = command
-
-    def _begin_measuring(self, command: _Command, present: Settings) -> None:
-        begun = Procedure(command.name, present, self._status(), self._link.order)
-        self._measuring = _Measuring(command, begun, time.monotonic() + procedure.LIMIT_S)
-
-    def _go_on_measuring(self, read: Callable[[Procedure], None]) -> None:
-        assert self._measuring is not None
-        command, measuring = self._measuring.command, self._measuring.procedure
-        try:
-            read(measuring)
-        except GatewayError as error:
-            self._give_up_measuring(error)
-            return
-        if not measuring.over:
-            return
-        self._measuring = None
-        found = self._measured[command.name] = measuring.measurements(self._status())
-        for each in found:
-            each.time.FromNanoseconds(time.time_ns())
-        why = measuring.failure()
-        command.reply.set_result(
-            CommandReply(
-                request_id=command.request.request_id,
-                done=why is None,
-                error=why or "",
-                detail="" if why else procedure.summary(found),
-                status=self._status(),
-                measurements=found,
-            )
-        )
-
-    def _give_up_measuring(self, error: GatewayError) -> None:
-        measuring, self._measuring = self._measuring, None
-        if measuring is not None:
-            self._end(measuring.command, error)
 
     def _end(self, command: _Command, error: GatewayError | None = None, known: Settings | None = None) -> None:
         command.reply.set_result(
@@ -219,7 +169,7 @@ class CommandRunner:
                 error="" if error is None else str(error),
                 under_way=isinstance(error, UnderWayError),
                 status=self._status(),
-                measurements=[each for of in self._measured.values() for each in of] if command.name in AT_ONCE else [],
+                measurements=self._measuring.latest if command.name in AT_ONCE else [],
                 settings=None if known is None else settings_message.to_message(known),
             )
         )

@@ -58,11 +58,15 @@ class SweepHealth:
         self._revision, self._unsaved = self._judge.revision, False
         return memory_file.to_text(self._judge.memory)
 
-    def save(self, memory: str) -> None:
-        """Keep the memory; where that fails, a restart learns again. For the log's thread: it may wait for the disk."""
+    def save(self, memory: str) -> bool:
+        """Keep the memory; False where that fails: a restart goes by the one before, unless a later sweep's is kept.
+
+        For the log's thread: it may wait for the disk.
+        """
         try:
             memory_file.write(self._path, memory)
             self._saved_trouble = False
+            return True
         except OSError as error:
             if not self._saved_trouble:
                 _log.warning(
@@ -71,6 +75,7 @@ class SweepHealth:
                     error,
                 )
             self._saved_trouble = self._unsaved = True
+            return False
 
     def _remembered(self) -> Memory:
         try:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from noctule.messages_pb2 import UnitFault
 from noctule_gateway.clock.boot_clocks import Anchor, BootClocks, TickLine
 from noctule_gateway.clock.regression import Exchange, HostTime
-from noctule_gateway.errors import LogError
+from noctule_gateway.errors import CommandError, LogError
 from noctule_gateway.link.link import Link
 from noctule_gateway.log.log_file import Arrival, Committed
 from noctule_gateway.pose import pose_of_sweep
@@ -16,10 +16,15 @@ from noctule_gateway.status.service_quality import Lateness
 from noctule_gateway.unit.step_check import StepCheck
 from noctule_gateway.unit.sweep_health import SweepHealth
 from noctule_gateway.wire.codec import encode
-from noctule_gateway.wire.frames import AnySweep, Mechanics
+from noctule_gateway.wire.frames import AnySweep, Mechanics, Status
 from noctule_gateway.wire.sweep_message import to_message, waypoint_of
 
 Call = Callable[[Callable[[], None]], None]
+
+_NOT_KEPT = (
+    "the room is accepted, but the disk does not take that, so a restart of the gateway may forget it: "
+    "look at the data folder's disk, then accept the room again"
+)
 
 
 class SweepIntake:
@@ -41,9 +46,11 @@ class SweepIntake:
         self._health = SweepHealth(served.unit, served.site.name, served.log.path)
         self._check = StepCheck(served.site.name, served.unit.name)
         self._flagged_by_check = 0
+        self._boot = 0
 
     def begin_boot(self, boot: int) -> None:
         """The unit has said that it runs under ``boot``, a boot_of_life."""
+        self._boot = boot
         self._clocks.begin(boot, time.monotonic(), self._served.clock.look().utc_offset_s)
 
     def clock_read(self, exchange: Exchange) -> None:
@@ -90,17 +97,21 @@ class SweepIntake:
         """The unit has told what its latest check found."""
         self._check.checked(mechanics)
 
-    def accept_room(self, done: Callable[[], None]) -> None:
-        """Forget what the unit used to hear; ``done`` is called on the line's thread once that is on the disk. Raises
-        CommandError for a unit that is carried.
+    def status_read(self, status: Status) -> None:
+        """The unit has told whether that check found its bearings off."""
+        self._check.said(self._boot, status)
+
+    def accept_room(self, done: Callable[[CommandError | None], None]) -> None:
+        """Forget what the unit used to hear; ``done`` is called on the line's thread once that is on the disk.
+
+        It gets an error where the disk does not take it. Raises CommandError for a unit that is carried.
         """
         self._health.accept_room()
         memory = self._health.memory()
 
         def keep() -> None:
-            if memory is not None:
-                self._health.save(memory)
-            self._call(done)
+            kept = memory is None or self._health.save(memory)
+            self._call(lambda: done(None if kept else CommandError(_NOT_KEPT)))
 
         self._served.log.run(keep)
 

@@ -38,7 +38,7 @@ from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Ending, describe
 from noctule_gateway.update.updater import Updater
-from noctule_gateway.wire import orders
+from noctule_gateway.wire import orders, settings_message
 from noctule_gateway.wire.frames import MAX_REQUEST, Loader, Start
 
 REPORT_EVERY_S = 1.0
@@ -68,7 +68,7 @@ class UnitServer:
         unit = served.unit
         wanted = Wanted(wanted_plan(unit), orders.start(unit.pause_s), unit.start)
         self._line = Line(unit.address, self, unit.name)
-        self._turns = TurnKeeper(served.turn)
+        self._turns, self._not_reckoned_with = TurnKeeper(served.turn), served.not_reckoned_with
         self._link = Link(unit.serial, wanted, random.randrange(MAX_REQUEST), self._in_turn)
         self._intake = SweepIntake(served, self._link, publish, self._line.call)
         self._state = UnitState()
@@ -165,7 +165,7 @@ class UnitServer:
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + REPORT_EVERY_S
             self._commands.advance(now_s)
-            if self._turns.is_due(self._intake.clock_line, now_s):
+            if self._turns.look(self._intake.clock_line, now_s):
                 self._link.start_again()
             self._state = self._hearing.up_to_date(self._state, self._link.counts)
             self._state = replace(self._state, out_of_turn=self._turns.trouble(now_s))
@@ -209,6 +209,7 @@ class UnitServer:
                     changed = self._state.status is None or read.state != self._state.status.state
                     self._state = self._state.said(read)
                     self._turns.said(read)
+                    self._intake.status_read(read)
                     self._report_due_s = 0.0 if changed else self._report_due_s
                     self._commands.status_read(read)
                 case MechanicsRead(mechanics):
@@ -217,11 +218,19 @@ class UnitServer:
                     self._commands.mechanics_read(mechanics)
                     self._report_due_s = 0.0
                 case SettingsRead():
+                    self._look_at_plan()
                     self._commands.settings_read()
                 case SweepRead(sweep):
                     self._intake.take(sweep)
                 case OrderSettled():
                     self._commands.settled(event)
+
+    def _look_at_plan(self) -> None:
+        """Whether the turns reckon with the plan that the unit has, or is about to get."""
+        settings = self._link.settings
+        if settings is not None:
+            plan = self._link.plan_to_give or settings_message.plan_of(settings)
+            self._turns.goes_by(self._not_reckoned_with(plan))
 
     def _identified(self, event: Identified) -> None:
         hello, name = event.hello, self._unit.name
@@ -241,7 +250,7 @@ class UnitServer:
         self._commands.lost(why)
         self._report_due_s = 0.0
 
-    def _accept_room(self, done: Callable[[], None]) -> None:
+    def _accept_room(self, done: Callable[[CommandError | None], None]) -> None:
         self._intake.accept_room(done)
         _log.info("%s: its room is accepted as it is: the gateway learns again what the unit hears", self._unit.name)
 

@@ -331,6 +331,11 @@ class Hello:
         return f"{self.version_major}.{self.version_minor}.{self.version_patch}"
 
     @property
+    def knows_mechanics(self) -> bool:
+        """Its firmware answers MECHANICS."""
+        return (self.version_major, self.version_minor) >= (0, 5)
+
+    @property
     def knows_turns(self) -> bool:
         """Its firmware takes a START that says when it may ping."""
         return (self.version_major, self.version_minor) >= (0, 5)

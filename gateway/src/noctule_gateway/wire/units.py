@@ -10,6 +10,8 @@ PER_SECOND = 1000  # of a plan's times and of a pause
 PER_HALF_STEP = 256
 PER_KELVIN = 100
 
+HALF_STEPS_PER_TURN = 25792 / 405 * 64  # of the usual gear, which a unit goes by until it is calibrated
+
 BEARING_RAD = 2 * pi / 65536  # of one integer
 OFFSET_S = 16 * TICK_S
 

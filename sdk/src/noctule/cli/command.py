@@ -15,7 +15,9 @@ from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitNam
 
 MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0
-MEASURE_TIMEOUT_S = 200.0  # the gateway gives up after 180
+# Longer than it takes the gateway to give up (gateway/README.md, "What a unit measures of itself").
+MEASURE_TIMEOUT_S = 200.0
+SELF_TEST_TIMEOUT_S = 450.0  # at the slowest plan
 UPDATE_TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
 
 Timeout = Annotated[float, typer.Option(help="How long to wait for the reply.")]
@@ -69,12 +71,24 @@ for _name, _summary in (
     ("accept_room", "Take the room as it is now: the gateway learns again what a fixed unit hears."),
 ):
     _add_plain(_name, _summary)
-for _name, _summary in (
-    ("measure_gear", "Measure the half steps of a turn; the sensor must be free for a whole one. Takes 70 s."),
-    ("measure_backlash", "Measure the play of the gears, by the home switch met from both sides."),
-    ("self_test", "Test supply, home switch, motor, sensor and clock; the unit must be idle. Takes a minute."),
+for _name, _summary, _longest_s in (
+    (
+        "measure_gear",
+        "Measure the half steps of a turn; the sensor must be free for a whole one. Takes 70 s.",
+        MEASURE_TIMEOUT_S,
+    ),
+    (
+        "measure_backlash",
+        "Measure the play of the gears, by the home switch met from both sides. Takes 5 s.",
+        MEASURE_TIMEOUT_S,
+    ),
+    (
+        "self_test",
+        "Test supply, home switch, motor, sensor and clock; the unit must be idle. Takes 45 s, more with a slow plan.",
+        SELF_TEST_TIMEOUT_S,
+    ),
 ):
-    _add_plain(_name, _summary, MEASURE_TIMEOUT_S)
+    _add_plain(_name, _summary, _longest_s)
 
 
 @rpc.command()
