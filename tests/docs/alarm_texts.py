@@ -8,12 +8,13 @@ from system.processes import ROOT
 
 RAISED_IN = (
     "gateway/src/noctule_gateway/status/*.py",
+    "gateway/src/noctule_gateway/health/bearings_off.py",
     "gateway/src/noctule_gateway/health/blocked.py",
     "gateway/src/noctule_gateway/health/clock_slips.py",
     "gateway/src/noctule_gateway/health/dead_bearing.py",
     "gateway/src/noctule_gateway/health/shift.py",
     "gateway/src/noctule_gateway/health/one_value.py",
-    "gateway/src/noctule_gateway/health/place.py",
+    "gateway/src/noctule_gateway/health/pose_watch.py",
     "gateway/src/noctule_gateway/health/sensor_line.py",
     "gateway/src/noctule_gateway/health/silence.py",
     "gateway/src/noctule_gateway/link/peer.py",

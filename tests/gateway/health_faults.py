@@ -15,6 +15,7 @@ Make = Callable[[Stand, np.random.Generator], Sweeps]
 PERIOD_DEG = 8 * 360 / 4075.77  # a half step that is lost costs a magnetic period (firmware/simulator/README.md)
 HALF_STEPS_PER_BEARING = 51  # 4.5 degrees
 COUNTER_TURN_S = 2**16 * 0.25e-6
+LEAST_BESIDE_AN_ARC = 3  # bearings that answer
 
 
 def repeats(*values_m: float) -> Make:
@@ -119,12 +120,13 @@ def clock_slips(air_c: float) -> Make:
 
 
 def arc_silent(degrees: float) -> Make:
-    """The arc in which the most bearings answer."""
+    """The arc in which the most bearings answer, of those beside which enough do to tell it from a deaf sensor."""
     readings = round(degrees / 4.5) + 1
 
     def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
         heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
-        first = int(np.convolve(heard, np.ones(readings), "valid").argmax())
+        within = np.convolve(heard, np.ones(readings), "valid")
+        first = int(np.where(heard.sum() - within >= LEAST_BESIDE_AN_ARC, within, 0).argmax())
 
         def sweep(_number: int) -> np.ndarray:
             range_m = stand.hears(rng)

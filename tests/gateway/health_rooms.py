@@ -13,7 +13,7 @@ from mapper.room import PAPER_SIGMA_M, Room, survey_labelled
 
 from noctule.air import speed_of_sound_m_s
 from noctule.messages_pb2 import READING_STATUS_ECHO, READING_STATUS_NO_ECHO
-from noctule_gateway.health.look import Look
+from noctule_gateway.health.readings import Readings
 
 CLEAR = replace(FIXED, sigma_m=0.0, late_share=0.0, false_share=0.0, lost_share=0.0)
 DRAWS = 5  # of a pose: rare corners answer now and then
@@ -67,15 +67,15 @@ def noisy(clear_m: np.ndarray, rng: np.random.Generator, noise: Noise) -> np.nda
     return np.where(rng.random(len(clear_m)) < noise.lost, math.nan, told_m)
 
 
-def look(
+def sweep_of(
     range_m: np.ndarray,
     number: int,
     bearings_rad: np.ndarray = BEARINGS_RAD,
     fixed: bool = True,
     air_c: float | None = 20.0,
-) -> Look:
+) -> Readings:
     """The sweep ``number``; those of even numbers turn forward. ``air_c`` None: nobody has measured it."""
-    return Look(
+    return Readings(
         bearing_rad=tuple(map(float, bearings_rad)),
         range_m=tuple(map(float, range_m)),
         status=tuple(READING_STATUS_NO_ECHO if math.isnan(one_m) else READING_STATUS_ECHO for one_m in range_m),

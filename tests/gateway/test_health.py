@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from gateway.health_rooms import COARSE_RAD, Stand, look, stand_of
+from gateway.health_rooms import COARSE_RAD, Stand, stand_of, sweep_of
 from gateway.model_unit import ModelUnit
 from gateway.serving import FIXED, SITE, connected, running, site_file
 from gateway.tcp_unit import tcp_unit
@@ -27,10 +27,10 @@ from noctule_gateway.health import judge as judging
 from noctule_gateway.health import memory_file
 from noctule_gateway.health.dead_bearing import NAMED_AFTER
 from noctule_gateway.health.judge import Judge, Memory
-from noctule_gateway.health.look import Look
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.unit.sweep_health import SweepHealth
 
-PLACE = (1.0, 2.0, 0.5)
+POSE = (1.0, 2.0, 0.5)
 LEARNT_AFTER = 16
 SILENCE = np.full(61, math.nan)
 
@@ -50,7 +50,7 @@ def judge(stand: Stand, rng: np.random.Generator) -> Judge:
     """It has learnt what the unit hears."""
     judge = Judge()
     for number in range(LEARNT_AFTER):
-        assert not judge.judge(look(stand.hears(rng), number), PLACE).findings
+        assert not judge.judge(sweep_of(stand.hears(rng), number), POSE).findings
     return judge
 
 
@@ -62,7 +62,7 @@ def named_as_turned(judge: Judge, stand: Stand, rng: np.random.Generator) -> Sta
     """The unit's stand once it was turned by 9 degrees and the judge has said so."""
     turned = stand.turned(9.0)
     for number in range(4):
-        judge.judge(look(turned.hears(rng), number), PLACE)
+        judge.judge(sweep_of(turned.hears(rng), number), POSE)
     assert kinds(judge) == [messages.FAULT_KIND_TURNED]
     return turned
 
@@ -71,26 +71,26 @@ def test_a_fault_is_over_after_three_well_sweeps_and_those_meanwhile_are_still_f
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
     for number in range(3):
-        judge.judge(look(SILENCE, number), PLACE)
+        judge.judge(sweep_of(SILENCE, number), POSE)
     assert kinds(judge) == [messages.FAULT_KIND_SILENT]
-    flagged = [bool(judge.judge(look(stand.hears(rng), number), PLACE).spoiled_by) for number in range(4)]
+    flagged = [bool(judge.judge(sweep_of(stand.hears(rng), number), POSE).spoiled_by) for number in range(4)]
     assert flagged == [True, True, False, False]
 
 
 def test_the_sweep_that_names_a_fault_says_which_before_it_are_suspect(judge: Judge) -> None:
-    verdicts = [judge.judge(look(SILENCE, number), PLACE) for number in range(3)]
+    verdicts = [judge.judge(sweep_of(SILENCE, number), POSE) for number in range(3)]
     # And the one in whose midst it may have begun.
     assert [one.suspect_before for one in verdicts] == [0, 2, 0]
-    assert verdicts[1].findings[0].since_ns == look(SILENCE, 0).start_ns
+    assert verdicts[1].findings[0].since_ns == sweep_of(SILENCE, 0).start_ns
 
 
 def test_a_restart_forgets_neither_the_fault_nor_the_past(judge: Judge, stand: Stand, rng: np.random.Generator) -> None:
     turned = stand.turned(9.0)
     for number in range(4):
-        judge.judge(look(turned.hears(rng), number), PLACE)
+        judge.judge(sweep_of(turned.hears(rng), number), POSE)
     again = Judge(memory_file.from_text(memory_file.to_text(judge.memory)))
     assert again.findings == judge.findings != ()
-    again.judge(look(turned.hears(rng), 4), PLACE)
+    again.judge(sweep_of(turned.hears(rng), 4), POSE)
     assert kinds(again) == [messages.FAULT_KIND_TURNED]
 
 
@@ -99,16 +99,16 @@ def test_at_another_pose_of_the_site_file_the_past_begins_anew(
 ) -> None:
     turned = named_as_turned(judge, stand, rng)
     for number in range(LEARNT_AFTER):
-        assert not judge.judge(look(turned.hears(rng), number), (1.0, 2.0, 0.7)).findings
+        assert not judge.judge(sweep_of(turned.hears(rng), number), (1.0, 2.0, 0.7)).findings
 
 
 def test_a_thermometer_that_is_trimmed_starts_a_new_past(stand: Stand, rng: np.random.Generator) -> None:
     """At 29 degrees C ranges grow by 1.6 % once 20 are no longer assumed."""
     judge = Judge()
     for number in range(LEARNT_AFTER):
-        judge.judge(look(stand.hears(rng), number, air_c=None), PLACE)
+        judge.judge(sweep_of(stand.hears(rng), number, air_c=None), POSE)
     for number in range(LEARNT_AFTER):
-        assert not judge.judge(look(1.016 * stand.hears(rng), number, air_c=29.0), PLACE).findings
+        assert not judge.judge(sweep_of(1.016 * stand.hears(rng), number, air_c=29.0), POSE).findings
     assert judge.memory.past.air_measured
 
 
@@ -118,21 +118,21 @@ def test_ranges_that_the_air_may_have_changed_are_no_fault_where_nobody_measures
 ) -> None:
     assumed, measured = Judge(), Judge()
     for number in range(LEARNT_AFTER):
-        assumed.judge(look(stand.hears(rng), number, air_c=None), PLACE)
-        measured.judge(look(stand.hears(rng), number), PLACE)
+        assumed.judge(sweep_of(stand.hears(rng), number, air_c=None), POSE)
+        measured.judge(sweep_of(stand.hears(rng), number), POSE)
     for number in range(100):
         range_m = (1 + share) * stand.hears(rng)
-        assert not assumed.judge(look(range_m, number, air_c=None), PLACE).findings, number
-        measured.judge(look(range_m, number), PLACE)
+        assert not assumed.judge(sweep_of(range_m, number, air_c=None), POSE).findings, number
+        measured.judge(sweep_of(range_m, number), POSE)
     assert kinds(measured) == [messages.FAULT_KIND_RANGES_JUMPED]
 
 
 def test_ranges_four_percent_longer_are_a_fault_with_assumed_air_too(stand: Stand, rng: np.random.Generator) -> None:
     judge = Judge()
     for number in range(LEARNT_AFTER):
-        judge.judge(look(stand.hears(rng), number, air_c=None), PLACE)
+        judge.judge(sweep_of(stand.hears(rng), number, air_c=None), POSE)
     for number in range(3):
-        judge.judge(look(1.04 * stand.hears(rng), number, air_c=None), PLACE)
+        judge.judge(sweep_of(1.04 * stand.hears(rng), number, air_c=None), POSE)
     assert kinds(judge) == [messages.FAULT_KIND_RANGES_JUMPED]
 
 
@@ -143,45 +143,45 @@ def test_a_sweep_that_stop_has_cut_short_changes_nothing(
     turned = named_as_turned(judge, stand, rng)
     past, since_ns = judge.memory.past, judge.findings[0].since_ns
     for number in range(4, 14):
-        judge.judge(look(turned.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), PLACE)
-        judge.judge(look(turned.hears(rng), number), PLACE)
+        judge.judge(sweep_of(turned.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), POSE)
+        judge.judge(sweep_of(turned.hears(rng), number), POSE)
     assert kinds(judge) == [messages.FAULT_KIND_TURNED]
     assert (judge.findings[0].since_ns, judge.memory.past) == (since_ns, past)
 
 
 def test_a_second_sweep_of_another_plan_starts_a_new_past(judge: Judge, stand: Stand, rng: np.random.Generator) -> None:
     coarse = Stand(stand.room, stand.pose, COARSE_RAD)
-    judge.judge(look(coarse.hears(rng), 0, COARSE_RAD), PLACE)
+    judge.judge(sweep_of(coarse.hears(rng), 0, COARSE_RAD), POSE)
     assert len(judge.memory.past.bearing_rad) == len(BEARINGS_RAD)
-    judge.judge(look(coarse.hears(rng), 1, COARSE_RAD), PLACE)
+    judge.judge(sweep_of(coarse.hears(rng), 1, COARSE_RAD), POSE)
     assert judge.memory.past.bearing_rad == tuple(COARSE_RAD)
 
 
 def test_a_cut_sweep_amid_those_that_show_a_fault_is_suspect_too(judge: Judge) -> None:
-    judge.judge(look(SILENCE, 0), PLACE)
-    judge.judge(look(SILENCE[:10], 1, BEARINGS_RAD[:10]), PLACE)
-    verdict = judge.judge(look(SILENCE, 2), PLACE)
+    judge.judge(sweep_of(SILENCE, 0), POSE)
+    judge.judge(sweep_of(SILENCE[:10], 1, BEARINGS_RAD[:10]), POSE)
+    verdict = judge.judge(sweep_of(SILENCE, 2), POSE)
     assert kinds(judge) == [messages.FAULT_KIND_SILENT]
     assert verdict.suspect_before == 3
 
 
 def test_of_a_fault_that_follows_another_only_its_own_sweeps_are_suspect(judge: Judge) -> None:
     for number in range(1200):
-        judge.judge(failing(messages.READING_STATUS_NO_SENSOR, number), PLACE)
-    verdicts = [judge.judge(failing(messages.READING_STATUS_STUCK_HIGH, 1200 + number), PLACE) for number in range(2)]
+        judge.judge(failing(messages.READING_STATUS_NO_SENSOR, number), POSE)
+    verdicts = [judge.judge(failing(messages.READING_STATUS_STUCK_HIGH, 1200 + number), POSE) for number in range(2)]
     assert kinds(judge) == [messages.FAULT_KIND_STUCK_HIGH]
     assert verdicts[1].suspect_before == 2
-    assert judge.findings[0].since_ns == look(SILENCE, 1200).start_ns
+    assert judge.findings[0].since_ns == sweep_of(SILENCE, 1200).start_ns
 
 
 def test_suspect_sweeps_are_never_more_than_a_record_may_say(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
-    judge.judge(failing(messages.READING_STATUS_NO_SENSOR, 0), PLACE)
+    judge.judge(failing(messages.READING_STATUS_NO_SENSOR, 0), POSE)
     for number in range(1, 1200):  # cut ones end no streak
         readings = 3 + number % 2
-        judge.judge(look(stand.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), PLACE)
-    verdict = judge.judge(failing(messages.READING_STATUS_NO_SENSOR, 1200), PLACE)
+        judge.judge(sweep_of(stand.hears(rng)[:readings], number, BEARINGS_RAD[:readings]), POSE)
+    verdict = judge.judge(failing(messages.READING_STATUS_NO_SENSOR, 1200), POSE)
     assert verdict.suspect_before == bounds.MOST_SUSPECT
     bounds.check(Sweep(faults=verdict.spoiled_by, suspect_before=verdict.suspect_before))
 
@@ -190,7 +190,7 @@ def test_a_fixed_unit_that_is_carried_now_has_no_faults_of_its_place(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
     turned = named_as_turned(judge, stand, rng)
-    assert not judge.judge(look(turned.hears(rng), 4, fixed=False), ()).findings
+    assert not judge.judge(sweep_of(turned.hears(rng), 4, fixed=False), ()).findings
 
 
 def test_one_bearing_that_never_answers_again_is_named_and_spoils_no_sweep(
@@ -201,7 +201,7 @@ def test_one_bearing_that_never_answers_again_is_named_and_spoils_no_sweep(
     for number in range(3 * NAMED_AFTER):
         range_m = stand.hears(rng)
         range_m[between[0]] = math.nan
-        verdict = judge.judge(look(range_m, number), PLACE)
+        verdict = judge.judge(sweep_of(range_m, number), POSE)
         if verdict.findings:
             break
     assert number + 1 >= NAMED_AFTER
@@ -363,10 +363,10 @@ def test_an_accepted_room_is_learnt_and_what_changes_in_it_then_is_named(
     turned = named_as_turned(judge, stand, rng)
     judge.accept_room()
     for number in range(LEARNT_AFTER):
-        verdict = judge.judge(look(turned.hears(rng), number), PLACE)
+        verdict = judge.judge(sweep_of(turned.hears(rng), number), POSE)
         assert (verdict.findings, verdict.spoiled_by, verdict.suspect_before) == ((), (), 0)
     for number in range(5):
-        judge.judge(look(stand.hears(rng), LEARNT_AFTER + number), PLACE)
+        judge.judge(sweep_of(stand.hears(rng), LEARNT_AFTER + number), POSE)
     assert kinds(judge) == [messages.FAULT_KIND_TURNED]
 
 
@@ -397,8 +397,8 @@ def test_a_judge_that_fails_keeps_no_sweep_from_the_log_and_is_told_once(
     assert caplog.text.count("u1: a sweep could not be judged; it is kept unjudged") == 1
 
 
-def failing(status: messages.ReadingStatus, number: int) -> Look:
-    return replace(look(SILENCE, number), status=(status,) * len(SILENCE))
+def failing(status: messages.ReadingStatus, number: int) -> Readings:
+    return replace(sweep_of(SILENCE, number), status=(status,) * len(SILENCE))
 
 
 def no_sensor(number: int) -> messages.Reading:

@@ -6,29 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gateway.health_rooms import CLEAR, COARSE_RAD, Noise, Stand, look, noisy, stand_of
+from gateway.health_rooms import CLEAR, COARSE_RAD, Noise, Stand, noisy, stand_of, sweep_of
 from mapper.fixed_units import BEARINGS_RAD, PERSON_RADIUS_M, fixed_room
 from mapper.room import Room, distance_to_sides_m, inside, random_room, survey_labelled
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.judge import Finding, Judge
-from noctule_gateway.health.look import Look
+from noctule_gateway.health.readings import Readings
 
-PLACE = (0.0, 0.0, 0.0)
+POSE = (0.0, 0.0, 0.0)
 ROOMS, SWEEPS = 10, 200  # of each kind of life in it
 
 
-def alarms(looks: Iterator[Look]) -> list[Finding]:
+def alarms(sweeps: Iterator[Readings]) -> list[Finding]:
     judge = Judge()
-    return [finding for each in looks for finding in judge.judge(each, PLACE).findings]
+    return [finding for each in sweeps for finding in judge.judge(each, POSE).findings]
 
 
-def quiet(stand: Stand, rng: np.random.Generator) -> Iterator[Look]:
+def quiet(stand: Stand, rng: np.random.Generator) -> Iterator[Readings]:
     for number in range(SWEEPS):
-        yield look(stand.hears(rng), number)
+        yield sweep_of(stand.hears(rng), number)
 
 
-def with_people(stand: Stand, rng: np.random.Generator) -> Iterator[Look]:
+def with_people(stand: Stand, rng: np.random.Generator) -> Iterator[Readings]:
     """Someone is in the room in one sweep of three, each time elsewhere, and now and then stands for four sweeps."""
     crowded = [replace(stand, room=with_person(stand, rng), draws=1) for _ in range(30)]
     here, left = stand, 0
@@ -38,23 +38,23 @@ def with_people(stand: Stand, rng: np.random.Generator) -> Iterator[Look]:
         else:
             here = crowded[rng.integers(len(crowded))] if rng.random() < 0.33 else stand
             left = 3 if rng.random() < 0.1 else 0
-        yield look(here.hears(rng), number)
+        yield sweep_of(here.hears(rng), number)
 
 
-def with_door(stand: Stand, rng: np.random.Generator) -> Iterator[Look]:
+def with_door(stand: Stand, rng: np.random.Generator) -> Iterator[Readings]:
     """A door in the longest wall opens into a niche 1 m deep, and closes again, every twenty sweeps."""
     ajar = replace(stand, room=with_niche(stand.room))
     for number in range(SWEEPS):
-        yield look((ajar if number // 20 % 2 else stand).hears(rng), number)
+        yield sweep_of((ajar if number // 20 % 2 else stand).hears(rng), number)
 
 
-def with_furniture(stand: Stand, rng: np.random.Generator) -> Iterator[Look]:
+def with_furniture(stand: Stand, rng: np.random.Generator) -> Iterator[Readings]:
     """A post of 30 cm comes, comes to stand elsewhere and goes, every fifty sweeps; the air warms and cools."""
     furnished = [replace(stand, room=with_person(stand, rng, 0.3)) for _ in range(2)]
     here = [stand, *furnished, stand]
     for number in range(SWEEPS):
         range_m = here[number // 50 % 4].hears(rng)
-        yield look(range_m * (1 + 0.003 * math.sin(2 * math.pi * number / 120)), number)  # 3.4 K, not measured
+        yield sweep_of(range_m * (1 + 0.003 * math.sin(2 * math.pi * number / 120)), number)  # 3.4 K, not measured
 
 
 def with_person(stand: Stand, rng: np.random.Generator, radius_m: float = PERSON_RADIUS_M) -> Room:
@@ -97,7 +97,7 @@ def test_a_carried_unit_raises_no_alarm() -> None:
         for number, one in enumerate(surveyed):
             range_m = noisy(one.sweep.range_m, rng, Noise())
             pose = tuple(map(float, path[number]))
-            found = judge.judge(look(range_m, number, one.sweep.bearing_rad, fixed=False), pose).findings
+            found = judge.judge(sweep_of(range_m, number, one.sweep.bearing_rad, fixed=False), pose).findings
             silent = all(each.kind == messages.FAULT_KIND_NO_ECHO_ANYWHERE for each in found)
             assert silent and (not found or np.isnan(range_m).all()), (seed, number, found)
             made += 1
@@ -109,7 +109,7 @@ def test_an_empty_hall_is_silent_and_that_alone_is_said() -> None:
     hall = Stand(Room(20 * room.vertices), 20 * poses[0] * (1, 1, 1 / 20))
     assert np.isnan(hall.clear_m).all()
     rng, judge = np.random.default_rng(1), Judge()
-    found = [judge.judge(look(hall.hears(rng, Noise(false=0.0)), number), PLACE) for number in range(1000)]
+    found = [judge.judge(sweep_of(hall.hears(rng, Noise(false=0.0)), number), POSE) for number in range(1000)]
     assert all(not each.findings for each in found[:2])
     assert all([one.kind for one in each.findings] == [messages.FAULT_KIND_NO_ECHO_ANYWHERE] for each in found[2:])
     assert not any(each.spoiled_by for each in found)
@@ -118,7 +118,7 @@ def test_an_empty_hall_is_silent_and_that_alone_is_said() -> None:
 def test_a_hall_with_false_echoes_raises_no_other_alarm() -> None:
     """One sweep of thirteen has none, three in a row now and then."""
     rng = np.random.default_rng(2)
-    found = alarms(look(noisy(np.full(61, math.nan), rng, Noise()), number) for number in range(1000))
+    found = alarms(sweep_of(noisy(np.full(61, math.nan), rng, Noise()), number) for number in range(1000))
     assert {one.kind for one in found} <= {messages.FAULT_KIND_NO_ECHO_ANYWHERE}
 
 
@@ -126,5 +126,5 @@ def test_a_hall_with_false_echoes_raises_no_other_alarm() -> None:
 def test_walls_beyond_four_metres_and_a_half_are_no_alarm(fixed: bool) -> None:
     """The unit takes echoes of up to 36 ms, 6.2 m (firmware/README.md)."""
     rng, walls_m = np.random.default_rng(4), np.where(np.arange(61) // 5 % 2, 5.0, math.nan)
-    found = alarms(look(noisy(walls_m, rng, Noise()), number, fixed=fixed) for number in range(200))
+    found = alarms(sweep_of(noisy(walls_m, rng, Noise()), number, fixed=fixed) for number in range(200))
     assert {one.kind for one in found} <= {messages.FAULT_KIND_NO_ECHO_ANYWHERE}

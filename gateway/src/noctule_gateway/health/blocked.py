@@ -7,8 +7,8 @@ echoes, 4 % of the readings and 1 in 20 of them so near, no two neighbours make 
 import math
 
 from noctule import messages_pb2 as messages
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _NEAR_M = 0.2
@@ -20,27 +20,27 @@ _LEAST_READINGS = 4
 _EVIDENCE = 20.0
 
 
-def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
+def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
     """The widest arc that is blocked; without a past only what blocks nearly all of the sweep."""
-    near = [number for number, range_m in enumerate(look.range_m) if range_m < _NEAR_M]
-    if past is None and len(near) < _LEAST_SHARE * len(look.range_m):
+    near = [number for number, range_m in enumerate(sweep.range_m) if range_m < _NEAR_M]
+    if past is None and len(near) < _LEAST_SHARE * len(sweep.range_m):
         return []
     arc = _widest(near)
-    if len(arc) < _LEAST_READINGS or look.bearing_rad[arc[-1]] - look.bearing_rad[arc[0]] < _ARC_RAD:
+    if len(arc) < _LEAST_READINGS or sweep.bearing_rad[arc[-1]] - sweep.bearing_rad[arc[0]] < _ARC_RAD:
         return []
-    if past is not None and sum(_nearer(look, past, number) for number in arc) < _NEW_SHARE * len(arc):
+    if past is not None and sum(_nearer(sweep, past, number) for number in arc) < _NEW_SHARE * len(arc):
         return []
-    if past is not None and not past.agrees(look, range(arc[0], arc[-1] + 1)):
+    if past is not None and not past.agrees(sweep, range(arc[0], arc[-1] + 1)):
         return []  # all else has changed too: it looks elsewhere
-    first, last = (round(math.degrees(look.bearing_rad[number])) for number in (arc[0], arc[-1]))
-    nearest_m = min(look.range_m[number] for number in arc)
+    first, last = (round(math.degrees(sweep.bearing_rad[number])) for number in (arc[0], arc[-1]))
+    nearest_m = min(sweep.range_m[number] for number in arc)
     words = f"something is {nearest_m:.2f} m before it from {first} to {last} degrees"
     return [Suspicion(messages.FAULT_KIND_BLOCKED, _EVIDENCE, words)]
 
 
-def _nearer(look: Look, past: Past, number: int) -> bool:
+def _nearer(sweep: Readings, past: Past, number: int) -> bool:
     """Than it used to be; True where it used to be silent."""
-    return not past.median_m[number] < look.range_m[number] + _FARTHER_M
+    return not past.median_m[number] < sweep.range_m[number] + _FARTHER_M
 
 
 def _widest(near: list[int]) -> list[int]:

@@ -9,8 +9,8 @@ import math
 from collections import deque
 
 from noctule import messages_pb2 as messages
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _SLIP_S = 16.384e-3
@@ -27,9 +27,9 @@ class ClockSlips:
     def __init__(self) -> None:
         self._slips: deque[int] = deque(maxlen=_SWEEPS)
 
-    def suspicions(self, look: Look, past: Past | None) -> list[Suspicion]:
+    def suspicions(self, sweep: Readings, past: Past | None) -> list[Suspicion]:
         """Without a past there is nothing to compare with: a hall's walls may be 6 m off."""
-        self._slips.append(0 if past is None else _off_by_a_turn(look, past))
+        self._slips.append(0 if past is None else _off_by_a_turn(sweep, past))
         slips = sum(self._slips)
         if past is None or not self._slips[-1]:
             return []
@@ -41,10 +41,10 @@ class ClockSlips:
         return [Suspicion(messages.FAULT_KIND_CLOCK_SLIPS, nats, words)]
 
 
-def _off_by_a_turn(look: Look, past: Past) -> int:
+def _off_by_a_turn(sweep: Readings, past: Past) -> int:
     """None where the other echoes do not fit the past: then it is something else."""
-    stable, slip_m = set(past.stable()), _SLIP_S * look.speed_m_s / 2
-    off_m = [abs(look.range_m[n] - past.median_m[n]) for n in look.heard if n in stable]
+    stable, slip_m = set(past.stable()), _SLIP_S * sweep.speed_m_s / 2
+    off_m = [abs(sweep.range_m[n] - past.median_m[n]) for n in sweep.heard if n in stable]
     slips = sum(abs(one_m - slip_m) <= _NEAR_M for one_m in off_m)
     fitting = sum(one_m <= _NEAR_M for one_m in off_m)
     return slips if fitting >= _FITTING_SHARE * (len(off_m) - slips) else 0

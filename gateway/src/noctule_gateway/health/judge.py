@@ -17,9 +17,9 @@ from noctule.messages_pb2 import FaultKind
 from noctule_gateway.health import blocked, one_value, sensor_line, silence
 from noctule_gateway.health.clock_slips import ClockSlips
 from noctule_gateway.health.dead_bearing import DeadBearings
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past, same_plan
-from noctule_gateway.health.place import PlaceWatch
+from noctule_gateway.health.pose_watch import PoseWatch
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 from noctule_gateway.health.vocabulary import FAULTS
 
@@ -29,7 +29,7 @@ _ODD_FOR_LONG = 60  # sweeps in a row that fit nothing and show nothing: the pas
 _ODD_BEFORE = 3  # sweeps that are not well, right before those that show a fault: they count as its first
 _BESIDE = frozenset({messages.FAULT_KIND_BEARING_SILENT, messages.FAULT_KIND_CLOCK_SLIPS})
 
-Place = tuple[float, ...]
+StatedPose = tuple[float, ...]  # x and y in metres, heading in radians; empty for a unit that is carried
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Verdict:
 class _Streak:
     """Sweeps that show one fault: the first, and how many were made ``before`` the present one."""
 
-    first: Look
+    first: Readings
     before: int
     count: int = 0
     nats: float = 0.0
@@ -67,7 +67,7 @@ class _Streak:
 class Memory:
     """What outlives the process: see memory_file.py."""
 
-    place: Place = ()
+    pose: StatedPose = ()
     past: Past = field(default_factory=Past)
     usual: tuple[float, ...] = ()
     findings: tuple[Finding, ...] = ()
@@ -78,20 +78,20 @@ class Judge:
 
     def __init__(self, memory: Memory | None = None) -> None:
         memory = memory or Memory()
-        self._place, self._past = memory.place, memory.past
-        self._watch = PlaceWatch(memory.usual)
+        self._pose, self._past = memory.pose, memory.past
+        self._watch = PoseWatch(memory.usual)
         self._findings = {each.kind: each for each in memory.findings}
         self._streaks: dict[FaultKind, _Streak] = {}
         self._slips, self._dead = ClockSlips(), DeadBearings()
-        self._other_plan: Look | None = None  # the sweep before, if it was not of the past's plan
+        self._other_plan: Readings | None = None  # the sweep before, if it was not of the past's plan
         self._unwell = 0  # sweeps in a row before this one that show something, or fit nothing
-        self._odd_before: deque[Look] = deque(maxlen=_ODD_BEFORE)  # of them those that are not flagged
+        self._odd_before: deque[Readings] = deque(maxlen=_ODD_BEFORE)  # of them those that are not flagged
         self.revision = 0  # of the memory: goes up when it changes
 
     @property
     def memory(self) -> Memory:
         """What the next process needs to go on."""
-        return Memory(self._place, self._past, tuple(self._watch.usual), self.findings)
+        return Memory(self._pose, self._past, tuple(self._watch.usual), self.findings)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -103,71 +103,72 @@ class Judge:
         """The verdict on a sweep that can't be judged itself."""
         return Verdict(self.findings, tuple(each.kind for each in self.findings if FAULTS[each.kind].spoils))
 
-    def judge(self, look: Look, place: Place) -> Verdict:
-        """Judge a sweep; ``place`` is the pose as it is stated: at another one a new past starts."""
-        aside = self._is_aside(look, place)
-        past = self._past if look.fixed and self._past.is_enough and not aside else None
-        found = self._suspicions(look, past)
+    def judge(self, sweep: Readings, pose: StatedPose) -> Verdict:
+        """Judge a sweep; ``pose`` is the stated one: at another a new past starts."""
+        aside = self._is_aside(sweep, pose)
+        past = self._past if sweep.fixed and self._past.is_enough and not aside else None
+        found = self._suspicions(sweep, past)
         if aside:
             found = [each for each in found if FAULTS[each.kind].spoils]  # silence is none of a part of the bearings
         odd = any(FAULTS[each.kind].spoils for each in found) or (past is not None and self._watch.strange)
-        named = self._count(found, look, odd or aside)
+        named = self._count(found, sweep, odd or aside)
         before = [self._streaks[kind].before for kind in named if FAULTS[kind].spoils]
         if not aside:
             self._unwell = self._unwell + 1 if odd else 0
-            if look.fixed:
-                self._learn(look, found, odd)
+            if sweep.fixed:
+                self._learn(sweep, found, odd)
         verdict = self.standing
         if verdict.spoiled_by or not (odd or aside):
             self._odd_before.clear()
         elif odd or self._odd_before:
-            self._odd_before.append(look)
+            self._odd_before.append(sweep)
         # One more: the fault may have begun within it.
         return replace(verdict, suspect_before=min(max(before) + 1, bounds.MOST_SUSPECT) if before else 0)
 
     def accept_room(self) -> None:
         """What the unit hears from now on is right: forget its past, and the faults that rest on it."""
-        self._begin_past(None, self._place)
+        self._begin_past(None, self._pose)
         self._findings = {kind: one for kind, one in self._findings.items() if kind not in _AGAINST_THE_PAST}
         self._streaks, self._other_plan, self._unwell = {}, None, 0
         self._odd_before.clear()
         self.revision += 1
 
-    def _is_aside(self, look: Look, place: Place) -> bool:
+    def _is_aside(self, sweep: Readings, pose: StatedPose) -> bool:
         """The past has nothing to say of this sweep. Starts a new past where the unit, its pose or its plan is
         another.
         """
         other, self._other_plan = self._other_plan, None
-        if look.fixed and place == self._place and self._past.rows:
-            if self._past.fits_plan(look):
+        if sweep.fixed and pose == self._pose and self._past.rows:
+            if self._past.fits_plan(sweep):
                 return False
-            if other is None or not same_plan(look, other):
-                self._other_plan = look
+            if other is None or not same_plan(sweep, other):
+                self._other_plan = sweep
                 return True
-        if not (look.fixed and place == self._place and self._past.fits_plan(look)):
-            self._begin_past(look, place)
+        if not (sweep.fixed and pose == self._pose and self._past.fits_plan(sweep)):
+            self._begin_past(sweep, pose)
         return False
 
-    def _suspicions(self, look: Look, past: Past | None) -> list[Suspicion]:
+    def _suspicions(self, sweep: Readings, past: Past | None) -> list[Suspicion]:
         """The gravest kind that the sweep shows, and those that may stand beside it."""
-        beside = self._slips.suspicions(look, past)
+        beside = self._slips.suspicions(sweep, past)
         if past is not None:
-            beside += self._dead.suspicions(look, past)
-        placed = self._watch.suspicions(look, past) if past is not None else []
+            beside += self._dead.suspicions(sweep, past)
         main = (
-            sensor_line.suspicions(look)
-            or one_value.suspicions(look, past)
-            or blocked.suspicions(look, past)
-            or silence.suspicions(look, past)
-            or ([] if any(FAULTS[each.kind].spoils for each in beside) else placed)
+            sensor_line.suspicions(sweep)
+            or one_value.suspicions(sweep, past)
+            or blocked.suspicions(sweep, past)
+            or silence.suspicions(sweep, past)
         )
-        return main + beside
+        if past is None or not self._watch.take(sweep, past) or any(FAULTS[each.kind].spoils for each in main + beside):
+            return main + beside
+        of_the_pose = self._watch.suspicions(past)
+        return (main or of_the_pose) + beside
 
-    def _count(self, found: list[Suspicion], look: Look, odd: bool) -> list[FaultKind]:
+    def _count(self, found: list[Suspicion], sweep: Readings, odd: bool) -> list[FaultKind]:
         """Go on with the streaks and the standing faults; the kinds that are named now."""
         for streak in self._streaks.values():
             streak.before += 1
-        begun = _Streak(next(iter(self._odd_before), look), len(self._odd_before))
+        begun = _Streak(next(iter(self._odd_before), sweep), len(self._odd_before))
         shown = {each.kind: each for each in found}
         clear = any(FAULTS[kind].spoils for kind in shown)
         kept = self._streaks if odd and not clear else {}  # a sweep that shows nothing clearly proves nothing
@@ -191,26 +192,26 @@ class Judge:
                 self._findings[kind] = replace(finding, absent=absent)
         return named
 
-    def _learn(self, look: Look, found: list[Suspicion], odd: bool) -> None:
+    def _learn(self, sweep: Readings, found: list[Suspicion], odd: bool) -> None:
         spoiled = any(FAULTS[kind].spoils for kind in self._findings)
         if not odd and not spoiled:
             if any(each.kind == messages.FAULT_KIND_NO_ECHO_ANYWHERE for each in found):
                 return
             if self._past.rows:
-                self._watch.learn_from(look, self._past)
-            self.revision += self._past.add(look, but=self._dead.named)
+                self._watch.learn_from(sweep, self._past)
+            self.revision += self._past.add(sweep, but=self._dead.named)
         elif self._unwell >= _ODD_FOR_LONG and not spoiled:
-            self._begin_past(look, self._place)
+            self._begin_past(sweep, self._pose)
 
-    def _begin_past(self, look: Look | None, place: Place) -> None:
-        """With the bearings of ``look``; without any the next sweep says them."""
+    def _begin_past(self, sweep: Readings | None, pose: StatedPose) -> None:
+        """With the bearings of ``sweep``; without any the next sweep says them."""
         if self._past.rows:
             self._findings = {kind: one for kind, one in self._findings.items() if kind not in _OF_THE_PLACE}
             self.revision += 1
-        self._place, self._past = place, Past()
-        if look is not None:
-            self._past = Past(look.bearing_rad if look.fixed else (), air_measured=look.air_measured)
-        self._watch = PlaceWatch()
+        self._pose, self._past = pose, Past()
+        if sweep is not None:
+            self._past = Past(sweep.bearing_rad if sweep.fixed else (), air_measured=sweep.air_measured)
+        self._watch = PoseWatch()
         self._dead.restart()
 
 

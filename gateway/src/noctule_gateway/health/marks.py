@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
 
 _ONE_REFLECTOR_M = 0.03
 
@@ -22,14 +22,16 @@ class Mark:
     longer_m: float
 
 
-def marks_of(looks: Sequence[Look], past: Past) -> list[Mark]:
+def marks_of(sweeps: Sequence[Readings], past: Past) -> list[Mark]:
     """The past's marks that more than half of the sweeps' readings hear; ``longer_m`` is the median of these."""
     found = []
     for run in runs_of(past):
-        longer = [look.range_m[n] - past.median_m[n] for look in looks for n in run if not math.isnan(look.range_m[n])]
-        if len(longer) * 2 <= len(run) * len(looks):
+        longer = [
+            sweep.range_m[n] - past.median_m[n] for sweep in sweeps for n in run if not math.isnan(sweep.range_m[n])
+        ]
+        if len(longer) * 2 <= len(run) * len(sweeps):
             continue
-        direction_rad = sum(looks[-1].bearing_rad[n] for n in run) / len(run)
+        direction_rad = sum(sweeps[-1].bearing_rad[n] for n in run) / len(run)
         found.append(Mark(direction_rad, median(past.median_m[n] for n in run), median(longer)))
     return found
 

@@ -32,7 +32,7 @@ def to_text(memory: Memory) -> str:
         json.dumps(
             {
                 "version": _VERSION,
-                "place": memory.place,
+                "place": memory.pose,
                 "bearing_rad": past.bearing_rad,
                 "skipped": past.skipped,
                 "air_measured": past.air_measured,
@@ -87,7 +87,7 @@ def _memory(found: dict[str, Any]) -> Memory:
     if any(len(row) != len(bearings_rad) for row in rows):
         raise ValueError("a row of another length")
     return Memory(
-        place=tuple(_number(each) for each in found["place"]),
+        pose=tuple(_number(each) for each in found["place"]),
         past=Past(bearings_rad, rows, _count(found["skipped"]), bool(found["air_measured"])),
         usual=tuple(_number(each) for each in found["usual"]),
         findings=tuple(_finding(one) for one in found["findings"] if one[0] in FAULTS),

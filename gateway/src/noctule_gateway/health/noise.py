@@ -11,25 +11,25 @@ from collections.abc import Iterable
 from itertools import pairwise
 from statistics import median
 
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.marks import runs_of
 from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
 
 NOISY_M = 0.015
 _LEAST_BOTH = 6  # bearings
 _LEAST_PAIRS = 4
 
 
-def scatter_m(look: Look, past: Past) -> float | None:
+def scatter_m(sweep: Readings, past: Past) -> float | None:
     """Median deviation from the past; None where too few bearings answer."""
-    off = [abs(look.range_m[n] - past.median_m[n]) for n in past.stable() if not math.isnan(look.range_m[n])]
+    off = [abs(sweep.range_m[n] - past.median_m[n]) for n in past.stable() if not math.isnan(sweep.range_m[n])]
     return median(off) if len(off) >= _LEAST_BOTH else None
 
 
-def disagreement_m(look: Look, past: Past) -> float | None:
+def disagreement_m(sweep: Readings, past: Past) -> float | None:
     """Median difference of neighbours that used to hear one reflector; None where too few of them answer."""
     off = [
-        abs((look.range_m[b] - past.median_m[b]) - (look.range_m[a] - past.median_m[a]))
+        abs((sweep.range_m[b] - past.median_m[b]) - (sweep.range_m[a] - past.median_m[a]))
         for run in runs_of(past)
         for a, b in pairwise(run)
     ]
@@ -37,8 +37,8 @@ def disagreement_m(look: Look, past: Past) -> float | None:
     return median(off) if len(off) >= _LEAST_PAIRS else None
 
 
-def change_m(look: Look, before: Look, at: Iterable[int]) -> float | None:
+def change_m(sweep: Readings, before: Readings, at: Iterable[int]) -> float | None:
     """Median change since the sweep before, at the bearings ``at``; None where too few answer in both."""
-    both = [abs(look.range_m[n] - before.range_m[n]) for n in at]
+    both = [abs(sweep.range_m[n] - before.range_m[n]) for n in at]
     both = [one for one in both if not math.isnan(one)]
     return median(both) if len(both) >= _LEAST_BOTH else None

@@ -9,8 +9,8 @@ import math
 from statistics import median
 
 from noctule import messages_pb2 as messages
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _ALIKE_M = 0.03  # noise of 3 mm, and echoes that are one or two cycles late, 4.3 mm each
@@ -23,21 +23,21 @@ _MOST_VALUES = 4
 _EVIDENCE = 25.0
 
 
-def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
+def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
     """One of the three, where one value, or exactly repeated ones in turns, make up most of the sweep."""
-    left, repeats, values, exact = look.heard, 0, [], True
+    left, repeats, values, exact = sweep.heard, 0, [], True
     while left and len(values) < _MOST_VALUES:
-        alike = _most_alike(look, left)
-        if _reflectors([look.bearing_rad[number] for number in alike]) > _MOST_REFLECTORS:
-            middle = median(look.range_m[number] for number in alike)
-            spread = median(abs(look.range_m[number] - middle) for number in alike)
+        alike = _most_alike(sweep, left)
+        if _reflectors([sweep.bearing_rad[number] for number in alike]) > _MOST_REFLECTORS:
+            middle = median(sweep.range_m[number] for number in alike)
+            spread = median(abs(sweep.range_m[number] - middle) for number in alike)
             if values and not (exact and spread <= _EXACT_M):
                 break  # several values that scatter are a room's
             exact = spread <= _EXACT_M
             values.append(middle)
             repeats += len(alike)
         left = [number for number in left if number not in alike]
-    if not values or repeats < _LEAST_SHARE * len(look.range_m):
+    if not values or repeats < _LEAST_SHARE * len(sweep.range_m):
         return []
     listed = ", ".join(f"{value:.2f} m" for value in values)
     if exact:
@@ -52,13 +52,13 @@ def _was_heard(past: Past | None, range_m: float) -> bool:
     return past is not None and any(abs(past.median_m[n] - range_m) <= _ALIKE_M / 2 for n in past.stable())
 
 
-def _most_alike(look: Look, numbers: list[int]) -> set[int]:
+def _most_alike(sweep: Readings, numbers: list[int]) -> set[int]:
     """Those of ``numbers`` within the window of ranges that holds the most."""
-    by_range = sorted(numbers, key=lambda number: look.range_m[number])
+    by_range = sorted(numbers, key=lambda number: sweep.range_m[number])
     best: list[int] = []
     first = 0
     for last, number in enumerate(by_range):
-        while look.range_m[number] - look.range_m[by_range[first]] > _ALIKE_M:
+        while sweep.range_m[number] - sweep.range_m[by_range[first]] > _ALIKE_M:
             first += 1
         if last - first + 1 > len(best):
             best = by_range[first : last + 1]

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Collection, Sequence
 from statistics import median
 
-from noctule_gateway.health.look import Look
+from noctule_gateway.health.readings import Readings
 
 ENOUGH = 6  # entries, from which on the past is asked
 _KEPT = 15
@@ -43,17 +43,17 @@ class Past:
         """It may be asked."""
         return len(self.rows) >= ENOUGH
 
-    def fits_plan(self, look: Look) -> bool:
+    def fits_plan(self, sweep: Readings) -> bool:
         """The sweep was made at the same bearings, and its air measured or assumed alike."""
-        return look.air_measured == self.air_measured and _same_bearings(look.bearing_rad, self.bearing_rad)
+        return sweep.air_measured == self.air_measured and _same_bearings(sweep.bearing_rad, self.bearing_rad)
 
-    def add(self, look: Look, but: Collection[int] = ()) -> bool:
+    def add(self, sweep: Readings, but: Collection[int] = ()) -> bool:
         """Take in a sweep that is well; False if it is passed over. At the bearings ``but`` it stays as it was."""
         if len(self.rows) == _KEPT and self.skipped < _EVERY - 1:
             self.skipped += 1
             return False
         self.skipped = 0
-        self.rows.append(tuple(self.median_m[n] if n in but else one_m for n, one_m in enumerate(look.range_m)))
+        self.rows.append(tuple(self.median_m[n] if n in but else one_m for n, one_m in enumerate(sweep.range_m)))
         self._work_out()
         return True
 
@@ -61,12 +61,12 @@ class Past:
         """The bearings that mostly answer, and then at one range to within 2 cm."""
         return self._stable
 
-    def agrees(self, look: Look, but: Collection[int]) -> bool:
+    def agrees(self, sweep: Readings, but: Collection[int]) -> bool:
         """At stable bearings other than ``but`` the sweep mostly hears what the past heard; True where few answer."""
         off_m = [
-            abs(look.range_m[n] - self.median_m[n])
+            abs(sweep.range_m[n] - self.median_m[n])
             for n in self._stable
-            if n not in but and not math.isnan(look.range_m[n])
+            if n not in but and not math.isnan(sweep.range_m[n])
         ]
         return len(off_m) < _FEW or sum(one_m <= _AGREES_M for one_m in off_m) * 2 > len(off_m)
 
@@ -86,9 +86,9 @@ class Past:
         ]
 
 
-def same_plan(look: Look, other: Look) -> bool:
+def same_plan(sweep: Readings, other: Readings) -> bool:
     """Both sweeps were made at the same bearings, and the air measured or assumed for both."""
-    return look.air_measured == other.air_measured and _same_bearings(look.bearing_rad, other.bearing_rad)
+    return sweep.air_measured == other.air_measured and _same_bearings(sweep.bearing_rad, other.bearing_rad)
 
 
 def _same_bearings(bearings_rad: Sequence[float], others_rad: Sequence[float]) -> bool:

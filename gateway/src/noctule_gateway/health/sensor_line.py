@@ -5,7 +5,7 @@ counting; a fault that comes and goes over less of the sweep is left to the unit
 """
 
 from noctule import messages_pb2 as messages
-from noctule_gateway.health.look import Look
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _LEAST_SHARE = 0.8
@@ -19,11 +19,11 @@ _KINDS = {
 }
 
 
-def suspicions(look: Look) -> list[Suspicion]:
+def suspicions(sweep: Readings) -> list[Suspicion]:
     """The failure that most of the readings tell, or all failures together name the commonest."""
-    counts = {status: look.status.count(status) for status in _KINDS}
+    counts = {status: sweep.status.count(status) for status in _KINDS}
     failed = sum(counts.values())
-    if failed < max(_LEAST_READINGS, _LEAST_SHARE * len(look.status)):
+    if failed < max(_LEAST_READINGS, _LEAST_SHARE * len(sweep.status)):
         return []
     kind, words = _KINDS[max(counts, key=lambda status: counts[status])]
     return [Suspicion(kind, _EVIDENCE, words)]

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 from noctule import messages_pb2 as messages
 from noctule.messages_pb2 import READING_STATUS_NO_ECHO, READING_STATUS_UNSPECIFIED
-from noctule_gateway.health.look import Look
 from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _LEAST_NATS = 12.0
@@ -23,21 +23,21 @@ _LEAST_READINGS = 4
 _AS_BEFORE_M = 0.025
 
 
-def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
+def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
     """``past`` is None where none can be asked."""
-    listened = [n for n, one in enumerate(look.status) if _listened(one) or not math.isnan(look.range_m[n])]
+    listened = [n for n, one in enumerate(sweep.status) if _listened(one) or not math.isnan(sweep.range_m[n])]
     if len(listened) < _LEAST_READINGS:
         return []
-    echoes = len(look.heard)
+    echoes = len(sweep.heard)
     if past is None:
         words = f"no echo at any of {len(listened)} bearings"
         return [] if echoes else [Suspicion(messages.FAULT_KIND_NO_ECHO_ANYWHERE, _LEAST_NATS, words)]
-    silent = [n for n in listened if math.isnan(look.range_m[n])]
+    silent = [n for n in listened if math.isnan(sweep.range_m[n])]
     nats = _nats(past, silent)
     usual = sum(share >= _USUAL_SHARE for share in past.heard_share)
-    arc = _arc(look, past)
+    arc = _arc(sweep, past)
     # A false echo falls into the past's range by chance once in eighty: such echoes are true ones, beside a silent arc.
-    if echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not (arc and _as_before(look, past)):
+    if echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not (arc and _as_before(sweep, past)):
         words = f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer"
         return [Suspicion(messages.FAULT_KIND_SILENT, nats, words)]
     if not echoes:
@@ -46,29 +46,29 @@ def suspicions(look: Look, past: Past | None) -> list[Suspicion]:
     return arc
 
 
-def _as_before(look: Look, past: Past) -> bool:
+def _as_before(sweep: Readings, past: Past) -> bool:
     """A reading hears what the past heard there."""
-    return any(abs(look.range_m[n] - past.median_m[n]) <= _AS_BEFORE_M for n in look.heard)
+    return any(abs(sweep.range_m[n] - past.median_m[n]) <= _AS_BEFORE_M for n in sweep.heard)
 
 
-def _arc(look: Look, past: Past) -> list[Suspicion]:
+def _arc(sweep: Readings, past: Past) -> list[Suspicion]:
     """The widest arc without any echo, if it used to answer."""
     runs: list[list[int]] = [[]]
-    for number, range_m in enumerate(look.range_m):
+    for number, range_m in enumerate(sweep.range_m):
         if math.isnan(range_m):
             runs[-1].append(number)
         elif runs[-1]:
             runs.append([])
     widest = max(runs, key=len)
-    if not widest or look.bearing_rad[widest[-1]] - look.bearing_rad[widest[0]] < _ARC_RAD:
+    if not widest or sweep.bearing_rad[widest[-1]] - sweep.bearing_rad[widest[0]] < _ARC_RAD:
         return []
     usual = [n for n in widest if past.heard_share[n] >= _USUAL_SHARE]
     nats = _nats(past, usual)
     if len(usual) < _LEAST_USUAL or nats < _LEAST_NATS:
         return []
-    if look.bearing_rad[usual[-1]] - look.bearing_rad[usual[0]] < _ARC_RAD or not past.agrees(look, widest):
+    if sweep.bearing_rad[usual[-1]] - sweep.bearing_rad[usual[0]] < _ARC_RAD or not past.agrees(sweep, widest):
         return []
-    first, last = (round(math.degrees(look.bearing_rad[n])) for n in (widest[0], widest[-1]))
+    first, last = (round(math.degrees(sweep.bearing_rad[n])) for n in (widest[0], widest[-1]))
     return [Suspicion(messages.FAULT_KIND_ARC_SILENT, nats, f"no echo any more from {first} to {last} degrees")]
 
 

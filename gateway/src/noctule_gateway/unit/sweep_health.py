@@ -9,7 +9,7 @@ from noctule.site import FixedPose, Unit, UnknownPose
 from noctule_gateway.errors import CommandError
 from noctule_gateway.health import memory_file
 from noctule_gateway.health.judge import Finding, Judge, Memory, Verdict
-from noctule_gateway.health.look import look_of
+from noctule_gateway.health.readings import readings_of
 from noctule_gateway.health.vocabulary import FAULTS
 
 _KEPT_VERDICTS = 100  # more than a unit's ring holds: it sends a sweep again until it is acknowledged
@@ -90,9 +90,9 @@ class SweepHealth:
             return Memory()
 
     def _judged(self, sweep: Sweep) -> Verdict:
-        place = (sweep.pose.x_m, sweep.pose.y_m, sweep.pose.heading_rad) if self._fixed else ()
+        pose = (sweep.pose.x_m, sweep.pose.y_m, sweep.pose.heading_rad) if self._fixed else ()
         try:
-            return self._judge.judge(look_of(sweep, self._fixed), place)
+            return self._judge.judge(readings_of(sweep, self._fixed), pose)
         except Exception:  # whatever is wrong with the judge, the sweep must be kept
             if not self._judge_trouble:
                 _log.exception("%s: a sweep could not be judged; it is kept unjudged", self._unit.name)

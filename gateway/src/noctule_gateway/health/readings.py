@@ -15,7 +15,7 @@ _ASSUMED_AIR_C = 20.0
 
 
 @dataclass(frozen=True)
-class Look:
+class Readings:
     """One sweep, n readings by rising bearing; ``range_m`` is counted from the sensor, NaN where there was no echo.
 
     The ranges were computed with the speed of sound ``speed_m_s``; ``air_measured`` is False where the air's
@@ -39,14 +39,14 @@ class Look:
         return [number for number, one_m in enumerate(self.range_m) if not math.isnan(one_m)]
 
 
-def look_of(sweep: Sweep, fixed: bool) -> Look:
-    """The sweep of the bus as a Look. Without a measured air temperature ranges are those at 20 degrees C."""
+def readings_of(sweep: Sweep, fixed: bool) -> Readings:
+    """The sweep of the bus as Readings. Without a measured air temperature ranges are those at 20 degrees C."""
     air_measured = sweep.HasField("air_temperature_c")
     speed_m_s = speed_of_sound_m_s(sweep.air_temperature_c if air_measured else _ASSUMED_AIR_C)
     order = sorted(range(len(sweep.readings)), key=lambda number: sweep.readings[number].bearing_rad)
     readings = [sweep.readings[number] for number in order]
     echo = (READING_STATUS_UNSPECIFIED, READING_STATUS_ECHO)
-    return Look(
+    return Readings(
         bearing_rad=tuple(one.bearing_rad for one in readings),
         range_m=tuple(
             one.time_of_flight_s * speed_m_s / 2

@@ -1,0 +1,78 @@
+"""Whether bearings are off in the last sweeps: slipped, with play, or turned, whichever is the likeliest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+
+from noctule import messages_pb2 as messages
+from noctule_gateway.health.alignment import Aligned, turned, with_play
+from noctule_gateway.health.course import slipped
+from noctule_gateway.health.offsets import Table
+from noctule_gateway.health.suspicion import Suspicion
+
+_GOOD, _GOOD_SLIPS = 1.6, 2.0  # nats an echo, no more than so much worse than usual: this explains the sweeps
+_FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained
+_LEAST_GAIN = 30.0  # of a bearing that is off over none
+_SLIPS_NATS, _PLAY_NATS = 15.0, 15.0  # over one angle, since they have more freedom
+_SLIPS_FIT = 0.3  # nats an echo, that slips have to fit better than one angle
+_SLIPS_SHARE = 0.5  # of the bearings that are off: what stands in an open door changes fewer
+_LEAST_OFF = 4  # half steps between bearings, from the least angle to the largest, of slips and of play
+_TO_PLAY = 3  # sweeps, of which one is of the other sense
+_TO_TURN = 4  # sweeps that are asked together: within these a motor that loses steps shows it
+
+
+@dataclass(frozen=True)
+class BearingsOff:
+    """What explains the sweeps, by how many nats more than the past; ``is_sure`` is False where more sweeps have to say
+    which of the three it is.
+    """
+
+    suspicion: Suspicion
+    is_sure: bool
+
+    @property
+    def gain(self) -> float:
+        """In nats over the past."""
+        return self.suspicion.evidence
+
+
+def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) -> BearingsOff | None:
+    """None where none of the three explains the sweeps. Of the past, ``heard_share`` is the mean share of bearings that
+    answer; ``usual_fit`` is in nats a reading.
+    """
+    one, two = turned(tables), with_play(tables)
+    plays = two.between >= _LEAST_OFF and two.gain - one.gain >= _PLAY_NATS
+    many = slipped(tables, one, least_gain=max(one.gain, two.gain) + _SLIPS_NATS)
+    slips = (
+        many is not None
+        and many.between >= _LEAST_OFF
+        and many.share >= _SLIPS_SHARE
+        and many.fit - one.fit >= _SLIPS_FIT * heard_share
+    )
+    best = many if many is not None and slips else two if plays else one
+    worse = (usual_fit - best.fit) / heard_share
+    if best.gain < _LEAST_GAIN or worse > _FOREIGN_ECHO:
+        return None
+    good, sweeps = (_GOOD_SLIPS, 1) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
+    told = _slipped if slips else _with_play if plays else _turned
+    return BearingsOff(told(best, tables[0]), worse <= good and best.since <= len(tables) - sweeps)
+
+
+def _slipped(found: Aligned, table: Table) -> Suspicion:
+    off_deg = degrees(max(map(abs, found.off)) * table.step_rad / 2)
+    words = f"bearings are off by up to {off_deg:.0f} degrees, by different angles within one sweep"
+    return Suspicion(messages.FAULT_KIND_SLIPPED, found.gain, words)
+
+
+def _with_play(found: Aligned, table: Table) -> Suspicion:
+    between_deg = degrees(found.between * table.step_rad / 2)
+    words = f"bearings differ by {between_deg:.0f} degrees between the two senses of turning"
+    return Suspicion(messages.FAULT_KIND_PLAY, found.gain, words)
+
+
+def _turned(found: Aligned, table: Table) -> Suspicion:
+    turned_deg = degrees(found.off[0] * table.step_rad / 2)
+    way = "anticlockwise" if turned_deg > 0 else "clockwise"
+    return Suspicion(
+        messages.FAULT_KIND_TURNED, found.gain, f"it was turned {way} by about {abs(turned_deg):.0f} degrees"
+    )

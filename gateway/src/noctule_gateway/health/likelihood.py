@@ -1,0 +1,46 @@
+"""How likely a reading is under the past.
+
+With the share h of the past at a bearing that was heard, a range r has h (0.85 c / ((m + 1) 5 cm) + 0.15 / 4 m) where c
+of the m ranges heard there lie within 2.5 cm of r, and silence has 1 - h. So a wrong reading costs 7 nats at the most,
+whatever its range, and a door that opens changes the likelihood at all offsets of the bearings alike.
+"""
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+
+from noctule_gateway.health.past import Past
+from noctule_gateway.health.readings import Readings
+
+_WINDOW_M = 0.025
+_OUTLIERS = 0.15
+_REACH_M = 4.0
+_UNSEEN = 0.5 / _REACH_M, 0.5  # likelihood of a range, and of silence, where the past never looked
+
+
+def stay_fit(sweep: Readings, past: Past) -> float:
+    """Mean log likelihood of a reading if nothing has changed."""
+    return sum(math.log(likelihood(past, n, range_m)) for n, range_m in enumerate(sweep.range_m)) / len(sweep.range_m)
+
+
+def shifted_nats(sweep: Readings, past: Past, longer_m: Sequence[float]) -> float:
+    """Log likelihood of the sweep if the range at each bearing has become longer by so much."""
+    return sum(
+        math.log(likelihood(past, n, range_m - longer))
+        for n, (range_m, longer) in enumerate(zip(sweep.range_m, longer_m, strict=True))
+    )
+
+
+def likelihood(past: Past, bearing: int, range_m: float) -> float:
+    """Of a range, or of silence (NaN), at a bearing of the past; of any, where it has none such."""
+    if not 0 <= bearing < len(past.heard):
+        return _UNSEEN[math.isnan(range_m)]
+    share = past.heard_share[bearing]
+    if math.isnan(range_m):
+        return 1 - share
+    known = past.heard[bearing]
+    density = _OUTLIERS / _REACH_M
+    if known:
+        near = bisect_right(known, range_m + _WINDOW_M) - bisect_left(known, range_m - _WINDOW_M)
+        density += (1 - _OUTLIERS) * near / ((len(known) + 1) * 2 * _WINDOW_M)
+    return share * density
