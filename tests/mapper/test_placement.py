@@ -15,6 +15,7 @@ from noctule_mapper.config import MapperConfig
 from noctule_mapper.placement.hypotheses import Hypothesis
 from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
 from noctule_mapper.placement.joint_search import Pairs, joined, margin_alone_nats, moved
+from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pair_poses import pair_poses
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
@@ -222,10 +223,26 @@ def test_arrangements_are_weighed_by_where_their_units_stand_not_by_how_they_cam
     elsewhere = replace(units[1], pose=units[1].pose + np.array([0.8, -0.5, 1.0]))
     false = arrangement([units[0], elsewhere, *units[2:]], worth_nats=0.0)
     true = arrangement(units, worth_nats=-3.0)
-    best, other = weighed([false, true], [one.view for one in units], fixed=1)
+    best, other = weighed([false, true], fixed=1)
     found = best.pose_of("u2")
     assert found is not None and is_near(found, units[1].pose)
     assert other.worth_nats < -10
+
+
+def test_an_arrangement_is_worth_the_same_whatever_the_order_of_its_units_and_wherever_the_frame() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    turned = [replace(one, pose=moved(np.array([3.0, -2.0, 1.0]), one.pose[None])[0]) for one in units]
+    worth_nats = joint_nats(units, fixed=1)
+    assert joint_nats([units[0], *units[:0:-1]], fixed=1) == pytest.approx(worth_nats, abs=1e-6)
+    assert joint_nats(units[::-1], fixed=1) == pytest.approx(worth_nats, abs=1.0)  # another unit holds the frame
+    assert joint_nats(turned, fixed=1) == pytest.approx(worth_nats, abs=1.0)  # the box about it is another
+
+
+def test_a_unit_alone_is_worth_nothing_and_each_at_its_place_adds_to_the_worth() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    worth_nats = [joint_nats(units[:count], fixed=1) for count in range(1, len(units) + 1)]
+    assert worth_nats[0] == 0.0
+    assert min(np.diff(worth_nats)) > 5
 
 
 def test_a_unit_that_stood_nowhere_is_found_once_all_others_stand() -> None:

@@ -43,7 +43,7 @@ class Pairs:
 
 def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pairs) -> list[Hypothesis]:
     """The hypotheses that were followed to their end, and those that were dropped, the best first; each by its worth
-    under the best one's. Of those that were dropped close to the best, it is what they come to unit by unit, else what
+    under the best one's. Of those that were dropped close to the best, it is what they come to at the end, else what
     they were worth when they were dropped.
     """
     root, waiting = _root(known, unknown, pairs)
@@ -68,7 +68,7 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
             left.append(one)
         elif not any(is_part(one, other) for other in ended):
             ended.append(_completed(one, order, fixed, pairs))
-    followed = weighed(distinct(ended), [*(one.view for one in root), *order], fixed)
+    followed = weighed(distinct(ended), fixed)
     more_nats = lost_nats(followed)
     left = [
         replace(one, worth_nats=-one.dropped_nats - more_nats)

@@ -36,23 +36,41 @@ def grouped(
     ``known_marks`` their landmarks, if somebody has these.
     """
     made = [list(group) for group in groups]
-    for number, unit in list(enumerate(units))[known:]:
-        landmark = np.full(len(unit.view), -1)
-        if made and len(unit.view):
-            marks = (
-                known_marks if number == known and known_marks else landmarks_of(units, [tuple(each) for each in made])
-            )
-            off = Tolerance(
-                float(np.sqrt(np.linalg.eigvalsh(unit.covariance[:2, :2])[-1])), float(np.sqrt(unit.covariance[2, 2]))
-            )
-            best = matched(unit.view, _NO_CROSSINGS, marks, unit.pose[None], off).landmark[0]
-            landmark = np.where(best >= 0, marks.group[best], -1)
-        for plateau, group in enumerate(landmark):
-            if group < 0 or made[group][-1][0] == number:
-                made.append([(number, plateau)])
-            else:
-                made[group].append((number, plateau))
+    for number in range(known, len(units)):
+        made = _with_plateaus(made, units, number, known_marks if number == known else None)
     return tuple(tuple(group) for group in made)
+
+
+def regrouped(units: Sequence[PlacedUnit], groups: Sequence[Members]) -> tuple[Members, ...]:
+    """The groups after each unit in turn has been told from all others which of its plateaus are whose."""
+    for number in range(len(units)):
+        others = [[one for one in group if one[0] != number] for group in groups]
+        groups = [tuple(sorted(group)) for group in _with_plateaus([one for one in others if one], units, number)]
+    return tuple(groups)
+
+
+def _with_plateaus(
+    groups: Sequence[list[tuple[int, int]]],
+    units: Sequence[PlacedUnit],
+    number: int,
+    marks: Landmarks | None = None,
+) -> list[list[tuple[int, int]]]:
+    """The groups with the plateaus of one more unit; ``marks`` are their landmarks, if somebody has these."""
+    made, unit = [list(group) for group in groups], units[number]
+    landmark = np.full(len(unit.view), -1)
+    if made and len(unit.view):
+        marks = marks or landmarks_of(units, [tuple(each) for each in made])
+        off = Tolerance(
+            float(np.sqrt(np.linalg.eigvalsh(unit.covariance[:2, :2])[-1])), float(np.sqrt(unit.covariance[2, 2]))
+        )
+        best = matched(unit.view, _NO_CROSSINGS, marks, unit.pose[None], off).landmark[0]
+        landmark = np.where(best >= 0, marks.group[best], -1)
+    for plateau, group in enumerate(landmark):
+        if group < 0 or made[group][-1][0] == number:
+            made.append([(number, plateau)])
+        else:
+            made[group].append((number, plateau))
+    return made
 
 
 def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> list[PlacedUnit]:

@@ -10,10 +10,10 @@ from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
 _SPAN_M = 4.0  # ranges of a new reflector lie anywhere in it
-_NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
+NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
 _BLUNT_SHARE, _BLUNT = 0.07, 5.0  # directions so many times as far off: a neighbour's plateau ran into theirs
 _FRAME_SHARE, _FRAME_SIGMA_RAD = 0.7, np.radians(3.0)  # new walls that stand square to the known ones
-_MOST_GAIN_NATS = 12.0
+MOST_GAIN_NATS = 12.0
 _CHUNK = 1500
 
 
@@ -50,7 +50,7 @@ def matched(view: UnitView, crossings: np.ndarray, marks: Landmarks, poses: np.n
     """
     at = _densest(view, marks, poses, off)
     at = replace(at, ratio=np.where(_is_second(at, marks), _NEVER_NATS, at.ratio))
-    share = 1 / (1 + _NEW_SHARE / (1 - _NEW_SHARE) * np.exp(-np.clip(at.ratio, -50, 50)))
+    share = 1 / (1 + NEW_SHARE / (1 - NEW_SHARE) * np.exp(-np.clip(at.ratio, -50, 50)))
     rad2 = at.covariance[..., 0, 0] + view.direction_sigma_rad**2 + off.heading_rad**2
     m2 = at.covariance[..., 1, 1] + view.range_sigma_m**2 + off.position_m**2
     cross = at.covariance[..., 0, 1]
@@ -83,16 +83,16 @@ def _weighed(ratio: np.ndarray, crossings: np.ndarray) -> np.ndarray:
     weight, known = np.ones(ratio.shape), ratio > _KNOWN_NATS
     for corner, first, second in crossings:
         implied = known[:, corner] == (known[:, first] & known[:, second])
-        weight[implied, corner] = _IMPLIED_WEIGHT
+        weight[implied, corner] = IMPLIED_WEIGHT
     return weight * _gain(ratio)
 
 
-_IMPLIED_WEIGHT = 0.2
-_KNOWN_NATS = np.log(_NEW_SHARE / (1 - _NEW_SHARE))  # from which a landmark is likelier than a new reflector
+IMPLIED_WEIGHT = 0.2
+_KNOWN_NATS = np.log(NEW_SHARE / (1 - NEW_SHARE))  # from which a landmark is likelier than a new reflector
 
 
 def _gain(ratio: np.ndarray) -> np.ndarray:
-    return np.minimum(np.logaddexp(np.log(_NEW_SHARE), np.log1p(-_NEW_SHARE) + ratio), _MOST_GAIN_NATS)
+    return np.minimum(np.logaddexp(np.log(NEW_SHARE), np.log1p(-NEW_SHARE) + ratio), MOST_GAIN_NATS)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def _densest(view: UnitView, marks: Landmarks, poses: np.ndarray, off: Tolerance
     slopes[..., 0, :2], slopes[..., 1, :2] = across[rows, best], towards[rows, best]
     return _Densest(
         landmark=best,
-        ratio=density[pick] - _new_density(view, marks, poses),
+        ratio=density[pick] - new_density(view, marks, poses),
         error=np.stack([off_rad[pick], off_m[pick]], axis=-1),
         slopes=slopes,
         covariance=covariance[rows, best],
@@ -181,14 +181,18 @@ def _log_normal(a: np.ndarray, b: np.ndarray, aa: np.ndarray, ab: np.ndarray, bb
     return -0.5 * square - 0.5 * np.log(determinant) - np.log(2 * np.pi)
 
 
-def _new_density(view: UnitView, marks: Landmarks, poses: np.ndarray) -> np.ndarray:
+def new_density(view: UnitView, marks: Landmarks, poses: np.ndarray, of_group: np.ndarray | None = None) -> np.ndarray:
     """The log of how densely a new reflector's plateau lies in direction and range, (k, n): walls of a room tend to
-    stand square to one another, so that a square one is no surprise.
+    stand square to one another, so that a square one is no surprise. Plateaus that are ``of_group`` (n,) are not
+    compared with their own.
     """
     direction_rad = poses[:, 2, None] + view.direction_rad
     square = wrapped(4 * (direction_rad[..., None] - marks.alpha_rad)) / 4
     sigma_rad = np.hypot(_FRAME_SIGMA_RAD, view.direction_sigma_rad)[None, :, None]
     near = np.exp(-0.5 * (square / sigma_rad) ** 2) / (4 * np.sqrt(2 * np.pi) * sigma_rad)
-    many = marks.heard_by[: len(marks.alpha_rad)]
-    frame = (near * many).sum(axis=-1) / max(many.sum(), 1)
+    walls = len(marks.alpha_rad)
+    many = np.broadcast_to(marks.heard_by[:walls], near.shape)
+    if of_group is not None:
+        many = np.where(of_group[:, None] == marks.group[:walls], 0, many)
+    frame = (near * many).sum(axis=-1) / np.maximum(many.sum(axis=-1), 1)
     return np.log(((1 - _FRAME_SHARE) / (2 * np.pi) + _FRAME_SHARE * frame) / _SPAN_M)

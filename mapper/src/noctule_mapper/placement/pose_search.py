@@ -26,9 +26,9 @@ _PAIR_STARTS = 60
 _HOPELESS_NATS = 30.0  # below the best
 _FIT_STEPS = 3
 # Holds what the landmarks leave open where it is.
-_HOLD = np.diag([1 / 0.2**2, 1 / 0.2**2, 1 / np.radians(5.0) ** 2])
+HOLD = np.diag([1 / 0.2**2, 1 / 0.2**2, 1 / np.radians(5.0) ** 2])
 SAME_M, SAME_RAD = 0.15, np.radians(6.0)
-_TOGETHER_NATS = 2.0  # most units of a site stand in one room
+TOGETHER_NATS = 2.0  # most units of a site stand in one room
 # In random rooms a wall is heard by two units as often as not within 0.6 m along it, and ever more seldom beyond.
 _NEAR_M, _FAR_NATS_PER_M, _MOST_FAR_NATS = 0.6, 1.1, 6.0
 _IMPLIED_M, _IMPLIED_RAD = 0.05, np.radians(6.0)
@@ -51,7 +51,7 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
     """
     if not len(starts) or not len(marks.heard_by):
         return []
-    crossings, around = _crossings(view), surroundings(units, marks)
+    crossings, around = crossings_of(view), surroundings(units, marks)
 
     def scored(poses: np.ndarray, off: Tolerance) -> tuple[Fit, np.ndarray]:
         fit = matched(view, crossings, marks, poses, off)
@@ -63,11 +63,11 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
     poses = starts[_distinct(starts, scored(starts, _COARSE)[1], _STARTS)]
     for _ in range(_FIT_STEPS):
         fit = matched(view, crossings, marks, poses, Tolerance())
-        poses = poses - np.linalg.solve(fit.information + _HOLD, fit.gradient[..., None])[..., 0]
+        poses = poses - np.linalg.solve(fit.information + HOLD, fit.gradient[..., None])[..., 0]
     fit, nats = scored(poses, Tolerance())
-    worth = nats + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + _HOLD)[1]
-    worth = worth - _anywhere(marks) + _TOGETHER_NATS
-    covariance = np.linalg.inv(fit.information + 1e-3 * _HOLD)
+    worth = nats + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + HOLD)[1]
+    worth = worth - anywhere(marks) + TOGETHER_NATS
+    covariance = np.linalg.inv(fit.information + 1e-3 * HOLD)
     return [Standing(poses[at], covariance[at], float(worth[at])) for at in _distinct(poses, worth, len(poses))]
 
 
@@ -80,8 +80,12 @@ def _far_nats(fit: Fit, marks: Landmarks) -> np.ndarray:
     alpha_rad = marks.alpha_rad[wall]
     along_m = fit.pose[:, 1, None] * np.cos(alpha_rad) - fit.pose[:, 0, None] * np.sin(alpha_rad)
     beyond_m = np.maximum(marks.low_m[wall] - along_m, along_m - marks.high_m[wall])
-    cost = np.clip(_FAR_NATS_PER_M * (beyond_m - _NEAR_M), 0, _MOST_FAR_NATS)
-    return np.where((fit.landmark >= 0) & (fit.landmark < walls), cost, 0).sum(axis=1)
+    return np.where((fit.landmark >= 0) & (fit.landmark < walls), far_nats(beyond_m), 0).sum(axis=1)
+
+
+def far_nats(beyond_m: np.ndarray) -> np.ndarray:
+    """What it costs that a wall is heard so far beyond where others touched it."""
+    return np.clip(_FAR_NATS_PER_M * (beyond_m - _NEAR_M), 0, _MOST_FAR_NATS)
 
 
 def pair_starts(view: UnitView, of: UnitView) -> np.ndarray:
@@ -91,7 +95,7 @@ def pair_starts(view: UnitView, of: UnitView) -> np.ndarray:
         return poses
     alone = PlacedUnit(of, np.zeros(3), np.zeros((3, 3)))
     marks = landmarks_of([alone], [((0, plateau),) for plateau in range(len(of))])
-    starts, nats = _hopeful(view, _crossings(view), marks, poses)
+    starts, nats = _hopeful(view, crossings_of(view), marks, poses)
     return starts[_distinct(starts, nats, _PAIR_STARTS)]
 
 
@@ -114,13 +118,13 @@ def _box(marks: Landmarks) -> tuple[np.ndarray, np.ndarray]:
     return all_m.min(axis=0) - _BEYOND_M, all_m.max(axis=0) + _BEYOND_M
 
 
-def _anywhere(marks: Landmarks) -> float:
+def anywhere(marks: Landmarks) -> float:
     """What it is worth that the unit hears a place that no other unit hears: any pose, at a score of 0."""
     low, high = _box(marks)
     return float(np.log(np.prod(high - low) * 2 * np.pi))
 
 
-def _crossings(view: UnitView) -> np.ndarray:
+def crossings_of(view: UnitView) -> np.ndarray:
     """Plateaus that are where the walls of two others cross, (t, 3): the corner's number and the walls'."""
     found = []
     normal = np.stack([np.cos(view.direction_rad), np.sin(view.direction_rad)], axis=1)

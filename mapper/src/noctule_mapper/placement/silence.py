@@ -13,11 +13,11 @@ from noctule_mapper.placement.unit_views import UnitView
 
 # How often a wall is not heard whose foot lies so far beyond where others touched it: counted in random rooms with
 # units at their true poses.
-_BEYOND_M, _WALL_SILENT = np.array([0.0, 0.25, 0.5, 1.0, 2.0]), np.array([0.02, 0.08, 0.26, 0.37, 0.5])
-_THROUGH_NATS = 3.0  # of sound that went through a wall, for each plateau of the unit concerned
+_BEYOND_M, WALL_SILENT = np.array([0.0, 0.25, 0.5, 1.0, 2.0]), np.array([0.02, 0.08, 0.26, 0.37, 0.5])
+THROUGH_NATS = 3.0  # of sound that went through a wall, for each plateau of the unit concerned
 _HEARD_M = 0.06
 _NEAREST_M, _REACH_M = 0.1, 3.5  # between which a wall always answers
-_STUB_M = 0.06  # of wall to each side of a foot that is heard
+STUB_M = 0.06  # of wall to each side of a foot that is heard
 _BLIND_M = 0.25  # at the end of a sound's way that need not be free
 
 
@@ -39,22 +39,22 @@ class Surroundings:
 
 def surroundings(units: Sequence[PlacedUnit], marks: Landmarks) -> Surroundings:
     """Of the units, and of the walls between the feet that they touched."""
-    parts = [_ways_and_stubs(one.view, one.pose[None]) for one in units]
+    parts = [ways_and_stubs(one.view, one.pose[None]) for one in units]
     start, end, left, right = (np.concatenate([part[number][0] for part in parts]) for number in range(4))
-    foot, tangent = marks.rho_m[:, None] * _unit(marks.alpha_rad), _unit(marks.alpha_rad + np.pi / 2)
+    foot, tangent = marks.rho_m[:, None] * unit_vector(marks.alpha_rad), unit_vector(marks.alpha_rad + np.pi / 2)
     low, high = foot + marks.low_m[:, None] * tangent, foot + marks.high_m[:, None] * tangent
-    long = marks.high_m - marks.low_m > _STUB_M
+    long = marks.high_m - marks.low_m > STUB_M
     ends_low_m, ends_high_m = np.full(len(marks.rho_m), np.inf), np.full(len(marks.rho_m), np.inf)
     silent_at_point = np.zeros(len(marks.point))
     for one in units:
-        away_m = marks.rho_m - _unit(marks.alpha_rad) @ one.pose[:2]
-        silent = _is_silent(one.view, marks.alpha_rad - one.pose[2], away_m)
+        away_m = marks.rho_m - unit_vector(marks.alpha_rad) @ one.pose[:2]
+        silent = is_silent(one.view, marks.alpha_rad - one.pose[2], away_m)
         along_m = tangent @ one.pose[:2]
         for ends_m, beyond_m in ((ends_low_m, marks.low_m - along_m), (ends_high_m, along_m - marks.high_m)):
             nearer = silent & (beyond_m > 0) & (beyond_m < ends_m)
             ends_m[nearer] = beyond_m[nearer]
-        bearing_rad, away_m = _point_at(marks, one.pose[:2])
-        silent_at_point += _is_silent(one.view, bearing_rad - one.pose[2], away_m)
+        bearing_rad, away_m = point_at(marks, one.pose[:2])
+        silent_at_point += is_silent(one.view, bearing_rad - one.pose[2], away_m)
     return Surroundings(
         start,
         end,
@@ -89,17 +89,17 @@ def _unheard_nats(
 ) -> np.ndarray:
     """Of what the others heard and the unit does not."""
     heading_rad = poses[:, None, 2]
-    normal, tangent = _unit(marks.alpha_rad), _unit(marks.alpha_rad + np.pi / 2)
+    normal, tangent = unit_vector(marks.alpha_rad), unit_vector(marks.alpha_rad + np.pi / 2)
     along_m = poses[:, :2] @ tangent.T
     below_m, above_m = marks.low_m - along_m, along_m - marks.high_m
     silent = np.where(below_m > above_m, _ended(below_m, around.ends_low_m), _ended(above_m, around.ends_high_m))
     away_m = marks.rho_m - poses[:, :2] @ normal.T
-    wall = np.where(_is_silent(view, marks.alpha_rad - heading_rad, away_m), silent, 1.0)
-    bearing_rad, point_m = _point_at(marks, poses[:, None, :2])
+    wall = np.where(is_silent(view, marks.alpha_rad - heading_rad, away_m), silent, 1.0)
+    bearing_rad, point_m = point_at(marks, poses[:, None, :2])
     point_silent = (around.silent_at_point + 0.5) / (around.silent_at_point + marks.heard_by[len(normal) :] + 1)
-    point = np.where(_is_silent(view, bearing_rad - heading_rad, point_m), point_silent, 1.0)
+    point = np.where(is_silent(view, bearing_rad - heading_rad, point_m), point_silent, 1.0)
     groups, walls = int(marks.group.max(initial=-1)) + 1, len(marks.alpha_rad)
-    of_wall = marks.chance[:walls] * _silent_beyond(around.ends_low_m) * _silent_beyond(around.ends_high_m)
+    of_wall = marks.chance[:walls] * silent_beyond(around.ends_low_m) * silent_beyond(around.ends_high_m)
     of_point = marks.chance[walls:] * _silent_often(around.silent_at_point)
     chance, total = np.zeros((len(poses), groups)), np.zeros(groups)
     chance[:, marks.group[:walls]] = of_wall * wall
@@ -115,7 +115,7 @@ def _unheard_nats(
     return -np.log(np.where(unheard, chance / np.where(total > 0, total, 1.0), 1.0)).sum(axis=1)
 
 
-def _point_at(marks: Landmarks, place_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def point_at(marks: Landmarks, place_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Direction and range of each point from ``place_m`` (..., 2), (..., p)."""
     way = marks.point[:, :2] - place_m
     range_m = marks.point[:, 2] * np.hypot(way[..., 0], way[..., 1]) - marks.point[:, 3]
@@ -127,31 +127,31 @@ def _unheard_by_others_nats(
 ) -> np.ndarray:
     """Of what the unit alone hears, ``own`` (k, n), and the others do not; a wall or a point, who knows."""
     direction_rad = poses[:, 2, None] + view.direction_rad
-    normal = _unit(direction_rad)
+    normal = unit_vector(direction_rad)
     foot = poses[:, None, :2] + view.range_m[:, None] * normal
     left_m, right_m, silent_at_point = np.full(own.shape, np.inf), np.full(own.shape, np.inf), np.zeros(own.shape)
     for unit in units:
         way = foot - unit.pose[:2]
         away_m = (way * normal).sum(axis=-1)
         along_m = way[..., 0] * normal[..., 1] - way[..., 1] * normal[..., 0]
-        silent = _is_silent(unit.view, direction_rad - unit.pose[2], away_m)
+        silent = is_silent(unit.view, direction_rad - unit.pose[2], away_m)
         left_m = np.where(silent & (along_m >= 0), np.minimum(left_m, along_m), left_m)
         right_m = np.where(silent & (along_m < 0), np.minimum(right_m, -along_m), right_m)
         bearing_rad = np.arctan2(way[..., 1], way[..., 0]) - unit.pose[2]
-        silent_at_point += _is_silent(unit.view, bearing_rad, np.hypot(way[..., 0], way[..., 1]))
-    chance = (_silent_beyond(left_m) * _silent_beyond(right_m) + _silent_often(silent_at_point)) / 2
+        silent_at_point += is_silent(unit.view, bearing_rad, np.hypot(way[..., 0], way[..., 1]))
+    chance = (silent_beyond(left_m) * silent_beyond(right_m) + _silent_often(silent_at_point)) / 2
     return -np.where(own, np.log(chance), 0.0).sum(axis=1)
 
 
-def _silent_beyond(beyond_m: np.ndarray) -> np.ndarray:
+def silent_beyond(beyond_m: np.ndarray) -> np.ndarray:
     """The chance that a wall is not heard so far beyond an end; 1 where it was heard (infinite)."""
-    return np.where(np.isinf(beyond_m), 1.0, np.interp(beyond_m, _BEYOND_M, _WALL_SILENT))
+    return np.where(np.isinf(beyond_m), 1.0, np.interp(beyond_m, _BEYOND_M, WALL_SILENT))
 
 
 def _ended(beyond_m: np.ndarray, ends_m: np.ndarray) -> np.ndarray:
     """The same of a wall that was not heard ``ends_m`` beyond its end."""
-    known = np.interp(ends_m, _BEYOND_M, _WALL_SILENT)
-    silent = np.interp(np.maximum(beyond_m, 0), _BEYOND_M, _WALL_SILENT)
+    known = np.interp(ends_m, _BEYOND_M, WALL_SILENT)
+    silent = np.interp(np.maximum(beyond_m, 0), _BEYOND_M, WALL_SILENT)
     return np.where(np.isinf(ends_m), silent, np.minimum(silent / known, 1.0))
 
 
@@ -164,7 +164,7 @@ def _silent_often(times: np.ndarray) -> np.ndarray:
 _POINT_SILENT_TIMES = np.cumprod([1.0, *((np.arange(12) + 0.5) / (np.arange(12) + 2))])
 
 
-def _is_silent(view: UnitView, bearing_rad: np.ndarray, away_m: np.ndarray) -> np.ndarray:
+def is_silent(view: UnitView, bearing_rad: np.ndarray, away_m: np.ndarray) -> np.ndarray:
     """Where the unit looked and heard nothing so near, though what is there should answer."""
     nearest_m = view.nearest_at(bearing_rad)
     due = (away_m > _NEAREST_M) & (away_m < _REACH_M)
@@ -173,19 +173,19 @@ def _is_silent(view: UnitView, bearing_rad: np.ndarray, away_m: np.ndarray) -> n
 
 def _through_nats(view: UnitView, around: Surroundings, poses: np.ndarray) -> np.ndarray:
     """Plateaus of the unit that stand in the way of what others heard, or behind walls."""
-    start, end, left, right = _ways_and_stubs(view, poses)
+    start, end, left, right = ways_and_stubs(view, poses)
     blocked = _cross(start, end, around.wall_start_m, around.wall_end_m)
     blocking = _cross(left, right, around.way_start_m, around.way_end_m)
-    return _THROUGH_NATS * (blocked | blocking).sum(axis=1)
+    return THROUGH_NATS * (blocked | blocking).sum(axis=1)
 
 
-def _ways_and_stubs(view: UnitView, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def ways_and_stubs(view: UnitView, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ends of the ways to what the unit hears, and of the pieces of wall there, (k, n, 2) each."""
-    towards = _unit(poses[:, 2, None] + view.direction_rad)
+    towards = unit_vector(poses[:, 2, None] + view.direction_rad)
     across = np.stack([-towards[..., 1], towards[..., 0]], axis=-1)
     start = np.broadcast_to(poses[:, None, :2], towards.shape)
     foot = start + view.range_m[:, None] * towards
-    return start, foot - _BLIND_M * towards, foot - _STUB_M * across, foot + _STUB_M * across
+    return start, foot - _BLIND_M * towards, foot - STUB_M * across, foot + STUB_M * across
 
 
 def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
@@ -193,14 +193,14 @@ def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.nda
     if not len(c):
         return np.zeros(a.shape[:2], bool)
     a, b = a[:, :, None], b[:, :, None]
-    first = _side(c, d, a) * _side(c, d, b) < 0
-    return np.any(first & (_side(a, b, c) * _side(a, b, d) < 0), axis=-1)
+    first = side(c, d, a) * side(c, d, b) < 0
+    return np.any(first & (side(a, b, c) * side(a, b, d) < 0), axis=-1)
 
 
-def _side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:
+def side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:
     way, to = end - start, point - start
     return way[..., 0] * to[..., 1] - way[..., 1] * to[..., 0]
 
 
-def _unit(angle_rad: np.ndarray) -> np.ndarray:
+def unit_vector(angle_rad: np.ndarray) -> np.ndarray:
     return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)

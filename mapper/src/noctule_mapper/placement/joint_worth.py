@@ -1,0 +1,110 @@
+"""What an arrangement of units is worth, in nats over units that each hear a place of their own; no order of the units
+comes into it.
+
+It is the logarithm of the chance of all plateaus together, by Laplace's approximation of the integral over landmarks
+and poses: each group of plateaus is one landmark of any kind, silence counts once for each end of a wall and for each
+point, and the volume of the poses' posterior counts as a whole.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from noctule_mapper.placement.joint_silence import joint_silence_nats
+from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
+from noctule_mapper.placement.pose_adjustment import grouped, problem_of, regrouped
+from noctule_mapper.placement.pose_scores import IMPLIED_WEIGHT, MOST_GAIN_NATS, NEW_SHARE, new_density
+from noctule_mapper.placement.pose_search import HOLD, TOGETHER_NATS, anywhere, crossings_of, far_nats
+from noctule_mapper.placement.reflector_models import (
+    POINT_KINDS,
+    Members,
+    PlacedUnit,
+    point_models,
+    rows_of,
+    wall_models,
+)
+
+_WEAK = 1e-6  # of landmarks' values that nothing tells
+
+
+def joint_nats(placed: Sequence[PlacedUnit], fixed: int) -> float:
+    """The worth of units that stand where their echoes have them together; the first ``fixed`` poses are known."""
+    if len(placed) < 2:
+        return 0.0
+    placed = [*placed[:fixed], *sorted(placed[fixed:], key=lambda one: one.view.unit)]
+    groups = regrouped(placed, grouped(placed))
+    exact = [replace(one, covariance=np.zeros((3, 3))) for one in placed]
+    marks = landmarks_of(exact, groups)
+    return (
+        _gain_nats(exact, groups, marks)
+        - _far_nats(exact, groups, marks)
+        - joint_silence_nats(exact, groups, marks)
+        + _volume_nats(placed, groups, fixed)
+        + (len(placed) - 1) * (TOGETHER_NATS - anywhere(marks))
+    )
+
+
+def _gain_nats(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks) -> float:
+    """How much likelier the groups' plateaus are as one landmark's each than as so many landmarks'."""
+    rows = rows_of(units, groups)
+    kinds = [wall_models(rows), *(point_models(rows, kind) for kind in POINT_KINDS)]
+    together = np.logaddexp.reduce([one.log_evidence for one in kinds]) + np.log(2 * np.pi)
+    size = np.bincount(rows.group, minlength=len(groups))
+    alone, weight = _by_plateau(units, groups, marks, size)
+    more = size - 1
+    gain = together - more * np.bincount(rows.group, alone) / size + more * np.log1p(-NEW_SHARE)
+    gain = np.where(more > 0, np.clip(gain, more * np.log(NEW_SHARE), more * MOST_GAIN_NATS), 0.0)
+    # What a unit hears in a place of its own is no news; that all of one unit's is new goes without saying.
+    own = np.mean([len(one.view) for one in units])
+    return float((np.bincount(rows.group, weight) / size * (gain + np.log(NEW_SHARE))).sum() - own * np.log(NEW_SHARE))
+
+
+def _by_plateau(
+    units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The log density of each plateau as a new landmark's, and its weight, little of a corner that its walls imply;
+    group by group (n,).
+    """
+    of_group = [np.full(len(one.view), -1) for one in units]
+    for number, group in enumerate(groups):
+        for unit, plateau in group:
+            of_group[unit][plateau] = number
+    density, weights = [], []
+    for unit, own in zip(units, of_group, strict=True):
+        density.append(new_density(unit.view, marks, unit.pose[None], own)[0])
+        weight, shared = np.ones(len(own)), size[own] > 1
+        for corner, first, second in crossings_of(unit.view):
+            if shared[corner] == (shared[first] and shared[second]):
+                weight[corner] = IMPLIED_WEIGHT
+        weights.append(weight)
+    members = [one for group in groups for one in group]
+    return (
+        np.array([density[unit][plateau] for unit, plateau in members]),
+        np.array([weights[unit][plateau] for unit, plateau in members]),
+    )
+
+
+def _far_nats(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks) -> float:
+    """What gaps along walls cost between the feet that units touch."""
+    cost = 0.0
+    for alpha_rad, group, chance in zip(marks.alpha_rad, marks.group, marks.chance, strict=False):
+        tangent = np.array([-np.sin(alpha_rad), np.cos(alpha_rad)])
+        along_m = np.sort([units[unit].pose[:2] @ tangent for unit, _ in groups[group]])
+        cost += chance * far_nats(np.diff(along_m)).sum()
+    return float(cost)
+
+
+def _volume_nats(placed: Sequence[PlacedUnit], groups: Sequence[Members], fixed: int) -> float:
+    """The log volume of the posterior of the poses that are sought, the landmarks integrated out."""
+    problem = problem_of(placed, [group for group in groups if len(group) > 1], fixed)
+    poses = np.array([one.pose for one in placed])
+    _, slopes = problem.linearised(np.concatenate([poses.ravel(), problem.landmark.ravel()]))
+    information = slopes.T @ slopes
+    split = poses.size
+    of_marks = information[split:, split:] + _WEAK * np.eye(problem.landmark.size)
+    cross = information[:split, split:]
+    marginal = information[:split, :split] - cross @ np.linalg.solve(of_marks, cross.T)
+    marginal[3 * fixed :, 3 * fixed :] += np.kron(np.eye(len(placed) - fixed), HOLD)
+    stated = -2 * np.log(problem.stated_sigma).sum()
+    return float(1.5 * (len(placed) - fixed) * np.log(2 * np.pi) - 0.5 * (np.linalg.slogdet(marginal)[1] - stated))
