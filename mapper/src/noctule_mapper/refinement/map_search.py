@@ -85,9 +85,9 @@ class _Step:
 
 
 _ALL = _Step()
-# Where poses are uncertain, what comes first decides where the rest is sought, so a map is grown in several ways: all
-# at once; first the walls; first the four objects that are worth most, one after the other. A unit that is sought
-# elsewhere is put where it fits what the others have found, so there one way will do.
+# What comes first decides where the rest is sought, so of fine sweeps a map is grown in several ways: all at once;
+# first the walls; first the four objects that are worth most, one after the other. A unit that is sought elsewhere is
+# put where it fits what the others have found, so there one way will do.
 _WAYS = ((), (_Step(kinds=(Line,)),), (_Step(most=1),) * 4)
 
 
