@@ -34,6 +34,8 @@ def joint_nats(placed: Sequence[PlacedUnit], fixed: int) -> float:
         return 0.0
     placed = [*placed[:fixed], *sorted(placed[fixed:], key=lambda one: one.view.unit)]
     groups = regrouped(placed, grouped(placed))
+    if not len(groups):  # no unit has a plateau: nothing tells where any stands
+        return 0.0
     exact = [replace(one, covariance=np.zeros((3, 3))) for one in placed]
     marks = landmarks_of(exact, groups)
     return (
