@@ -14,6 +14,7 @@ from noctule.client import Client
 SITE = "attic"
 OUTAGE_S = 5.0  # by then every program waits as long between two attempts as it ever does
 WITHIN_S = 10.0
+STAYS_S = 8.0  # longer than the sessions that services open to read what they publish
 PROGRAMS = ("gateway", "mapper", "replay", "record", "watch")
 
 
@@ -38,13 +39,16 @@ def sessions(router: zenoh.Session) -> set[str]:
 def sessions_that_stay(router: zenoh.Session, running: Programs) -> set[str]:
     """The session of each program; services open others for seconds, to read what they publish."""
     seen: set[str] = set()
+    since_s = 0.0
 
     def stay() -> bool:
-        nonlocal seen
+        nonlocal seen, since_s
         running.check()
         now = sessions(router)
-        seen = seen & now if len(seen & now) >= len(PROGRAMS) else now
-        return len(seen) == len(PROGRAMS)
+        if len(seen & now) < len(PROGRAMS):
+            seen, since_s = now, time.monotonic()
+        seen = seen & now
+        return len(seen) == len(PROGRAMS) and time.monotonic() - since_s > STAYS_S
 
     wait_until(stay, "not all have joined", 90)
     return seen
