@@ -129,11 +129,15 @@ def test_a_unit_at_its_true_place_stands_out_alone_but_not_in_a_rectangle() -> N
     assert margin_alone_nats(units, "u1", Pairs()) < SQUARE_ALONE_MARGIN_NATS
 
 
+def deaf(view: UnitView) -> UnitView:
+    """The unit's view without its plateaus."""
+    heard = ("direction_rad", "direction_sigma_rad", "range_m", "range_sigma_m")
+    return replace(view, **{name: np.zeros(0) for name in heard})
+
+
 def test_beside_a_unit_that_hears_nothing_no_pose_stands_out() -> None:
     own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
-    heard = ("direction_rad", "direction_sigma_rad", "range_m", "range_sigma_m")
-    deaf = replace(other.view, **{name: np.zeros(0) for name in heard})
-    assert margin_alone_nats([own, replace(other, view=deaf)], "u1", Pairs()) == -np.inf
+    assert margin_alone_nats([own, replace(other, view=deaf(other.view))], "u1", Pairs()) == -np.inf
 
 
 def test_the_oracle_calls_every_place_in_an_irregular_room_tellable_and_none_in_symmetric_ones() -> None:
@@ -243,6 +247,11 @@ def test_a_unit_alone_is_worth_nothing_and_each_at_its_place_adds_to_the_worth()
     worth_nats = [joint_nats(units[:count], fixed=1) for count in range(1, len(units) + 1)]
     assert worth_nats[0] == 0.0
     assert min(np.diff(worth_nats)) > 5
+
+
+def test_units_that_hear_nothing_are_worth_nothing_together() -> None:
+    units = [replace(one, view=deaf(one.view)) for one in placed(IRREGULAR, NEAR_ITS_MIDDLE)]
+    assert joint_nats(units, fixed=1) == 0.0
 
 
 def test_a_unit_that_stood_nowhere_is_found_once_all_others_stand() -> None:
