@@ -55,7 +55,7 @@ static void go_on(void)
         measure_begin(&calibration, &plan);
         become(MEASURING);
     } else if (!started && !single) {
-        turns_clear(); // nobody gives them anew to a unit at rest
+        turns_clear(); // nobody gives them again to a unit at rest
         stepper_release();
         become(RESTING);
     } else if (!homed || check_is_due(&calibration, motor_half_step())) {
