@@ -63,6 +63,8 @@ host = "server"
 name = "anna"
 sites = ["*"]
 """
+# What a router says of an address that its host does not have yet: zenohd where its path is given, else our own.
+NO_ADDRESS = "Cannot assign requested address" if ZENOHD_VARIABLE in os.environ else "does not have the address"
 
 
 READ_CONTOUR = """
@@ -121,9 +123,14 @@ class SeveralHosts:
             os.kill(self._running.pid(service), signal.SIGKILL)
 
     def shut_down(self) -> dict[str, int]:
-        """End everything as systemd does, routers last; the exit status of each."""
+        """End everything as systemd does, routers last; the exit status of each.
+
+        zenohd leaves SIGTERM to the kernel: for systemd that is a clean end too.
+        """
         order = sorted(self._running.names(), key=lambda name: "-router-" in name)
-        return {name: self._running.end(name) for name in order}
+        statuses = {name: self._running.end(name) for name in order}
+        clean = {name for name, status in statuses.items() if _is_zenohd(name) and status == -signal.SIGTERM}
+        return statuses | dict.fromkeys(clean, 0)
 
     def wait_until(self, condition: Callable[[], T | None], what: str, every_s: float = 0.2) -> T:
         """Wait for ``condition``, and start again what has been broken, as systemd would; nothing else may end."""

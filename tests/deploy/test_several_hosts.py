@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from deploy.several_hosts import ADDRESSES, DESK, DOMAIN, SITE, UNITS, SeveralHosts, several_hosts
+from deploy.several_hosts import ADDRESSES, DESK, DOMAIN, NO_ADDRESS, SITE, UNITS, SeveralHosts, several_hosts
 from system.processes import ROOT
 from system.site import SURVEY_SWEEPS
 from truth import compare, load_room
@@ -58,7 +58,7 @@ def start_without_network(hosts: SeveralHosts) -> None:
         if host != DESK:
             hosts.boot(host)
     for service in (GATEWAY, MAPPER, FAR_ROUTER):
-        word = "does not have the address" if service == FAR_ROUTER else LACK
+        word = NO_ADDRESS if service == FAR_ROUTER else LACK
         hosts.wait_until(lambda service=service, word=word: word in hosts.log(service), f"{service} notes no lack")
     for host in ADDRESSES:
         hosts.network.plug(host)

@@ -9,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from noctule import bounds
-from noctule.messages_pb2 import Sweep
-from noctule_gateway.bus.unit_on_bus import MAX_RECORDS, read_records
+from noctule.messages_pb2 import LogGap, LogRecords, Sweep
+from noctule_gateway.bus.log_reply import MAX_RECORDS, encoded, read_records
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, Retention
+from noctule_gateway.log.log_reader import LogSlice
+from noctule_gateway.log.rows import Gap
 from noctule_gateway.log.sweep_log import SweepLog
 
 SWEEPS = 7
@@ -35,12 +37,21 @@ def test_any_parameters_are_a_page_of_the_log_or_refused_in_words(
     log: SweepLog, first: str | None, most: str | None
 ) -> None:
     try:
-        records = read_records(log, {"from": first, "max": most}.get)
+        records = bounds.decode(LogRecords, read_records(log, {"from": first, "max": most}.get))
     except ValueError as error:
         assert "is not a count: ask with from=N;max=M" in str(error)
         return
-    bounds.check(records)
     begin = max(int(first or 1), 1)
     held = range(begin, SWEEPS + 1)[: min(int(most or MAX_RECORDS), MAX_RECORDS)]
     assert [sweep.log_sequence for sweep in records.sweeps] == list(held)
     assert (records.head, records.tail) == (SWEEPS, 1)
+
+
+def test_a_reply_that_is_put_together_from_records_reads_as_protobuf_would_have_written_it() -> None:
+    # Lengths about where one more byte is needed to say them.
+    sweeps = [Sweep(unit="u" * (length - 4)) for length in (127, 128, 129, 16383, 16384, 20000)]
+    records = tuple(sweep.SerializeToString() for sweep in [Sweep(), *sweeps])
+    gap = Gap(3, 5, damaged=True, found_elapsed_s=1.0, reason="cut")
+    reply = encoded(LogSlice("a", head=12, tail=1, records=records, gaps=(gap,)))
+    gaps = [LogGap(first=3, last=5, damaged=True, reason="cut")]
+    assert LogRecords.FromString(reply) == LogRecords(log_id="a", head=12, tail=1, sweeps=[Sweep(), *sweeps], gaps=gaps)

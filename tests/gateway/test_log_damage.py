@@ -19,7 +19,7 @@ from gateway.test_sweep_log import append, arrival, opened, read
 from noctule import bounds, elapsed
 from noctule.elapsed import Instant
 from noctule.messages_pb2 import LogRecords
-from noctule_gateway.bus.unit_on_bus import read_records
+from noctule_gateway.bus.log_reply import read_records
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Committed, Retention
 from noctule_gateway.log.log_reader import LogSlice
@@ -287,7 +287,6 @@ def test_a_reply_of_the_log_states_the_damage_within_the_bounds_of_the_bus(tmp_p
     spoiled(path, "DELETE FROM sweeps WHERE log_sequence BETWEEN 4 AND 6")
     with opened(path) as log:
         read_after_rebuild(log)
-        reply = read_records(log, {"from": "1", "max": "5"}.get)
+        reply = bounds.decode(LogRecords, read_records(log, {"from": "1", "max": "5"}.get))
     assert [sweep.log_sequence for sweep in reply.sweeps] == [1, 2, 3, 7, 8]
     assert [(gap.first, gap.last, gap.damaged) for gap in reply.gaps] == [(4, 6, True)]
-    assert bounds.decode(LogRecords, reply.SerializeToString()) == reply

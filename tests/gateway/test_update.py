@@ -25,6 +25,7 @@ from noctule_gateway.wire.frames import (
     AskHello,
     For,
     Hello,
+    Install,
     Loader,
     Outcome,
     Put,
@@ -181,9 +182,10 @@ class Script:
             updater.advance(self.now_s)
             while asked := reader.feed(updater.output(self.now_s)):
                 for frame in asked:
-                    assert not isinstance(frame, Ack | Ack2 | For | Rejected | AnySweep)
+                    assert not isinstance(frame, Ack | Ack2 | Rejected | AnySweep)
+                    request = frame.order.request if isinstance(frame, For) else frame.request
                     if (said := answer(frame)) is not None:
-                        updater.receive(encode(replace(said, request=frame.request)), self.now_s)
+                        updater.receive(encode(replace(said, request=request)), self.now_s)
             self.now_s = min(updater.next_s, self.now_s + 1.0)
         self.outcome = updater.outcome
 
@@ -200,6 +202,33 @@ def test_another_unit_is_not_updated(image, who):
     outcome = Script(image, lambda _: who).outcome
     assert isinstance(outcome, WrongUnitError)
     assert "unit 8 answers where the site file has 1" in str(outcome)
+
+
+def test_orders_before_the_loader_name_the_unit_that_they_are_for(image):
+    other = Result(0, Stop.TYPE, Outcome.NOT_FOR_THIS_UNIT)
+    asked = []
+
+    def exchanged(frame):
+        asked.append(frame)
+        return other if isinstance(frame, For) else replace(HELLO, protocol=3, life=77)
+
+    outcome = Script(image, exchanged).outcome
+    assert isinstance(outcome, WrongUnitError) and "says that it is not 1" in str(outcome)
+    assert asked[-1] == For(SERIAL, 77, Stop(asked[-1].order.request))
+
+
+def test_nothing_is_installed_on_another_unit_whose_plug_was_put_in_while_pages_were_sent(image):
+    asked = []
+
+    def exchanged(frame):
+        asked.append(frame)
+        if isinstance(frame, AskHello):
+            return LOADER if len(asked) == 1 else replace(LOADER, serial=8)
+        return Result(0, frame.TYPE, Outcome.DONE)
+
+    outcome = Script(image, exchanged).outcome
+    assert isinstance(outcome, WrongUnitError) and "unit 8 answers where the site file has 1" in str(outcome)
+    assert not any(isinstance(frame, Install) for frame in asked)
 
 
 def test_another_protocol_is_refused(image):

@@ -34,6 +34,9 @@ RERUN = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32
 _SETTINGS = Path(__file__).with_name("rerun_settings")
 # The native viewer also asks for releases and examples, which no option prevents. Data from a relay need no proxy.
 _NOWHERE = "http://127.0.0.1:9"  # the discard port
+# Rerun's allocator (mimalloc) gives free pages back at once, for a quarter more processor time. If it keeps them for
+# a while, as it does by default, a relay with the least limit grows by a tenth while 400 MB pass through it.
+_GIVES_BACK = {"MIMALLOC_PURGE_DELAY": "0"}
 _START_WITHIN_S = 30.0
 _LAYOUT_WITHIN_S = 60.0
 _END_WITHIN_S = 2.0
@@ -158,7 +161,8 @@ def start(command: list[str], stderr: int | None = None) -> subprocess.Popen[byt
     """A process that ends when this one is killed, where the system has ``setpriv``."""
     setpriv = shutil.which("setpriv")
     bound_to_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
-    return subprocess.Popen([*bound_to_us, *command], env=environment(), stdin=subprocess.DEVNULL, stderr=stderr)
+    given = _GIVES_BACK | environment()
+    return subprocess.Popen([*bound_to_us, *command], env=given, stdin=subprocess.DEVNULL, stderr=stderr)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from time import monotonic
 MAX_CLIENTS = 64  # that wait for answers at once
 MAX_WAITING = 64  # queries of one client
 CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
-REST = 4.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
+REST = 9.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
 STALE_AFTER_S = 5.0  # a query that has waited so long is not answered: most clients have given up and ask again
 THREADS = 8
 LONGEST_NAME = 64

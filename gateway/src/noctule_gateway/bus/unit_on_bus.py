@@ -1,7 +1,6 @@
 """A unit on the bus: its sweeps, status, log, commands and liveliness, as long as this gateway serves it."""
 
 import time
-from collections.abc import Callable
 from concurrent.futures import Future
 
 import zenoh
@@ -9,25 +8,19 @@ import zenoh
 from noctule import bounds, bus, caller, keys
 from noctule.caller import Callers
 from noctule.errors import BoundsError, CallerError, KeyFormatError
-from noctule.messages_pb2 import CommandReply, CommandRequest, LogGap, LogRecords, Pose, Sweep, UnitStatus
+from noctule.messages_pb2 import CommandReply, CommandRequest, LogRecords, Pose, Sweep, UnitStatus
 from noctule.newer_fields import NewerFields
 from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Refused, Server
 from noctule_gateway.bus.log_readers import LONGEST_NAME, STALE_AFTER_S, LogReaders
+from noctule_gateway.bus.log_reply import read_records
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.errors import LogError
-from noctule_gateway.log.sweep_log import SweepLog
 from noctule_gateway.served_unit import ServedUnit
 
 _MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
-_MOST_DIGITS = 18  # a count that SQLite holds
-
-MAX_RECORDS = 500
-MAX_REPLY_BYTES = 2**20
-MAX_GAPS = 1000
-_LONGEST_REASON = 1000
 _TOO_LATE = f"the query waited longer than {STALE_AFTER_S:g} s in the gateway: ask again, one query at a time"
 
 
@@ -106,7 +99,7 @@ class UnitOnBus:
             except (LogError, ValueError) as error:
                 query.reply_err(str(error))
             else:
-                query.reply(self._log_key, records.SerializeToString(), encoding=bus.encoding(LogRecords))
+                query.reply(self._log_key, records, encoding=bus.encoding(LogRecords))
 
     def _on_command(self, query: zenoh.Query) -> None:
         payload = query.payload.to_bytes() if query.payload else b""
@@ -137,26 +130,6 @@ def _refuse(query: zenoh.Query, why: str) -> None:
 def _reply(query: zenoh.Query, reply: "Future[CommandReply]") -> None:
     with query:
         query.reply(query.key_expr, reply.result().SerializeToString(), encoding=bus.encoding(CommandReply))
-
-
-def read_records(log: SweepLog, parameter: Callable[[str], str | None]) -> LogRecords:
-    """The records that ``from=N;max=M`` asks for, as many as one reply may hold. Raises ValueError and LogError."""
-    first, most = (_number(name, parameter(name), default) for name, default in (("from", 1), ("max", MAX_RECORDS)))
-    found = log.read(first, min(most, MAX_RECORDS), MAX_REPLY_BYTES)
-    sweeps = [Sweep.FromString(record) for record in found.records]
-    gaps = [
-        LogGap(first=gap.first, last=gap.last, damaged=gap.damaged, reason=gap.reason[:_LONGEST_REASON])
-        for gap in found.gaps[:MAX_GAPS]
-    ]
-    return LogRecords(log_id=found.log_id, head=found.head, tail=found.tail, sweeps=sweeps, gaps=gaps)
-
-
-def _number(name: str, text: str | None, default: int) -> int:
-    if text is None:
-        return default
-    if not text.isdecimal() or len(text) > _MOST_DIGITS:
-        raise ValueError(f"{name}={text} is not a count: ask with from=N;max=M")
-    return int(text)
 
 
 def _time_of(pose: Pose, sample: zenoh.Sample) -> float | None:

@@ -1,6 +1,7 @@
 """What ``run`` does: a gateway, its session of the bus and its metrics, from the first line of the log to the last."""
 
 import logging
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,9 @@ from noctule_gateway.service import Gateway
 from noctule_gateway.update.admission import Admission
 
 _REPORT_EVERY_S = 1.0
+# A thread that computes, for a client of the logs, gives way after so long to one that has a sweep. Python's 5 ms would
+# be waited at each step of the sweep's way: line, log, outbox.
+_GIVES_WAY_AFTER_S = 0.001
 
 _log = logging.getLogger(__name__)
 
@@ -33,6 +37,7 @@ class Access:
 
 def serve(site_file: Path, data: Path, name: str, retention: Retention, access: Access, ending: Ending) -> None:
     """Serve the units of the site file until ``ending``, whatever becomes of the bus. Raises NoctuleError, OSError."""
+    sys.setswitchinterval(_GIVES_WAY_AFTER_S)
     served = site.load(site_file)
     if warning := allow_files(len(served.units)):
         _log.warning("%s", warning)

@@ -12,6 +12,11 @@ VOUCHES_FOR_S = 1.0  # long enough for the sweep and its commit, too short to ch
 _NAMED_SINCE = 3  # the protocol in which SWEEP, ACK and orders name the unit
 
 
+def addressee_of(hello: Hello) -> tuple[int, int] | None:
+    """Serial number and life by which orders name the unit; None if it knows no such orders."""
+    return (hello.serial, hello.life) if hello.protocol >= _NAMED_SINCE else None
+
+
 class Voucher:
     """The latest HELLO of the expected unit; times are those that go into the link."""
 
@@ -23,7 +28,7 @@ class Voucher:
     def greeted(self, hello: Hello, now_s: float) -> None:
         """The expected unit has said ``hello``."""
         self._protocol = hello.protocol
-        self._addressee = (hello.serial, hello.life) if hello.protocol >= _NAMED_SINCE else None
+        self._addressee = addressee_of(hello)
         self._until_s = now_s + VOUCHES_FOR_S
 
     def withdrawn(self) -> None:

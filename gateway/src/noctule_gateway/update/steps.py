@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from noctule_gateway.errors import FlashError, HardwareError, UnitGoneError, UpdateError, WrongUnitError
 from noctule_gateway.link.peer import mismatch
+from noctule_gateway.link.voucher import addressee_of
 from noctule_gateway.update.blocks import BlockSize
 from noctule_gateway.update.image import PAGES, Image
 from noctule_gateway.update.outcome import Current, Step, Updated
@@ -51,10 +52,14 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Attempt:
-    """A frame to be sent once, and how long its answer is awaited; without a frame, a rest."""
+    """A frame to be sent once, how long its answer is awaited, and who alone (serial number and life) is to obey it.
+
+    Without a frame it is a rest.
+    """
 
     frame: Asked | None
     within_s: float
+    addressee: tuple[int, int] | None = None
 
 
 Talk = Generator[Attempt, Answer | None, _T]
@@ -72,6 +77,7 @@ class Steps:
         self.held: set[int] = set()  # pages that staging is known to hold
         self._serial, self._image, self._again = serial, image, again
         self._number = first_request % MAX_REQUEST
+        self._addressee: tuple[int, int] | None = None
         self._before: str | None = None
         self._met = self._entered = self._installed = False
         self._fruitless = 0
@@ -88,7 +94,7 @@ class Steps:
                 elif self._is_done(met):
                     return Updated(self._before) if self._entered else Current()
                 else:
-                    yield from self._enter(met)
+                    yield from self._enter()
             except RestartedError:
                 continue
         raise UnitGoneError(f"the unit was met {FRUITLESS} times and got no further than {self.step.value}: try again")
@@ -101,6 +107,7 @@ class Steps:
         error = mismatch(answer, self._serial)
         if error is not None:
             raise error
+        self._addressee = addressee_of(answer) if isinstance(answer, Hello) else None
         if not self._met:
             self._met = True
             self._before = _version(answer)
@@ -113,10 +120,11 @@ class Steps:
             raise UpdateError(f"the unit runs {hello.version} after all: is the image's description its own?")
         return False
 
-    def _enter(self, hello: Hello) -> Talk[None]:
+    def _enter(self) -> Talk[None]:
         """Bring the unit to rest and into its loader."""
         self.step = Step.ENTERING
-        yield from self._order(Stop(0))
+        if (yield from self._order(Stop(0))) == Outcome.NOT_FOR_THIS_UNIT:
+            raise _another_unit(self._serial)
         for _ in range(BUSY_RETRIES):
             match (yield from self._order(Update(0, self._serial))):
                 case Outcome.DONE:
@@ -125,7 +133,7 @@ class Steps:
                 case Outcome.BUSY:
                     yield Attempt(None, BUSY_RETRY_S)
                 case Outcome.NOT_FOR_THIS_UNIT:
-                    raise WrongUnitError(f"unit {hello.serial} says that it is not {self._serial}: check the cable")
+                    raise _another_unit(self._serial)
                 case result:
                     raise UpdateError(f"the unit answers UPDATE with result {result}")
         raise UpdateError(f"the unit did not come to rest within {BUSY_RETRIES * BUSY_RETRY_S:.0f} s: stop it first")
@@ -158,6 +166,9 @@ class Steps:
                     yield from self._put(content)
                 yield from self._program(page, content)
                 self._fruitless = 0
+            # A loader's orders name no unit, and another unit's plug may have been put in since the greeting.
+            if not isinstance((yield from self._greet()), Loader):
+                raise RestartedError
             self.step = Step.INSTALLING
             result = yield from self._order(Install(0), INSTALL_TIMEOUT_S)
             if result == Outcome.DONE:
@@ -220,7 +231,7 @@ class Steps:
         """
         numbered = self._numbered(frame)
         for attempt in range(ATTEMPTS):
-            answer = yield Attempt(numbered, max(within_s, _timeout_s(attempt)))
+            answer = yield Attempt(numbered, max(within_s, _timeout_s(attempt)), self._addressee)
             if answer is not None:
                 return answer
         raise RestartedError
@@ -239,6 +250,10 @@ def _version(met: Hello | Loader) -> str | None:
         return met.version
     numbers = (met.application_major, met.application_minor, met.application_patch)
     return None if numbers == (_NONE,) * 3 else ".".join(map(str, numbers))
+
+
+def _another_unit(serial: int) -> WrongUnitError:
+    return WrongUnitError(f"the unit on the line says that it is not {serial}: check cable and address")
 
 
 def _other_hardware(image: Image, hardware: int) -> HardwareError:

@@ -5,9 +5,9 @@ from math import inf
 from noctule_gateway.errors import GatewayError, LineError, UnitGoneError
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Ending, Progress
-from noctule_gateway.update.steps import Answer, Attempt, RestartedError, Steps
+from noctule_gateway.update.steps import Answer, Asked, Attempt, RestartedError, Steps
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import AskHello, Frame, Hello, Loader, Rejected, Result, Stop, Update
+from noctule_gateway.wire.frames import AskHello, For, Frame, Hello, Loader, Rejected, Result, Stop, Update
 
 GONE_AFTER_S = 20.0  # longer than a unit copies, or fails to start eight times
 REST_S = 0.02  # for what is still on its way to go by, before what was not understood is sent again
@@ -150,8 +150,12 @@ class Updater:
         self._attempt = attempt
         self._due_s = now_s + attempt.within_s
         if attempt.frame is not None:
-            self._out += encode(attempt.frame)
+            self._out += encode(_addressed(attempt.frame, attempt.addressee))
 
     def _end(self, outcome: Ending) -> None:
         self.outcome = outcome
         self._attempt, self._due_s = None, inf
+
+
+def _addressed(frame: Asked, addressee: tuple[int, int] | None) -> Asked | For:
+    return For(*addressee, frame) if addressee is not None and isinstance(frame, Stop | Update) else frame
