@@ -5,13 +5,12 @@ Its quantities have the bounds of the messages that they go into.
 
 import math
 import re
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
-from noctule import keys, messages_pb2
+from noctule import keys, messages_pb2, toml_file
 from noctule.bounds import (
     AIR_C,
     MAX_READINGS,
@@ -25,7 +24,6 @@ from noctule.bounds import (
 from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
 from noctule.survey_path import walk
-from noctule.toml_lines import lines
 from noctule.toml_table import Table
 
 MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
@@ -155,14 +153,8 @@ def load(path: Path) -> Site:
 
     Raises SiteFileError with a line for each mistake: file, line, table and field, and what to do.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # some editors begin with a byte order mark
-        entries = tomllib.loads(text)
-    except OSError as error:
-        raise SiteFileError(f"{path} can't be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # not TOML, or not text, or 1,000 brackets deep
-        raise SiteFileError(f"{path} is not a TOML file: {error}") from error
-    top = Table(path, "", entries, lines(text))
+    file = toml_file.read(path, SiteFileError)
+    top = Table(path, "", file.entries, file.lines)
     sensor = _sensor(top.table("sensor"), Sensor())
     site = Site(
         name=_name(top, "site"),
