@@ -199,7 +199,7 @@ fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
         None => {
             let what = format!("--tcp {} for unit {serial}", arguments.tcp);
             let mut address = arguments.first_address().map_err(io_error(what.clone()))?;
-            // Port 0 leaves the choice to the operating system, for each unit anew.
+            // With port 0 the operating system chooses a port for each unit.
             let port = if address.port() == 0 { 0 } else { u32::from(address.port()) + serial - 1 };
             let too_high = |_| io::Error::new(io::ErrorKind::InvalidInput, "no port is higher than 65535");
             address.set_port(u16::try_from(port).map_err(too_high).map_err(io_error(what.clone()))?);
