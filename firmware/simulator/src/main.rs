@@ -15,7 +15,7 @@ mod unit;
 mod world;
 
 use cable::Cable;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use cli::Arguments;
 use faults::{FaultError, FaultSchedule};
 use fleet::control::ControlError;
@@ -72,6 +72,10 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     if arguments.registers {
         say(&[chip::register_page::markdown().trim_end().to_owned()]);
+        return Ok(());
+    }
+    if let Some(shell) = arguments.completion {
+        clap_complete::generate(shell, &mut Arguments::command(), "noctule-sim", &mut io::stdout());
         return Ok(());
     }
     let room = Room::load(&arguments.room)?;
