@@ -5,6 +5,7 @@ Only the demo and the tests know the truth; nothing that maps imports this.
 
 import argparse
 import math
+import threading
 import time
 import tomllib
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import zenoh
 
-from noctule import bus
+from noctule import awake, bus
 from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
 from noctule.messages_pb2 import Contour
@@ -156,24 +157,43 @@ def describe_complete(contour: Contour) -> str:
 def watch(room: Room, site: str, connect: str, every_s: float) -> None:
     """Print the site's contour against the room when there is a newer one, at most every ``every_s``."""
     started_s = time.monotonic()
-    version = 0
+    latest = _Latest()
     completed = False
-    session = _join(connect)
-    try:
-        with Client(site, session=session) as client:
-            while True:
-                contour = client.contour()
-                if contour is not None and contour.version != version and contour.walls:
-                    version = contour.version
-                    after = f"After {time.monotonic() - started_s:.0f} s: "
-                    comparison = compare(contour, room)
-                    print(f"{after}{describe(comparison, contour, room)}", flush=True)
-                    if comparison.complete and not completed:
-                        completed = True
-                        print(f"{after}{describe_complete(contour)}", flush=True)
-                time.sleep(every_s)
-    finally:
-        session.close()
+    with bus.closing(_join(connect)) as session, Client(site, session=session) as client, awake.told_to_end() as over:
+        client.on_contour(latest.put)
+        while not over.is_set():
+            contour = latest.take(awake.EVERY_S)
+            if contour is None:
+                continue
+            after = f"After {time.monotonic() - started_s:.0f} s: "
+            comparison = compare(contour, room)
+            print(f"{after}{describe(comparison, contour, room)}", flush=True)
+            if comparison.complete and not completed:
+                completed = True
+                print(f"{after}{describe_complete(contour)}", flush=True)
+            over.wait(every_s)
+
+
+class _Latest:
+    """The newest contour with a wall that nobody has taken yet."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._contour: Contour | None = None
+
+    def put(self, contour: Contour) -> None:
+        """A contour has come."""
+        if contour.walls:
+            with self._changed:
+                self._contour = contour
+                self._changed.notify()
+
+    def take(self, within_s: float) -> Contour | None:
+        """Wait for a contour, at most ``within_s``."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._contour is not None, within_s)
+            contour, self._contour = self._contour, None
+        return contour
 
 
 def _join(connect: str) -> zenoh.Session:

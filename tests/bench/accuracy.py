@@ -69,8 +69,8 @@ def _summary(runs: Sequence[Run]) -> list[str]:
 
 
 def _against_the_label_fit(errors: Sequence[Errors]) -> str:
-    """Mean errors and their ratios; the ratio by weight is of root mean squares, each error over its sigma, lest one
-    thing that the echoes hardly determine outweigh all the others.
+    """Mean errors and their ratios; the ratio by weight is of root mean squares, each error over its sigma, so that
+    one thing that the echoes hardly determine does not outweigh all the others.
     """
     ours, told, told_late, sigma = (
         np.concatenate([getattr(one, field.name) for one in errors]) for field in fields(Errors)

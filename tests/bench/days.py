@@ -13,6 +13,7 @@ import contextlib
 import os
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ CADENCE_S = 16.0  # a fixed unit's 61 bearings and its pause: deploy/demo/sites/
 LOOK_EVERY_S = 5.0
 UNITS = 2
 RELAY = ("--memory-limit", "8MB")  # it keeps drawings, and so grows, until it is full: with so little on the first day
+REPORT_EVERY_S = 1.0
 MOST_AHEAD = 500  # sweeps that the mapper has not reported yet; it reports each second
 
 
@@ -74,14 +76,9 @@ def streamed(folder: Path, days: float) -> Iterator[Scene]:
         relay = _start_relay(running)
         units = open_units(folder, "site-0", UNITS, endpoint, closing)
         _start_mapper(running, folder, "site-0", endpoint, relay)
-        taken = dict[str, int]()
-
-        def note(status: ServiceStatus) -> None:
-            taken.update({cursor.unit: cursor.log_sequence for cursor in status.cursors})
-
+        stream = _Stream(units, time.time_ns() - int((days + 1) * DAY_S * 1e9))
         client = closing.enter_context(Client("site-0", connect=[endpoint]))
-        client.on_service_status(note)
-        stream = _Stream(units, taken, time.time_ns() - int((days + 1) * DAY_S * 1e9))
+        client.on_service_status(stream.note)
         pids = {"gateway": os.getpid()} | {name: running.pid(name) for name in ("router", "mapper", "relay")}
         yield Scene(pids, stream.progress, stream.step)
 
@@ -89,22 +86,32 @@ def streamed(folder: Path, days: float) -> Iterator[Scene]:
 class _Stream:
     """Sweeps of all units by turns, no farther ahead of the mapper than it can be seen to follow."""
 
-    def __init__(self, units: Sequence[StreamedUnit], taken: dict[str, int], began_ns: int) -> None:
-        self._units, self._taken, self._began_ns = units, taken, began_ns
+    def __init__(self, units: Sequence[StreamedUnit], began_ns: int) -> None:
+        self._units, self._began_ns = units, began_ns
+        self._taken: dict[str, int] = {}
+        self._has_taken = threading.Condition()
         self._reported_s = 0.0
+
+    def note(self, status: ServiceStatus) -> None:
+        """How far the mapper says that it is."""
+        with self._has_taken:
+            self._taken.update({cursor.unit: cursor.log_sequence for cursor in status.cursors})
+            self._has_taken.notify()
 
     def step(self) -> None:
         """A few sweeps, if the mapper follows; and the statuses of each second."""
-        if time.monotonic() >= self._reported_s + 1.0:
+        if time.monotonic() >= self._reported_s + REPORT_EVERY_S:
             self._reported_s = time.monotonic()
             for unit in self._units:
                 unit.report()
-        if sum(unit.made for unit in self._units) - sum(self._taken.values()) > MOST_AHEAD:
-            time.sleep(0.05)
-            return
-        for unit in self._units:
-            unit.sweep(self._began_ns + round(unit.made * CADENCE_S * 1e9))
-        time.sleep(0.001)
+        with self._has_taken:
+            follows = self._has_taken.wait_for(lambda: self._ahead() <= MOST_AHEAD, timeout=REPORT_EVERY_S)
+        if follows:
+            for unit in self._units:
+                unit.sweep(self._began_ns + round(unit.made * CADENCE_S * 1e9))
+
+    def _ahead(self) -> int:
+        return sum(unit.made for unit in self._units) - sum(self._taken.values())
 
     def progress(self) -> tuple[float, int]:
         """Simulated days, and sweeps that the mapper has taken."""

@@ -110,7 +110,7 @@ def _wavering(made: Sweep, x_m: float, number: int, rng: np.random.Generator) ->
 
 
 def rebuild_s(site: Site) -> float:
-    """Seconds to make the map anew from the store, as at a start."""
+    """Seconds to make the map again from the store, as at a start."""
     began_s = time.perf_counter()
     mapper = Mapper()
     for sweep in site.store.sweeps():

@@ -76,7 +76,7 @@ MISTAKES = {
         "[[service]] 1: tracks unit 'u3' of site 'house', which no gateway serves: add it to a gateway, or correct it",
     ),
     "two of one name": (7, 'name = "tracker"', 'name = "attic"', "name 'attic' is given 2 times"),
-    "no TOML": (0, "[[router]]", "[[router]", "is not TOML: "),
+    "no TOML": (0, "[[router]]", "[[router]", "is not a TOML file: "),
 }
 
 

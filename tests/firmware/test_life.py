@@ -4,6 +4,7 @@ import re
 import socket
 import struct
 import subprocess
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -101,14 +102,17 @@ def life_of_a_run(image: Path) -> int:
             found = re.search(r"127\.0\.0\.1:(\d+)", simulator.stdout.readline())
             assert found is not None
             with socket.create_connection(("127.0.0.1", int(found[1])), timeout=120) as line:
-                reader = FrameReader()
-                while True:
-                    line.sendall(encode(AskHello(1)))
-                    for frame in reader.feed(line.recv(4096)):
-                        if isinstance(frame, Hello):
-                            return frame.life
+                return next(hellos(line)).life
         finally:
             simulator.terminate()
+
+
+def hellos(line: socket.socket) -> Iterator[Hello]:
+    """The unit's answers, while it is asked again and again: the first words may be lost."""
+    reader = FrameReader()
+    while True:
+        line.sendall(encode(AskHello(1)))
+        yield from (frame for frame in reader.feed(line.recv(4096)) if isinstance(frame, Hello))
 
 
 def test_a_simulated_unit_whose_flash_is_not_kept_has_another_life_in_each_run_of_the_same_seed():

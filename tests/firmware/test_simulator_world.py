@@ -420,6 +420,18 @@ def read_to_the_end(terminal: int) -> bytes:
     return told
 
 
+def test_a_shell_completes_the_command_line():
+    typed = "noctule-sim --fi"
+    script = f"""
+source <(noctule-sim --completion bash)
+COMP_WORDS=({typed}) COMP_CWORD=1 COMP_LINE='{typed}'
+_noctule__sim {typed} noctule-sim
+echo "${{COMPREPLY[*]}}"
+"""
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["--firmware"]
+
+
 def test_a_terminal_is_told_how_far_the_run_has_got():
     leader, follower = pty.openpty()
     command = ["noctule-sim", "--firmware", str(IMAGE), "--tcp", "127.0.0.1:0", "--duration", "1.5"]

@@ -48,7 +48,7 @@ class ModelUnit:
         self._power_up(born_s)
 
     def reset(self, now_s: float, cause: int = 0x10, note: int = 0) -> None:
-        """Start anew under the next boot number; the ring outlives it."""
+        """Restart under the next boot number; the ring outlives it."""
         self.boot += 1
         self.reset_cause, self.reset_note = cause, note
         self._power_up(now_s)
@@ -126,7 +126,7 @@ class ModelUnit:
         if isinstance(frame, frames.For) and self.protocol == 2:
             self._out += encode(frames.Rejected(2, frame.TYPE))
             return
-        self._resends = 0  # the waits begin anew with every frame of the host
+        self._resends = 0  # the waits begin again with every frame of the host
         self._resend_s = min(self._resend_s, now_s + RESEND_AFTER_S[0])
         if isinstance(frame, frames.AskHello):
             self._resend_s = now_s

@@ -179,7 +179,7 @@ def test_a_unit_in_its_loader_is_shown_and_served_again_when_its_firmware_runs(
                 unit.reset(time.monotonic(), cause=0x08)  # WDTRSF: datasheet C8051F34x, chapter 11
             wait_until(lambda: connected(client), "the unit was not connected")
             assert "watchdog" in unit_status(client).reset_cause
-    assert "u1 has started anew: its watchdog has bitten" in caplog.text
+    assert "u1 has restarted: watchdog reset: the firmware hung" in caplog.text
 
 
 def test_the_log_answers_from_and_max_and_says_what_it_can_not_read(tmp_path: Path, router: zenoh.Session) -> None:

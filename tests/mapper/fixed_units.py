@@ -6,7 +6,7 @@ a rectangular room each wall is due whose foot lies inside its sweep and within 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -269,36 +269,52 @@ def aligned(contour: Contour, room: Room, true: np.ndarray) -> Contour:
     """
     lines = wall_lines(room)
     for gate_m in (0.5, 0.3, 0.15, 0.1, NEAR_M, NEAR_M):
-        rows, off = [], []
-
-        def fits(x: float, y: float, normal: tuple[float, float], target_m: float, weight: float = 1.0) -> None:
-            """The point, moved, lies at ``target_m`` along ``normal``."""
-            rows.append(weight * np.array([*normal, normal[1] * x - normal[0] * y]))  # noqa: B023
-            off.append(weight * (target_m - normal[0] * x - normal[1] * y))  # noqa: B023
-
-        for corner in contour.corners:
-            away_m = np.hypot(*(room.vertices - (corner.x_m, corner.y_m)).T)
-            if away_m.min() < gate_m:
-                x_m, y_m = room.vertices[away_m.argmin()]
-                fits(corner.x_m, corner.y_m, (1.0, 0.0), x_m)
-                fits(corner.x_m, corner.y_m, (0.0, 1.0), y_m)
-        for wall in contour.walls:
-            away_m = np.maximum(*(distance_to_sides_m(np.array(end), room.vertices) for end in (wall.start, wall.end)))
-            if away_m.min() < gate_m:
-                theta, rho_m = lines[away_m.argmin()]
-                for x_m, y_m in (wall.start, wall.end):
-                    fits(x_m, y_m, (math.cos(theta), math.sin(theta)), rho_m)
-        weight = 1.0 if gate_m == 0.5 else 0.1
-        for pose in contour.poses:
-            x_m, y_m, heading_rad = true[int(pose.unit[1:]) - 1]
-            if not pose.is_wrong:
-                fits(pose.x_m, pose.y_m, (1.0, 0.0), x_m, weight)
-                fits(pose.x_m, pose.y_m, (0.0, 1.0), y_m, weight)
-                rows.append(np.array([0.0, 0.0, weight]))
-                off.append(weight * float(wrapped(np.array(heading_rad - pose.heading_rad))))
-        dx_m, dy_m, turn_rad = np.linalg.lstsq(np.array(rows), np.array(off), rcond=None)[0]
+        equations = [
+            *_corners_meet(contour, room, gate_m),
+            *_walls_meet(contour, room, lines, gate_m),
+            *_poses_meet(contour, true, 1.0 if gate_m == 0.5 else 0.1),
+        ]
+        dx_m, dy_m, turn_rad = np.linalg.lstsq(*map(np.array, zip(*equations, strict=True)), rcond=None)[0]
         contour = turned(contour, turn_rad).shifted(dx_m, dy_m)
     return contour
+
+
+_Equation = tuple[np.ndarray, float]  # what a shift along x, one along y and a turn add up to
+
+
+def _lies_at(x_m: float, y_m: float, theta_rad: float, rho_m: float, weight: float = 1.0) -> _Equation:
+    """The point, moved, lies at ``rho_m`` in the direction ``theta_rad``."""
+    along, across = math.cos(theta_rad), math.sin(theta_rad)
+    row = weight * np.array([along, across, across * x_m - along * y_m])
+    return row, weight * (rho_m - along * x_m - across * y_m)
+
+
+def _corners_meet(contour: Contour, room: Room, gate_m: float) -> Iterator[_Equation]:
+    for corner in contour.corners:
+        away_m = np.hypot(*(room.vertices - (corner.x_m, corner.y_m)).T)
+        if away_m.min() < gate_m:
+            x_m, y_m = room.vertices[away_m.argmin()]
+            yield _lies_at(corner.x_m, corner.y_m, 0.0, x_m)
+            yield _lies_at(corner.x_m, corner.y_m, math.pi / 2, y_m)
+
+
+def _walls_meet(contour: Contour, room: Room, lines: np.ndarray, gate_m: float) -> Iterator[_Equation]:
+    for wall in contour.walls:
+        away_m = np.maximum(*(distance_to_sides_m(np.array(end), room.vertices) for end in (wall.start, wall.end)))
+        if away_m.min() < gate_m:
+            theta_rad, rho_m = lines[away_m.argmin()]
+            for x_m, y_m in (wall.start, wall.end):
+                yield _lies_at(x_m, y_m, theta_rad, rho_m)
+
+
+def _poses_meet(contour: Contour, true: np.ndarray, weight: float) -> Iterator[_Equation]:
+    for pose in contour.poses:
+        x_m, y_m, heading_rad = true[int(pose.unit[1:]) - 1]
+        if not pose.is_wrong:
+            yield _lies_at(pose.x_m, pose.y_m, 0.0, x_m, weight)
+            yield _lies_at(pose.x_m, pose.y_m, math.pi / 2, y_m, weight)
+            turn_rad = float(wrapped(np.array(heading_rad - pose.heading_rad)))
+            yield np.array([0.0, 0.0, weight]), weight * turn_rad
 
 
 def turned(contour: Contour, turn_rad: float) -> Contour:

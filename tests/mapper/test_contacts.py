@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mapper.made_echoes import made_echoes
 from mapper.room import BEARINGS_RAD, HALF_BEAM_RAD, paper_path, paper_room, survey
 
 from noctule_mapper.config import ContactConfig
@@ -15,30 +16,8 @@ EXACT_M = 1e-6  # a spread so small that ranges may be taken for exact
 
 def readings(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> list[Echoes]:
     """One exact echo from each place (n, 2)."""
-    one = np.ones(1)
-    return [
-        Echoes(
-            sweep=np.array([number]),
-            x_m=place[:1],
-            y_m=place[1:],
-            axis_rad=np.array([axis]),
-            half_beam_rad=one * HALF_BEAM_RAD,
-            range_m=np.array([to_reflector]),
-            sigma_m=one * EXACT_M,
-            calibrated=one > 0,
-            sigma_position_m=one * 0,
-            sigma_heading_rad=one * 0,
-            step_rad=one * np.radians(22.5),
-            unit=(0 * one).astype(int),
-            heading_rad=0 * one,
-            sigma_bias_m=0 * one,
-            sigma_scale=0 * one,
-            face_offset_m=0 * one,
-            sigma_face_m=0 * one,
-            sense=(0 * one).astype(int),
-        )
-        for number, (place, to_reflector, axis) in enumerate(zip(places, range_m, axis_rad, strict=True))
-    ]
+    heard = made_echoes(places, range_m, axis_rad, EXACT_M)
+    return [heard.take(np.array([number])) for number in range(len(heard))]
 
 
 def contacts_of(parts: list[Echoes]):

@@ -6,6 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from mapper.grid_probe import arcs, at, centres, cones
+from mapper.made_echoes import made_echoes
 from mapper.room import paper_path, paper_room, survey
 from numba import typeof
 
@@ -181,26 +182,7 @@ def echoes_of_spread(sigmas_m: np.ndarray) -> tuple[Echoes, Contacts]:
     """Echoes from a wall so near that a coarse region bends round the sensor, 16 directions for each spread."""
     direction = np.tile(np.linspace(-3, 3, 16), len(sigmas_m))
     one = np.ones(len(direction))
-    echoes = Echoes(
-        sweep=np.arange(len(one)),
-        x_m=0 * one,
-        y_m=0 * one,
-        axis_rad=direction,
-        half_beam_rad=0.2 * one,
-        range_m=0.15 * one,
-        sigma_m=np.repeat(sigmas_m, 16),
-        calibrated=one > 0,
-        sigma_position_m=0 * one,
-        sigma_heading_rad=0 * one,
-        step_rad=one * np.radians(22.5),
-        unit=(0 * one).astype(int),
-        heading_rad=0 * one,
-        sigma_bias_m=0 * one,
-        sigma_scale=0 * one,
-        face_offset_m=0 * one,
-        sigma_face_m=0 * one,
-        sense=(0 * one).astype(int),
-    )
+    echoes = made_echoes(np.zeros((len(one), 2)), 0.15 * one, direction, np.repeat(sigmas_m, 16), half_beam_rad=0.2)
     return echoes, Contacts(direction, 0 * one, np.full(len(one), Kind.WALL), one, np.inf * one)
 
 

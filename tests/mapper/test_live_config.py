@@ -27,7 +27,7 @@ def test_what_a_file_leaves_out_keeps_its_default(file: Path) -> None:
         ("[window]\nmax_age = 60", "window.max_age: is not known: did you mean max_age_s?"),
         ("[pace]\nmost_time_share = 2.0", "pace.most_time_share: Input should be less than or equal to 1"),
         ("[window]\nplace_radius_m = 0.0", "window.place_radius_m: Input should be greater than 0"),
-        ("[window", "is not TOML"),
+        ("[window", "is not a TOML file"),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused_by_name_and_field(file: Path, text: str, complaint: str) -> None:

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from mapper.room import HALF_BEAM_RAD, paper_path, paper_room, survey
+from mapper.made_echoes import made_echoes
+from mapper.room import paper_path, paper_room, survey
 
 from noctule_mapper.config import ContactConfig, MapperConfig
 from noctule_mapper.contacts.r2d import R2dTest, r2d_test
@@ -19,27 +20,8 @@ PAPER_RADII_M = [0.0677, 0.1137, 0.1537, 0.1990]  # Section V.B, at 30 cm
 
 def in_a_row(x_m: np.ndarray, range_m: np.ndarray) -> Echoes:
     """Echoes from places on the x axis, heard straight ahead."""
-    one = np.ones(len(x_m))
-    return Echoes(
-        sweep=np.arange(len(x_m)),
-        x_m=x_m,
-        y_m=one * 0,
-        axis_rad=one * np.pi / 2,
-        half_beam_rad=one * HALF_BEAM_RAD,
-        range_m=range_m,
-        sigma_m=one * SIGMA_M,
-        calibrated=one > 0,
-        sigma_position_m=one * 0,
-        sigma_heading_rad=one * 0,
-        step_rad=one * np.radians(22.5),
-        unit=(0 * one).astype(int),
-        heading_rad=0 * one,
-        sigma_bias_m=0 * one,
-        sigma_scale=0 * one,
-        face_offset_m=0 * one,
-        sigma_face_m=0 * one,
-        sense=(0 * one).astype(int),
-    )
+    places = np.stack([x_m, 0 * x_m], axis=1)
+    return made_echoes(places, range_m, np.full(len(x_m), np.pi / 2), SIGMA_M)
 
 
 def judged(heard: Echoes, config: ContactConfig | None = None) -> R2dTest:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mapper.made_echoes import made_echoes
 
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector, Spot
 from noctule_mapper.readings.echoes import Echoes
@@ -19,28 +20,7 @@ FACE_M = 0.03  # off the axis
 
 
 def echoes() -> Echoes:
-    some = np.ones(len(PLACES))
-    none, number = 0 * some, np.arange(4)
-    return Echoes(
-        sweep=number,
-        x_m=PLACES[:, 0],
-        y_m=PLACES[:, 1],
-        axis_rad=AXIS_RAD,
-        half_beam_rad=some,
-        range_m=some,
-        sigma_m=some,
-        calibrated=some > 0,
-        sigma_position_m=none,
-        sigma_heading_rad=none,
-        step_rad=some,
-        unit=0 * number,
-        heading_rad=none,
-        sigma_bias_m=none,
-        sigma_scale=none,
-        face_offset_m=FACE_M * some,
-        sigma_face_m=none,
-        sense=0 * number,
-    )
+    return made_echoes(PLACES, np.ones(len(PLACES)), AXIS_RAD, sigma_m=1.0, half_beam_rad=1.0, face_offset_m=FACE_M)
 
 
 REFLECTORS = [Line(0.4, 2.5), Line(-2.9, 3.0), Circle(2.5, 1.0, 0.3), Spot(-2.0, 2.2)]

@@ -5,6 +5,7 @@ The expected circles are those that the ranges are made from.
 
 import numpy as np
 import pytest
+from mapper.made_echoes import made_echoes
 from mapper.room import HALF_BEAM_RAD, paper_path, paper_room, survey
 
 from noctule_mapper.config import ContactConfig, MapperConfig
@@ -21,31 +22,6 @@ _ASIDE_M = [(0, 0.05), (0.03, 0), (0, -0.1), (-0.02, 0.08), (0, 0), (0.05, -0.06
 ASTRAY = np.add(ALONG, _ASIDE_M)  # no three on a line
 
 
-def echoes(places: np.ndarray, range_m: np.ndarray, axis_rad: np.ndarray) -> Echoes:
-    """One echo from each place (n, 2)."""
-    one = np.ones(len(places))
-    return Echoes(
-        sweep=np.arange(len(places)),
-        x_m=places[:, 0],
-        y_m=places[:, 1],
-        axis_rad=axis_rad,
-        half_beam_rad=one * HALF_BEAM_RAD,
-        range_m=range_m,
-        sigma_m=one * SIGMA_M,
-        calibrated=one > 0,
-        sigma_position_m=one * 0,
-        sigma_heading_rad=one * 0,
-        step_rad=one * np.radians(22.5),
-        unit=(0 * one).astype(int),
-        heading_rad=0 * one,
-        sigma_bias_m=0 * one,
-        sigma_scale=0 * one,
-        face_offset_m=0 * one,
-        sigma_face_m=0 * one,
-        sense=(0 * one).astype(int),
-    )
-
-
 def circles_of(heard: Echoes) -> TangentCircles:
     book = ContactBook(CONFIG)
     for number in range(len(heard)):
@@ -56,12 +32,12 @@ def circles_of(heard: Echoes) -> TangentCircles:
 
 def of_circle(places: np.ndarray, centre: np.ndarray, radius_m: float, errors_m: np.ndarray) -> Echoes:
     away = centre - places
-    return echoes(places, np.hypot(*away.T) - radius_m + errors_m, np.arctan2(away[:, 1], away[:, 0]))
+    return made_echoes(places, np.hypot(*away.T) - radius_m + errors_m, np.arctan2(away[:, 1], away[:, 0]), SIGMA_M)
 
 
 def of_wall(places: np.ndarray, theta_rad: float, rho_m: float, errors_m: np.ndarray) -> Echoes:
     range_m = rho_m - places @ [np.cos(theta_rad), np.sin(theta_rad)]
-    return echoes(places, range_m + errors_m, np.full(len(places), theta_rad))
+    return made_echoes(places, range_m + errors_m, np.full(len(places), theta_rad), SIGMA_M)
 
 
 NONE = np.zeros(6)

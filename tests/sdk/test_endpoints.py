@@ -5,13 +5,12 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
 from sdk.conftest import Router
-from system.processes import free_ports
+from system.processes import free_ports, wait_until
 
 from noctule import bus, endpoints
 from noctule.bus_watch import BusWatch
@@ -63,10 +62,7 @@ def watched(connect: list[str], listen: list[str]) -> Iterator[Callable[[str], N
         watch.begin(tuple)
 
         def wait_for(detail: str) -> None:
-            deadline_s = time.monotonic() + 20.0
-            while watch.detail() != detail:
-                assert time.monotonic() < deadline_s, watch.detail()
-                time.sleep(0.05)
+            wait_until(lambda: watch.detail() == detail, f"the watch does not say {detail!r}")
 
         try:
             yield wait_for

@@ -106,7 +106,7 @@ def test_rules_are_read_as_they_were_written(tmp_path) -> None:
         ("[keys]\n", "it names no keys"),
         ("keys = 3", "it names no keys"),
         ("oldset = '0.9.0'", "oldset is not known here"),
-        ("keys", "is not TOML"),
+        ("keys", "is not a TOML file"),
     ],
 )
 def test_a_mistake_in_the_rules_is_named(tmp_path, text: str, words: str) -> None:

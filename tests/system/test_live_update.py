@@ -24,7 +24,7 @@ SITE = "bench"
 KEY = Ed25519PrivateKey.generate()
 SPEED = 4  # an update takes 8 s of the unit's time
 WITHIN_S = 60.0
-# One sweep takes some 25 s of the unit's time, so that an update finds it in the midst of one.
+# One sweep takes some 25 s of the unit's time, so that an update comes during one.
 LONG_SWEEP = "sweep = { first_bearing_deg = -120, bearing_step_deg = 3.8, count = 64, pings = 5, start = true }"
 
 

@@ -1,14 +1,14 @@
 """Reads the fleet file. Every mistake in it is named at once: file, line, table, key, and what was probably meant."""
 
 import difflib
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from noctule.toml_lines import Place, line_of, lines
+from noctule import toml_file
+from noctule.toml_lines import Place, line_of
 from noctule_deploy import fleet as tables
 from noctule_deploy import fleet_rules
 from noctule_deploy.errors import FleetFileError
@@ -31,22 +31,13 @@ _MODELS: dict[tuple[str, ...], type[BaseModel]] = {
 
 def load(path: Path) -> Fleet:
     """The fleet of a file. Raises FleetFileError with a line for each mistake."""
+    file = toml_file.read(path, FleetFileError, if_absent="noctule-deploy init writes an example of one")
     try:
-        text = path.read_text(encoding="utf-8-sig")  # some editors begin with a byte order mark
-        entries = tomllib.loads(text)
-    except FileNotFoundError as error:
-        raise FleetFileError(f"{path} is not there: noctule-deploy init writes an example of one") from error
-    except OSError as error:
-        raise FleetFileError(f"{path} can't be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # not TOML, or not text, or 1,000 brackets deep
-        raise FleetFileError(f"{path} is not TOML: {error}") from error
-    at = lines(text)
-    try:
-        fleet = Fleet.model_validate(entries, context=path.parent)
+        fleet = Fleet.model_validate(file.entries, context=path.parent)
     except ValidationError as error:
-        raise _error(path, at, (_mistake(each, entries) for each in error.errors())) from error
+        raise _error(path, file.lines, (_mistake(each, file.entries) for each in error.errors())) from error
     if found := list(fleet_rules.mistakes(fleet)):
-        raise _error(path, at, found)
+        raise _error(path, file.lines, found)
     return fleet
 
 

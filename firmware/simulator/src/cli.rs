@@ -2,6 +2,7 @@
 
 use crate::unit::measurement::Routine;
 use clap::Parser;
+use clap_complete::Shell;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -74,6 +75,10 @@ pub struct Arguments {
     /// Print the chip's modelled registers as Markdown, and end
     #[arg(long)]
     pub registers: bool,
+
+    /// Print what completes this command line in a shell, and end
+    #[arg(long, value_name = "SHELL")]
+    pub completion: Option<Shell>,
 
     /// Keep the units' flash memories here from run to run
     #[arg(long, value_name = "DIR")]

@@ -15,7 +15,7 @@ mod unit;
 mod world;
 
 use cable::Cable;
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use cli::Arguments;
 use faults::{FaultError, FaultSchedule};
 use fleet::control::ControlError;
@@ -72,6 +72,10 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     if arguments.registers {
         say(&[chip::register_page::markdown().trim_end().to_owned()]);
+        return Ok(());
+    }
+    if let Some(shell) = arguments.completion {
+        clap_complete::generate(shell, &mut Arguments::command(), "noctule-sim", &mut io::stdout());
         return Ok(());
     }
     let room = Room::load(&arguments.room)?;
@@ -199,7 +203,7 @@ fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
         None => {
             let what = format!("--tcp {} for unit {serial}", arguments.tcp);
             let mut address = arguments.first_address().map_err(io_error(what.clone()))?;
-            // Port 0 leaves the choice to the operating system, for each unit anew.
+            // With port 0 the operating system chooses a port for each unit.
             let port = if address.port() == 0 { 0 } else { u32::from(address.port()) + serial - 1 };
             let too_high = |_| io::Error::new(io::ErrorKind::InvalidInput, "no port is higher than 65535");
             address.set_port(u16::try_from(port).map_err(too_high).map_err(io_error(what.clone()))?);

@@ -5,7 +5,7 @@ Units are served with or without a bus: what is committed while no router answer
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -208,54 +208,52 @@ class Gateway:
         return of_units if self._status is None else [self._status, *of_units]
 
     def _status_message(self) -> ServiceStatus:
-        connected = sum(served.server.connected for served in self._served)
-        updating = [served.unit.name for served in self._served if served.server.updating]
-        away = [served.unit.name for served in self._served if not (served.server.connected or served.server.updating)]
-        late = [served.unit.name for served in self._served if served.server.late]
         message = ServiceStatus(
             site=self._site.name,
             name=self._name,
             role="gateway",
             version=VERSION,
-            detail="; ".join(
-                filter(
-                    None,
-                    (
-                        "" if self._status else "not on the bus yet: no router has answered (see the log)",
-                        self._watch.detail() if self._watch else "",
-                        _listed("not connected", away),
-                        _listed("being updated", updating),
-                        _listed("served late", late),
-                        self._callers.detail if self._callers else "",
-                        self._audit.detail,
-                        self._refused.detail,
-                        self._clock_watch.detail,
-                        self._synchronisation.detail if self._site.clock == "utc" else "",
-                        self._readers.cut_off(),
-                    ),
-                )
-            ),
-            counters={
-                "units": len(self._served),
-                "units_connected": connected,
-                "units_late": len(late),
-                "sweeps_committed": sum(served.log.state.head for served in self._served),
-                "puts_dropped": self._outbox.dropped,
-                "log_queries_refused": self._readers.refused,
-                "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
-                "messages_newer": self._newer.count,
-                "audit_lines": self._audit.recorded,
-                "audit_lines_late_or_lost": self._audit.lost,
-                "audit_lines_summed_up": self._audit.summed_up,
-                "refused_lines": self._refused.recorded,
-                "refused_lines_late_or_lost": self._refused.lost,
-                "refused_lines_summed_up": self._refused.summed_up,
-                "clock_sets": self._clock_watch.sets,
-                **self._synchronisation.counters,
-            },
+            detail="; ".join(filter(None, self._details())),
+            counters=self._counters(),
         )
         message.time.FromNanoseconds(time.time_ns())
         return message
+
+    def _details(self) -> Iterator[str]:
+        """What is not well, each thing in words; empty where a thing is well."""
+        servers = {served.unit.name: served.server for served in self._served}
+        away = [name for name, server in servers.items() if not (server.connected or server.updating)]
+        yield "" if self._status else "not on the bus yet: no router has answered (see the log)"
+        yield self._watch.detail() if self._watch else ""
+        yield _listed("not connected", away)
+        yield _listed("being updated", [name for name, server in servers.items() if server.updating])
+        yield _listed("served late", [name for name, server in servers.items() if server.late])
+        yield self._callers.detail if self._callers else ""
+        yield self._audit.detail
+        yield self._refused.detail
+        yield self._clock_watch.detail
+        yield self._synchronisation.detail if self._site.clock == "utc" else ""
+        yield self._readers.cut_off()
+
+    def _counters(self) -> dict[str, int]:
+        return {
+            "units": len(self._served),
+            "units_connected": sum(served.server.connected for served in self._served),
+            "units_late": sum(served.server.late for served in self._served),
+            "sweeps_committed": sum(served.log.state.head for served in self._served),
+            "puts_dropped": self._outbox.dropped,
+            "log_queries_refused": self._readers.refused,
+            "commands_refused": sum(served.on_bus.commands_refused for served in self._served if served.on_bus),
+            "messages_newer": self._newer.count,
+            "audit_lines": self._audit.recorded,
+            "audit_lines_late_or_lost": self._audit.lost,
+            "audit_lines_summed_up": self._audit.summed_up,
+            "refused_lines": self._refused.recorded,
+            "refused_lines_late_or_lost": self._refused.lost,
+            "refused_lines_summed_up": self._refused.summed_up,
+            "clock_sets": self._clock_watch.sets,
+            **self._synchronisation.counters,
+        }
 
 
 def _listed(what: str, names: list[str]) -> str:

@@ -126,7 +126,7 @@ class CylinderConfig(_Model):
     least_points: int = Field(default=6, ge=3)
     least_filled: float = Field(default=0.3, ge=0, le=1)  # of the sectors that should contain points
     finalists: int = Field(default=10, ge=1)
-    most_sigma_m: float = Field(default=0.05, gt=0)  # of centre and radius, lest a corner's few points be a circle
+    most_sigma_m: float = Field(default=0.05, gt=0)  # of centre and radius: a corner's few points are no circle
 
 
 class HoughConfig(_Model):

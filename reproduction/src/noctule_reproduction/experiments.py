@@ -109,7 +109,7 @@ def _calibration_spread(calibrations: Sequence[Calibration]) -> CalibrationSprea
 
 
 def _reflectors(seeds: Sequence[int]) -> list[TestedReflector]:
-    """The wall and the four cylinders of Fig. 14, each heard anew for every seed."""
+    """The wall and the four cylinders of Fig. 14, each heard again for every seed."""
     return [
         tested(radius_m, TRIES * len(seeds), np.random.default_rng((*seeds, _RADII, number)))
         for number, radius_m in enumerate((np.inf, *RADII_M))

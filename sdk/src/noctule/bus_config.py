@@ -48,12 +48,7 @@ def config(
     """The configuration of a session, with its lease where one is given. Raises BusConfigError."""
     if faults := list(filter(None, map(endpoints.fault, (*connect, *listen)))):
         raise BusConfigError("; ".join(faults))
-    if identity is not None:
-        made = _read_config(identity.folder / tls.CONFIG, f"the folder of {identity.common_name} has")
-    elif path := os.environ.get(CONFIG_VARIABLE):
-        made = _read_config(Path(path), f"{CONFIG_VARIABLE} names")
-    else:
-        made = zenoh.Config()
+    made = _written_config(identity)
     settings = dict(_SETTINGS)
     if identity is None or connect or listen:
         settings |= {
@@ -66,11 +61,7 @@ def config(
     if lease_s is not None:
         settings["transport/link/tx/lease"] = round(1e3 * lease_s)
     for key, value in settings.items():
-        try:
-            made.insert_json5(key, json.dumps(value))
-        except zenoh.ZError as error:
-            written = endpoints.shown(value) if isinstance(value, list) else value
-            raise BusConfigError(f"{key} can't be {written}: write an endpoint as tcp/HOST:PORT") from error
+        _set(made, key, value)
     if identity is not None:
         _check_secured(made, identity)
     return made
@@ -80,6 +71,23 @@ def wait_for_addresses(config: zenoh.Config) -> None:
     """Have a router begin without the addresses that its host does not have yet, and try them again by and by."""
     for key, value in _WAIT_FOR_ADDRESSES.items():
         config.insert_json5(key, json.dumps(value))
+
+
+def _written_config(identity: tls.Identity | None) -> zenoh.Config:
+    """The configuration file that the folder of certificates has, else the one that the variable names, else none."""
+    if identity is not None:
+        return _read_config(identity.folder / tls.CONFIG, f"the folder of {identity.common_name} has")
+    if path := os.environ.get(CONFIG_VARIABLE):
+        return _read_config(Path(path), f"{CONFIG_VARIABLE} names")
+    return zenoh.Config()
+
+
+def _set(made: zenoh.Config, key: str, value: object) -> None:
+    try:
+        made.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        written = endpoints.shown(value) if isinstance(value, list) else value
+        raise BusConfigError(f"{key} can't be {written}: write an endpoint as tcp/HOST:PORT") from error
 
 
 def _read_config(path: Path, whose: str) -> zenoh.Config:

@@ -3,7 +3,7 @@
 import logging
 import uuid
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -12,9 +12,10 @@ from typing import Self, TypeVar
 import zenoh
 from google.protobuf.message import Message
 
-from noctule import bounds, bus, caller, keys
+from noctule import bus, caller, keys
 from noctule.delivery import Delivery
-from noctule.errors import BoundsError, BusError, KeyFormatError, NotServedError
+from noctule.errors import BusError, KeyFormatError, NotServedError
+from noctule.intake import Intake
 from noctule.messages_pb2 import (
     CommandReply,
     CommandRequest,
@@ -28,8 +29,6 @@ from noctule.messages_pb2 import (
     Sweep,
     UnitStatus,
 )
-from noctule.newer_fields import NewerFields
-from noctule.refusals import Refusals
 from noctule.states import StateReader
 from noctule.subscription import Declared, Subscription
 from noctule.unit_reader import UnitReader
@@ -69,8 +68,7 @@ class Client:
         self._owns_session, self._tls_folder = session is None, tls_folder
         self._name = str(self.session.zid())  # by which a gateway tells its clients apart, to serve each in its turn
         self._delivery = Delivery(f"noctule-{site}", queue_length)
-        self._refusals = Refusals()
-        self._newer = NewerFields()
+        self._intake = Intake()
         self._subscriptions: dict[Subscription, None] = {}  # in the order of their making
         self._pose_publishers: dict[str, zenoh.Publisher] = {}
 
@@ -98,7 +96,7 @@ class Client:
 
         ``newer`` had fields of a newer version, which were ignored.
         """
-        return self._delivery.counters() | {"refused": self._refusals.count, "newer": self._newer.count}
+        return self._delivery.counters() | {"refused": self._intake.refusals.count, "newer": self._intake.newer.count}
 
     # ---- Messages as they come ------------------------------------------------------------------------------------
 
@@ -182,7 +180,7 @@ class Client:
         if records is not None:
             sifted = sift(records, unit, from_sequence - 1)
             for sequence, reason in sifted.refused.items():
-                self._refusals.note(keys.log(self.site, unit), f"record {sequence}: {reason}")
+                self._intake.refusals.note(keys.log(self.site, unit), f"record {sequence}: {reason}")
             del records.sweeps[:]
             records.sweeps.extend(sifted.sound)
         return records
@@ -190,7 +188,7 @@ class Client:
     def unsifted_log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
         """The same with all records as they came, unchecked, so that a LogFollower knows which ones it passes over."""
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
-        return next((self._decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
+        return next((self._intake.decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
 
     def history(self, unit: str, from_sequence: int = 1) -> Iterator[Sweep]:
         """A unit's log in order, from the log sequence ``from_sequence`` or the oldest record held, to its head.
@@ -235,7 +233,7 @@ class Client:
             if unit in self.units():
                 raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
             raise self._not_served(unit)
-        return self._decode(CommandReply, reply)
+        return self._intake.decode(CommandReply, reply)
 
     def publish_pose(self, unit: str, pose: Pose) -> None:
         """Publish where a tracked unit is."""
@@ -252,7 +250,7 @@ class Client:
         return self._subscribe(key, partial(self._deliver, message_type, callback))
 
     def _on_state(self, key: str, message_type: type[M], callback: Callable[[M], None]) -> Subscription:
-        state = StateReader(partial(self._accepted, message_type), callback)  # of the delivery's thread
+        state = StateReader(partial(self._intake.accepted, message_type), callback)  # of the delivery's thread
         subscriber = self._declare_subscriber(key, state.on_published)
         try:
             for sample in self._ask(key):
@@ -280,37 +278,16 @@ class Client:
 
     def _deliver(self, message_type: type[M], callback: Callable[[M], None], sample: zenoh.Sample) -> bool:
         """Hand the message to ``callback``; False where it is refused."""
-        message = self._accepted(message_type, sample)
+        message = self._intake.accepted(message_type, sample)
         if message is not None:
             callback(message)
         return message is not None
-
-    def _accepted(self, message_type: type[M], sample: zenoh.Sample) -> M | None:
-        try:
-            return self._decode(message_type, sample)
-        except (BusError, KeyFormatError) as error:
-            self._refusals.note(str(sample.key_expr), error)
-            return None
-
-    def _decode(self, message_type: type[M], sample: zenoh.Sample, but: Collection[str] = ()) -> M:
-        """The message; raises BusError where it does not fit the bounds or the key that it came on."""
-        payload = sample.payload.to_bytes()
-        try:
-            message = bounds.decode(message_type, payload, but)
-        except BoundsError as error:
-            raise BusError(f"{sample.key_expr}: {error}") from error
-        if isinstance(message, Sweep | UnitStatus):
-            _check_unit(message, keys.parse_unit(str(sample.key_expr)))
-        if isinstance(message, ServiceStatus):
-            _check_service(message, *keys.parse_service_status(str(sample.key_expr)))
-        self._newer.note(message, payload)
-        return message
 
     def _alive_unit(self, sample: zenoh.Sample) -> str | None:
         try:
             return _unit_of(sample)
         except KeyFormatError as error:
-            self._refusals.note(str(sample.key_expr), error)
+            self._intake.refusals.note(str(sample.key_expr), error)
             return None
 
     def _subscribe(self, key: str, deliver: Callable[[zenoh.Sample], bool]) -> Subscription:
@@ -325,7 +302,7 @@ class Client:
         return subscription
 
     def _ask_all(self, key: str, message_type: type[M]) -> list[M]:
-        accepted = [self._accepted(message_type, reply) for reply in self._ask(key)]
+        accepted = [self._intake.accepted(message_type, reply) for reply in self._ask(key)]
         return [message for message in accepted if message is not None]
 
     def _ask(
@@ -353,18 +330,6 @@ class Client:
                 error = reply.err.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
         if error is not None and not answered:
             raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
-
-
-def _check_unit(message: Sweep | UnitStatus, key: keys.UnitKey) -> None:
-    if message.unit != key.unit or message.site not in ("", key.site):
-        said = f"unit {message.unit!r} of site {message.site!r}"
-        raise BusError(f"a {message.DESCRIPTOR.name} of {said} came on a key of unit {key.unit!r} of site {key.site!r}")
-
-
-def _check_service(message: ServiceStatus, site: str, service: str) -> None:
-    if message.name not in ("", service) or message.site not in ("", site):
-        said = f"{message.name!r} of site {message.site!r}"
-        raise BusError(f"a ServiceStatus of {said} came on the key of service {service!r} of site {site!r}")
 
 
 def _unit_of(sample: zenoh.Sample) -> str:

@@ -4,12 +4,11 @@
 """
 
 import re
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from noctule import firmware_signature, tls
+from noctule import firmware_signature, tls, toml_file
 from noctule.errors import FirmwareKeyError
 from noctule.firmware_signature import PublicKey
 
@@ -39,12 +38,7 @@ def chosen(named: Path | None, tls_folder: Path | None) -> FirmwareRules | None:
 
 def load(path: Path) -> FirmwareRules:
     """The rules of a file. Raises FirmwareKeyError."""
-    try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise FirmwareKeyError(f"{path} can't be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
-        raise FirmwareKeyError(f"{path} is not TOML: {error}") from error
+    entries = toml_file.read(path, FirmwareKeyError).entries
     try:
         return _rules(entries)
     except FirmwareKeyError as error:

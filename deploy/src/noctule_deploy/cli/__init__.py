@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from noctule.errors import NoctuleError
-from noctule.version_option import version_option
+from noctule.program_options import version_option
 from noctule_deploy.cli.certificates import render, renew, revoke
 from noctule_deploy.cli.check import check
 from noctule_deploy.cli.firmware import firmware_key, firmware_sign

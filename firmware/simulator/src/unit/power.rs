@@ -1,4 +1,4 @@
-//! What a supply does to a unit: cuts, dips, and a cut in the midst of a flash operation.
+//! What a supply does to a unit: cuts, dips, and a cut during a flash operation.
 
 use super::supply::{Level, POWER_ON_DELAY, Ramp, Supply};
 use super::{Unit, noise};
@@ -59,7 +59,7 @@ impl Unit {
         }
     }
 
-    /// Cuts the power in the midst of the `count`-th flash operation from now on (1 is the next), for 100 ms.
+    /// Cuts the power during the `count`-th flash operation from now on (1 is the next), for 100 ms.
     pub fn cut_power_at_flash_operation(&mut self, count: u64) {
         self.cut_at_flash_operation = Some(self.flash_operations() + count);
     }

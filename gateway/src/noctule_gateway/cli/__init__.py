@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.version_option import version_option
+from noctule.program_options import version_option
 from noctule_gateway.cli.data import backup, check, repair
 from noctule_gateway.cli.router import router
 from noctule_gateway.cli.run import run

@@ -8,7 +8,8 @@ import typer
 from noctule import tls
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule_gateway.cli.options import DEFAULT_LISTEN, Format, TlsFolder
+from noctule.program_options import Format, Tls
+from noctule_gateway.cli.options import DEFAULT_LISTEN
 
 _log = logging.getLogger(__name__)
 
@@ -18,7 +19,7 @@ def router(
         list[str] | None, typer.Option(help=f"Where; {DEFAULT_LISTEN} without --tls, else as its folder says.")
     ] = None,
     connect: Annotated[list[str] | None, typer.Option(help="Another router to link with.")] = None,
-    tls_folder: TlsFolder = None,
+    tls_folder: Tls = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:
     """Be the router alone, for gateways with --connect, until SIGTERM or Ctrl-C."""

@@ -9,7 +9,8 @@ import typer
 from noctule import logs, tls
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule_gateway.cli.options import DEFAULT_LISTEN, FirmwareFile, Format, TlsFolder
+from noctule.program_options import Format, Metrics, Tls
+from noctule_gateway.cli.options import DEFAULT_LISTEN, FirmwareFile
 
 _log = logging.getLogger(__name__)
 
@@ -22,7 +23,7 @@ def run(
         list[str] | None,
         typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."),
     ] = None,
-    tls_folder: TlsFolder = None,
+    tls_folder: Tls = None,
     firmware: FirmwareFile = None,
     name: Annotated[
         str | None,
@@ -30,9 +31,7 @@ def run(
     ] = None,
     keep_mb: Annotated[float, typer.Option(min=1, help="Size of each unit's log, in MB of sweeps.")] = 256,
     keep_days: Annotated[float, typer.Option(min=0, help="Age at which sweeps leave the log.")] = 30,
-    metrics_at: Annotated[
-        str | None, typer.Option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics here.")
-    ] = None,
+    metrics: Metrics = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:
     """Serve the units of a site until SIGTERM or Ctrl-C."""
@@ -44,7 +43,7 @@ def run(
     retention = Retention(max_bytes=round(keep_mb * 1e6), max_age_s=keep_days * 86400)
     try:
         default = [] if connect or tls_folder else [DEFAULT_LISTEN]
-        access = Access(connect or [], listen or default, tls_folder, firmware, metrics_at)
+        access = Access(connect or [], listen or default, tls_folder, firmware, metrics)
         serve(site_file, data, name or tls.service_name(tls_folder, "gateway"), retention, access, ending)
     except (NoctuleError, OSError) as error:
         logs.log_lines(_log, error)

@@ -6,8 +6,9 @@ from typing import Annotated
 import typer
 
 from noctule import tls
+from noctule.program_options import Tls
 from noctule_gateway.cli.failing import failing_in_words
-from noctule_gateway.cli.options import FirmwareFile, TlsFolder
+from noctule_gateway.cli.options import FirmwareFile
 
 
 def update(
@@ -15,7 +16,7 @@ def update(
     image_file: Annotated[Path, typer.Option("--image", help="build/update.hex of the firmware.")],
     unit: Annotated[list[str] | None, typer.Option(help="Only this unit; give more for several.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
-    tls_folder: TlsFolder = None,
+    tls_folder: Tls = None,
     firmware: FirmwareFile = None,
 ) -> None:
     """Update the firmware of a site's units, over their lines: stop the gateway that holds these first."""

@@ -6,6 +6,7 @@ ends the line instead, and reads no faster than the line is emptied, so that TCP
 
 import queue
 import socket
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -16,7 +17,6 @@ from serial import rfc2217
 from noctule_gateway.errors import LineError
 from noctule_gateway.line.keepalive import watch_far_end
 
-_LOOK_EVERY_S = 0.01
 _CHUNK_BYTES = 1024
 _MOST_WAITING_BYTES = 65536  # more than the line brings during the longest step of the negotiation, 3 s
 _NEGOTIATION_STEPS = 2  # the whole negotiation, in the time that one step may take (3 s): there are six
@@ -24,12 +24,12 @@ _MOST_SUBOPTION_BYTES = 1024  # RFC 2217 has no longer one than a signature of 2
 
 
 class Rfc2217Port:
-    """As port.Port, open from the start. It has no file descriptor to wait on: it looks every 10 ms."""
+    """As port.Port, open from the start."""
 
     def __init__(self, address: str, baud: int) -> None:
         """Raises LineError where nobody answers, or not as RFC 2217 says; a silent server takes 3 s, a slow one 6 s."""
         self._address = address
-        self._awake = False
+        self._is_woken = False
         self._line = _BoundedSerial(baud)
         self._line.port = address
         try:
@@ -40,14 +40,12 @@ class Rfc2217Port:
             raise LineError(f"can't open {address}: {self._line.failure or error}") from error
 
     def read(self, timeout_s: float) -> bytes:
-        deadline_s = time.monotonic() + timeout_s
         try:
-            while not (data := self._line.next_piece()):
-                if self._awake or time.monotonic() >= deadline_s:
-                    break
+            data = self._line.next_piece(timeout_s)
         except serial.SerialException as error:
             raise LineError(f"{self._address} was cut: {error}") from error
-        self._awake = False
+        if not data:
+            self._is_woken = False
         return data
 
     def write(self, data: bytes) -> None:
@@ -57,7 +55,9 @@ class Rfc2217Port:
             raise LineError(f"{self._address} takes no more: {error}") from error
 
     def wake(self) -> None:
-        self._awake = True
+        if not self._is_woken:  # once until it is read, so that the buffer has a bound
+            self._is_woken = True
+            self._line.wake()
 
     def close(self) -> None:
         self._line.close()
@@ -74,6 +74,7 @@ class _BoundedSerial(rfc2217.Serial):
 
     def __init__(self, baud: int) -> None:
         self.failure = ""
+        self._emptied = threading.Condition()
         self._bytes_received = self._bytes_read = 0  # each counted by one thread
         self._suboption: bytearray | None = None
         self._step_s = 0.0
@@ -102,17 +103,31 @@ class _BoundedSerial(rfc2217.Serial):
         """As keepalive.watch_far_end(), of the socket beneath."""
         watch_far_end(self._socket)
 
-    def next_piece(self) -> bytes:
-        """In place of read(): what came next, empty if nothing does soon. Raises SerialException after the last."""
+    def next_piece(self, timeout_s: float) -> bytes:
+        """In place of read(): what came next, empty if nothing does in time or the reader is woken. Raises
+        SerialException after the last.
+        """
         try:
-            piece = self._read_buffer.get(timeout=_LOOK_EVERY_S)
+            piece = self._read_buffer.get(timeout=timeout_s)
         except queue.Empty:
             return b""
         if piece is None:
             self._read_buffer.put(None)  # it stays the last
             raise serial.SerialException(self.failure or "closed at the other end")
-        self._bytes_read += len(piece)
+        with self._emptied:
+            self._bytes_read += len(piece)
+            self._emptied.notify()
         return piece
+
+    def wake(self) -> None:
+        """Have next_piece() return at once."""
+        self._read_buffer.put(b"")
+
+    def close(self) -> None:
+        with self._emptied:
+            self.is_open = False
+            self._emptied.notify()
+        super().close()
 
     def reset_input_buffer(self) -> None:
         """Have the server empty its buffer. To empty this one may never end while the server floods it."""
@@ -129,10 +144,7 @@ class _BoundedSerial(rfc2217.Serial):
 
     def _read_telnet(self) -> None:
         take: _Take = self._take_data
-        while self.is_open:
-            if self._bytes_received - self._bytes_read > _MOST_WAITING_BYTES:
-                time.sleep(_LOOK_EVERY_S)
-                continue
+        while self._has_room():
             try:
                 received = self._socket.recv(_CHUNK_BYTES)
             except TimeoutError:
@@ -143,6 +155,14 @@ class _BoundedSerial(rfc2217.Serial):
                 return
             while received:
                 take, received = take(received)
+
+    def _has_room(self) -> bool:
+        """Wait for the line to be emptied far enough; whether it is open then."""
+        with self._emptied:
+            self._emptied.wait_for(
+                lambda: not self.is_open or self._bytes_received - self._bytes_read <= _MOST_WAITING_BYTES
+            )
+        return self.is_open
 
     # ---- Telnet. Each takes what it can of the bytes that came; what takes the rest, and the rest. ----
 

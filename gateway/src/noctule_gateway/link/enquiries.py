@@ -104,5 +104,5 @@ class Enquiries:
         self._settings_due_s = inf
 
     def settings_changed(self, now_s: float) -> None:
-        """An order has changed the unit's settings: read them anew."""
+        """An order has changed the unit's settings: read them again."""
         self._settings_due_s = now_s

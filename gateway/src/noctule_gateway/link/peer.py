@@ -41,7 +41,7 @@ class Silence:
         self._nothing_came = 0
 
     def broken(self) -> None:
-        """Something has come that can be read, or all begins anew."""
+        """Something has come that can be read, or all begins again."""
         self._nothing_came = self._nothing_read = 0
 
     @property
@@ -51,7 +51,7 @@ class Silence:
 
     @property
     def lasts(self) -> bool:
-        """There is nobody any more, or nobody to be understood."""
+        """The unit is gone, or nothing it sends can be read."""
         return self._nothing_came >= SILENT_AFTER or self._nothing_read >= GARBLED_AFTER
 
 

@@ -46,7 +46,7 @@ class Retention:
 class Arrival:
     """A sweep from the line: what tells the unit's resend, and the message, still without log_id and log_sequence.
 
-    The digest is of the frame: boot numbers begin anew in a unit whose flash was erased.
+    The digest is of the frame: boot numbers begin again in a unit whose flash was erased.
     """
 
     digest: bytes

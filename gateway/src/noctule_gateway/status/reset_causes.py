@@ -1,4 +1,4 @@
-"""Why a unit has started anew, in words: what its HELLO says of it.
+"""Why a unit has restarted, in words: what its HELLO says of it.
 
 RSTSRC is the C8051F340's own register (datasheet C8051F34x Rev. 1.3, chapter 11); after a power-up its other bits mean
 nothing.
@@ -13,7 +13,7 @@ _POWER = 0x02
 _SOFTWARE = 0x10
 _CAUSES = {
     0x40: "its firmware has touched flash that it must not: report it",
-    0x08: "its watchdog has bitten, for the firmware hung: report it if it happens again",
+    0x08: "watchdog reset: the firmware hung",
     0x04: "its clock has failed",
     _SOFTWARE: "its firmware has reset the chip",
     0x01: "its reset pin was pulled",

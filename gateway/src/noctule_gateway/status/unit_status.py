@@ -34,30 +34,30 @@ _BAD_LINE = "much of what it sends can't be read: check cable, ground and adapte
 
 def detail(known: UnitState, unit: Unit) -> str:
     """The sentence for the operator; empty when all is well. It does not change while nothing changes."""
-    if known.update:
-        return known.update
-    if known.trouble:
-        return known.trouble
-    if known.log.error:
-        return known.log.error
-    if known.setup_error:
-        return known.setup_error
+    by_urgency = (
+        known.update,
+        known.trouble,
+        known.log.error,
+        known.setup_error,
+        _state_detail(known),
+        "; ".join(map(sentence, known.faults)),
+        _LATE if known.late else "",
+        _BAD_LINE if known.bad_line else "",
+        _lost_pose(unit) if known.lost_pose else "",
+        known.out_of_turn,
+        known.log.damage,
+    )
+    return next(filter(None, by_urgency), "")
+
+
+def _state_detail(known: UnitState) -> str:
+    """What keeps the unit from sweeping, as it says itself; empty if nothing does."""
     status = known.status
     if status is not None and status.state == State.FAULT:
         return _FAULTS.get(status.fault, f"the unit reports fault {status.fault}")
     if status is not None and status.state == State.WAITING:
         return _waiting(known)
-    if known.faults:
-        return "; ".join(map(sentence, known.faults))
-    if known.late:
-        return _LATE
-    if known.bad_line:
-        return _BAD_LINE
-    if known.lost_pose:
-        return _lost_pose(unit)
-    if known.out_of_turn:
-        return known.out_of_turn
-    return known.log.damage
+    return ""
 
 
 def message(known: UnitState, unit: Unit) -> UnitStatus:

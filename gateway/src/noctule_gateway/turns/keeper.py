@@ -1,4 +1,4 @@
-"""Keeps one unit at its turns: tells them in its ticks, and when it must be told anew. Pure."""
+"""Keeps one unit at its turns: tells them in its ticks, and when it must be told again. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class TurnKeeper:
         self._knows_turns = self._clock_is_good = self._started = False
 
     def met(self, hello: Hello, now_s: float) -> None:
-        """The unit is there, and maybe has started anew: it may have no turns."""
+        """The unit is there, and may have restarted: it may have no turns."""
         self._given, self._met_s = None, now_s
         self._knows_turns, self._clock_is_good = hello.knows_turns, False
 

@@ -15,7 +15,7 @@ LISTENS_S = 0.036
 LATE_S = 0.003
 # ECHO rises 0.45 to 2.3 ms after the trigger, by the copy of the sensor: by so much two units of a room may differ.
 LAG_S = 0.002
-# So far a unit may drift from its turns before it is given them anew.
+# So far a unit may drift from its turns before it is given them again.
 DRIFTS_S = 0.0005
 # What is left is for the errors of two clocks (Turn.clock_error_s).
 SHORTEST_SLOT_S = 0.046

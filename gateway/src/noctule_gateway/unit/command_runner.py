@@ -108,7 +108,7 @@ class CommandRunner:
         self._measuring.advance(now_s)
 
     def unit_was_reset(self) -> None:
-        """The unit has started anew: it does not measure any more."""
+        """The unit has restarted: it does not measure any more."""
         self._measuring.give_up(CommandError("the unit was reset"))
 
     def lost(self, why: str) -> None:
@@ -133,7 +133,7 @@ class CommandRunner:
         )
 
     def stopped(self, why: str) -> None:
-        """The gateway ends, in the midst of an update maybe."""
+        """The gateway ends, perhaps during an update."""
         command, self._updating = self._updating, None
         if command is not None:
             self._end(command, CommandError(f"{why}: update the unit again, it goes on where it was"))

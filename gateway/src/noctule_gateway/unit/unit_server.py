@@ -236,7 +236,7 @@ class UnitServer:
         hello, name = event.hello, self._unit.name
         _log.info("%s: unit %d, firmware %s, boot %d", name, hello.serial, hello.version, hello.boot)
         if event.rebooted and (warning := reset_causes.warning(hello, met_before=self._state.hello is not None)):
-            _log.warning("%s has started anew: %s", name, warning)
+            _log.warning("%s has restarted: %s", name, warning)
         if event.rebooted:
             self._commands.unit_was_reset()
         self._state = self._state.identified(hello)

@@ -10,7 +10,7 @@ from noctule_gateway.update.image import Image
 from noctule_gateway.update.updater import Updater
 from noctule_gateway.wire.frames import MAX_REQUEST
 
-_LOOK_EVERY_S = 0.1
+_SHOW_EVERY_S = 0.1
 
 
 class UnitUpdate:
@@ -34,14 +34,14 @@ class UnitUpdate:
 def update_units(
     units: Sequence[Unit], image: Image, again: bool, watch: Callable[[Sequence[UnitUpdate]], None]
 ) -> Sequence[UnitUpdate]:
-    """Update ``units`` until each has ended; ``watch`` is called now and again, and once at the end."""
+    """Update ``units`` until each has ended; ``watch`` is called ten times a second, and once at the end."""
     updates = [UnitUpdate(unit, image, again) for unit in units]
     try:
         for update in updates:
             update.start()
         while any(update.updater.outcome is None for update in updates):
             watch(updates)
-            time.sleep(_LOOK_EVERY_S)
+            time.sleep(_SHOW_EVERY_S)
         watch(updates)
     finally:
         for update in updates:

@@ -1,13 +1,12 @@
 """Where the units of a site are, by a contour's poses: what of it a site file does not say yet."""
 
-import tomllib
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import ceil, degrees, hypot, pi, remainder
 from pathlib import Path
 
-from noctule import poses
-from noctule.errors import NoctuleError
+from noctule import poses, toml_file
+from noctule.errors import NoctuleError, SiteFileError
 from noctule.messages_pb2 import POSE_STATE_FITTED, POSE_STATE_WRONG, Contour, Pose, UnitPose
 from noctule.site import FixedPose, PoseSource, Site, UnknownPose
 from noctule_mapper.calibration.site_edit import Edit
@@ -135,5 +134,5 @@ def _is_at(source: FixedPose, stated: Pose) -> bool:
 
 def _units_with_pose_sigma(file: Path) -> set[str]:
     """The units whose errors the file states in pose_sigma, beside the pose."""
-    entries = tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    entries = toml_file.read(file, SiteFileError).entries
     return {unit["name"] for unit in entries["unit"] if "pose_sigma" in unit}

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.version_option import version_option
+from noctule.program_options import version_option
 from noctule_mapper.cli.calibrate import calibrate
 from noctule_mapper.cli.export import export
 from noctule_mapper.cli.fit import fit

@@ -8,7 +8,8 @@ import typer
 
 from noctule import rerun_paths
 from noctule.logs import LogFormat
-from noctule_mapper.cli.live_options import Config, Connect, Format, Metrics, Rerun, Tls, relay
+from noctule.program_options import Format, Metrics, Tls
+from noctule_mapper.cli.live_options import Config, Connect, Rerun, relay
 
 
 def share(

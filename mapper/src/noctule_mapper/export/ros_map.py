@@ -111,7 +111,7 @@ def _empty(points_m: np.ndarray, cell_m: float) -> OccupancyMap:
     columns, rows = (int(each) for each in high - low)
     if columns * rows > _MOST_CELLS:
         raise MapSizeError(
-            f"the map would be {columns} x {rows} cells of {cell_m:g} m: survey one place at a time, or mend its poses"
+            f"the map would be {columns} x {rows} cells of {cell_m:g} m: survey one place at a time, or check its poses"
         )
     return OccupancyMap(np.zeros((rows, columns), np.uint8), float(low[0] * cell_m), float(low[1] * cell_m), cell_m)
 

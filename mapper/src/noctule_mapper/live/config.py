@@ -2,13 +2,13 @@
 
 import difflib
 import math
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from noctule import toml_file
 from noctule.errors import NoctuleError
 from noctule_mapper.choices import Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig, Window
@@ -44,7 +44,7 @@ class LiveConfig(_Model):
 
 def load_live(path: Path) -> LiveConfig:
     """Parameters from tables [window], [pace] and [mapper...], each with its default. Raises ConfigFileError."""
-    return _validated(path, LiveConfig, _read(path))
+    return _validated(path, LiveConfig, toml_file.read(path, ConfigFileError).entries)
 
 
 def in_force(
@@ -66,7 +66,7 @@ def to_toml(config: LiveConfig) -> str:
 
 def load_sensor(path: Path) -> SensorConfig:
     """A sensor's calibration from top-level fields, its beam in rad or deg. Raises ConfigFileError."""
-    fields = _read(path)
+    fields = toml_file.read(path, ConfigFileError).entries
     if "beam_width_deg" in fields:
         if "beam_width_rad" in fields:
             raise ConfigFileError(f"{path}: beam_width_deg and beam_width_rad are one quantity: keep one of them")
@@ -75,15 +75,6 @@ def load_sensor(path: Path) -> SensorConfig:
             raise ConfigFileError(f"{path}: beam_width_deg should be a number, not {width_deg!r}")
         fields["beam_width_rad"] = math.radians(width_deg)
     return _validated(path, SensorConfig, fields)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigFileError(f"{path} can't be read: {error}") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigFileError(f"{path} is not TOML: {error}") from error
 
 
 def _validated(path: Path, model: type[_M], fields: dict[str, Any]) -> _M:

@@ -201,7 +201,7 @@ def explain(claims: Claims, gain: np.ndarray, data: Evidence, config: Refinement
     return Explanation(np.log(total), likelihood / total[claims.echo], anywhere / total)
 
 
-_MOST_NATS = 50.0  # of one echo, lest it overflow
+_MOST_NATS = 50.0  # of one echo, so that it can't overflow
 
 
 _NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)  # the box of what hides nothing

@@ -2,7 +2,7 @@
 
 Greedy search takes the best object first: a point may win the echoes of a cylinder or of a wall's end, and a wall
 whose direction is not well known yet misses the corner that would fix it. So each object gives way to others of any
-kind, and two walls are turned to meet in what has been heard of their corner. Whoever asks fits and weighs them.
+kind, and two walls are turned to meet in what has been heard of their corner. The caller fits and weighs them.
 """
 
 from collections.abc import Iterator, Sequence

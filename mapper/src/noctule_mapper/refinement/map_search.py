@@ -196,7 +196,7 @@ def _meetings(
 def _settled(
     objects: Sequence[Reflector], scene: Scene, config: MapperConfig
 ) -> tuple[list[Reflector], list[Link], Scene, float]:
-    """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit anew."""
+    """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit again."""
     while True:
         objects, links, scene, of_poses = _fit_and_link(objects, scene, config)
         kept = objects

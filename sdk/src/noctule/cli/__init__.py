@@ -15,7 +15,7 @@ from noctule.cli import ask, command, doctor, import_scan, record, replay, show,
 from noctule.errors import NoctuleError, SiteFileError
 from noctule.logs import StderrHandler, TextFormatter
 from noctule.plain_text import plain
-from noctule.version_option import version_option
+from noctule.program_options import version_option
 
 commands = typer.Typer(
     no_args_is_help=True,

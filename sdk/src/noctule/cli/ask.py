@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from noctule import keys
-from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
 from noctule.errors import BusError, NotServedError
+from noctule.program_options import Tls
 
 if TYPE_CHECKING:
     import zenoh

@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 from noctule.cli.asked import Addressed, Asked
-from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
+from noctule.program_options import Tls
 
 MAX_COUNT = 0xFFFF  # no count on the line is larger
 TIMEOUT_S = 30.0

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
-from noctule.cli.options import DEFAULT_CONNECT, Connect, Tls
+from noctule.cli.options import DEFAULT_CONNECT, Connect
 from noctule.plain_text import plain
+from noctule.program_options import Tls
 
 DataFolders = Annotated[
     list[Path] | None, typer.Option("--data", metavar="FOLDER", help="A gateway's or mapper's data.")

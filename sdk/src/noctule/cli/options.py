@@ -1,11 +1,10 @@
-"""The options that several commands have."""
+"""The options that several commands have, beside those of ``noctule.program_options``."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from noctule import endpoints, tls
+from noctule import endpoints
 
 Connect = Annotated[
     list[str],
@@ -13,15 +12,6 @@ Connect = Annotated[
         envvar="NOCTULE_CONNECT",
         metavar="ENDPOINT",
         help=f"A router, or one of several to fall back on. Left out: those of --tls, or {endpoints.DEFAULT_ROUTER}.",
-    ),
-]
-Tls = Annotated[
-    Path | None,
-    typer.Option(
-        "--tls",
-        envvar=tls.FOLDER_VARIABLE,
-        metavar="FOLDER",
-        help="Certificate and key: a folder that noctule-deploy render made.",
     ),
 ]
 SiteName = Annotated[str, typer.Argument(metavar="SITE", help="The site's name.")]

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from noctule.cli.options import DEFAULT_CONNECT, Connect, Tls
+from noctule.cli.options import DEFAULT_CONNECT, Connect
+from noctule.program_options import Tls
 
 
 def _speed(text: str) -> float:

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName
+from noctule.program_options import Tls
 
 
 def units(

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, Tls, UnitName
+from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
 from noctule.errors import NotServedError, ReportError
 from noctule.plain_text import plain
+from noctule.program_options import Tls
 
 
 def unit_report(

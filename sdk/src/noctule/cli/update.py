@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from noctule.campaign.campaign import Campaign, Rules
-from noctule.cli.options import DEFAULT_CONNECT, Connect, Tls
+from noctule.cli.options import DEFAULT_CONNECT, Connect
+from noctule.program_options import Tls
 
 SOME_LACK_IT, HALTED, STOPPED = 1, 3, 130  # exit status
 

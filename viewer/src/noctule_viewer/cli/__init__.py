@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.version_option import version_option
+from noctule.program_options import version_option
 from noctule_viewer.cli.recordings import days, open_
 from noctule_viewer.cli.run import run
 

@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
-from noctule import logs, tls
+from noctule import logs
 from noctule.endpoints import LAST_PORT
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
+from noctule.program_options import Format, Metrics, Tls
 from noctule_viewer import memory_limit as memory_limits
 from noctule_viewer.address import DEFAULT_BIND, DEFAULT_PORT, DEFAULT_WEB_PORT
 from noctule_viewer.cli.failing import fail
@@ -57,15 +58,7 @@ def run(
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
     ] = None,
-    tls_folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--tls",
-            envvar=tls.FOLDER_VARIABLE,
-            metavar="FOLDER",
-            help="With --site: certificate and key, a folder that noctule-deploy render made.",
-        ),
-    ] = None,
+    tls_folder: Tls = None,
     record: Annotated[
         Path | None,
         typer.Option(
@@ -76,10 +69,8 @@ def run(
     keep_days: Annotated[
         int, typer.Option(min=1, help="With --record: delete all but so many of the days that were recorded last.")
     ] = 7,
-    metrics: Annotated[str | None, typer.Option(metavar="HOST:PORT", help="Serve Prometheus metrics here.")] = None,
-    log_format: Annotated[
-        LogFormat, typer.Option(envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines.")
-    ] = LogFormat.TEXT,
+    metrics: Metrics = None,
+    log_format: Format = LogFormat.TEXT,
 ) -> None:
     """Run the relay and print the address to open."""
     if (floor_plan or floor_plan_at) and not site:

@@ -1,106 +1,13 @@
-"""What each field of each message may hold: one table, and check(), which every message passes when it is decoded.
-
-A value beyond its bounds is an accident or an attack: it is far from all that a unit, a room or a clock can do, and
-can break every program that computes with it. A field that is not set is not checked.
-"""
+"""The table: what each field of each message may hold, and how large a message may be."""
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Any, TypeVar
 
-from google.protobuf.message import DecodeError, Message
-
-from noctule import keys
-from noctule.errors import BoundsError, KeyFormatError
-
-M = TypeVar("M", bound=Message)
+from noctule.bounds.kinds import Bound, Counts, Data, Many, Name, Number, Text
 
 MAX_READINGS = 64  # a sweep, of a unit
 MAX_UNITS = 4096  # of a site
 MOST_SUSPECT = 1000  # sweeps before the one that names a fault
 MAX_TILES = 4096  # of a grid on the bus: 64 rooms have some hundreds
-_SHOWN = 60  # characters of a refused text
-
-
-@dataclass(frozen=True)
-class Number:
-    """A number from ``least`` to ``most``, and finite; ``meant`` is what its writer may have got wrong."""
-
-    least: float
-    most: float
-    unit: str = ""
-    meant: str = ""
-
-    def fault(self, value: float) -> str:
-        """What is wrong with ``value``; empty if nothing is."""
-        if self.least <= value <= self.most:  # False for NaN
-            return ""
-        return f"is {_shown(value)}: {self.allowed()}"
-
-    def allowed(self, per_unit: float = 1, unit: str | None = None) -> str:
-        """The interval in words, in this unit or in another, of which this one holds ``per_unit``."""
-        interval = f"{_shown(self.least * per_unit)} to {_shown(self.most * per_unit)}"
-        words = f"give {interval} {self.unit if unit is None else unit}".rstrip()
-        return f"{words} ({self.meant})" if self.meant else words
-
-
-@dataclass(frozen=True)
-class Text:
-    """Text of up to ``longest`` characters."""
-
-    longest: int
-
-    def fault(self, value: str) -> str:
-        """What is wrong with ``value``; empty if nothing is."""
-        if len(value) <= self.longest:
-            return ""
-        return f"is {value[:_SHOWN]!r}...: {len(value)} characters, and {self.longest} are allowed"
-
-
-@dataclass(frozen=True)
-class Name:
-    """A name that can be part of a key, or empty where nobody set it."""
-
-    def fault(self, value: str) -> str:
-        """What is wrong with ``value``; empty if nothing is."""
-        try:
-            if value:
-                keys.name(value, "the name")
-        except KeyFormatError as error:
-            return f"is wrong: {error}"
-        return ""
-
-
-@dataclass(frozen=True)
-class Data:
-    """Up to ``longest`` bytes."""
-
-    longest: int
-
-    def fault(self, value: bytes) -> str:
-        """What is wrong with ``value``; empty if nothing is."""
-        return "" if len(value) <= self.longest else f"has {len(value)} bytes, and {self.longest} are allowed"
-
-
-@dataclass(frozen=True)
-class Many:
-    """Up to ``most`` elements: messages, or what ``each`` allows."""
-
-    most: int
-    each: Number | None = None
-
-
-@dataclass(frozen=True)
-class Counts:
-    """A map of up to ``most`` names to numbers."""
-
-    most: int
-    name: Text
-    each: Number
-
-
-Bound = Number | Text | Name | Data | Many | Counts
 
 _YEAR_2255_S = 9e9  # a count of nanoseconds in 64 bits ends soon after
 _NUMBER_32 = Number(0, 2**32 - 1)
@@ -375,8 +282,8 @@ BOUNDS: dict[str, dict[str, Bound]] = {
     },
 }
 
-_SMALL_BYTES = 2**18
-_PAYLOAD_BYTES = {
+SMALL_BYTES = 2**18
+PAYLOAD_BYTES = {
     "LogRecords": 2**22,
     "Contour": 2**22,
     "Features": 2**22,
@@ -397,65 +304,3 @@ def text(message: str, field: str) -> Text:
     bound = BOUNDS[message][field]
     assert isinstance(bound, Text)
     return bound
-
-
-def decode(message_type: type[M], payload: bytes, but: Collection[str] = ()) -> M:
-    """The message in ``payload``, checked. Raises BoundsError."""
-    described = message_type.DESCRIPTOR
-    most = _PAYLOAD_BYTES.get(described.name, _SMALL_BYTES)
-    if len(payload) > most:
-        raise BoundsError(f"not a {described.full_name}: it has {len(payload)} bytes, and {most} are allowed")
-    try:
-        message = message_type.FromString(payload)
-    except DecodeError as error:
-        raise BoundsError(f"not a {described.full_name}: {error}") from error
-    check(message, but)
-    return message
-
-
-def check(message: Message, but: Collection[str] = ()) -> None:
-    """Raise BoundsError at the first value beyond its bounds, which it names by its path (``readings[3].bearing_rad``).
-
-    The messages in the fields ``but`` are left to the caller, so that one of them alone can be refused.
-    """
-    if fault := _fault(message, but):
-        raise BoundsError(fault)
-
-
-def _fault(message: Message, but: Collection[str] = ()) -> str:
-    """The path of the first value beyond its bounds and what is wrong with it; empty if nothing is."""
-    bounds = BOUNDS.get(message.DESCRIPTOR.name, {})
-    for field, value in message.ListFields():
-        bound = bounds.get(field.name)
-        if type(bound) is Number:  # most are, and this runs for every reading
-            if not bound.least <= value <= bound.most:
-                return f"{field.name} {bound.fault(value)}"
-        elif isinstance(bound, Many | Counts):
-            if len(value) > bound.most:
-                return f"{field.name} has {len(value)} elements, and {bound.most} are allowed"
-            if field.name not in but and (fault := _fault_inside(value, bound)):
-                return field.name + fault
-        elif bound is not None:
-            if fault := bound.fault(value):
-                return f"{field.name} {fault}"
-        elif isinstance(value, Message) and (fault := _fault(value)):
-            return f"{field.name}.{fault}"
-    return ""
-
-
-def _fault_inside(elements: Any, bound: Many | Counts) -> str:
-    if isinstance(bound, Counts):
-        for key, element in elements.items():
-            if fault := bound.name.fault(key):
-                return f"'s name {fault}"
-            if fault := bound.each.fault(element):
-                return f"[{key!r}] {fault}"
-        return ""
-    for index, element in enumerate(elements):
-        if fault := _fault(element) if bound.each is None else bound.each.fault(element):
-            return f"[{index}]{'.' if bound.each is None else ' '}{fault}"
-    return ""
-
-
-def _shown(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.6g}"
