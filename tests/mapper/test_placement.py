@@ -14,7 +14,7 @@ from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, judged_room, rectan
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.placement.hypotheses import Hypothesis
 from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
-from noctule_mapper.placement.joint_search import Pairs, joined, margin_alone_nats, moved
+from noctule_mapper.placement.joint_search import Margin, Pairs, joined, margin_alone, moved
 from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pair_poses import pair_poses
@@ -123,10 +123,30 @@ def test_a_unit_that_hears_something_through_a_wall_pays() -> None:
 
 
 def test_a_unit_at_its_true_place_stands_out_alone_but_not_in_a_rectangle() -> None:
-    assert margin_alone_nats(placed(IRREGULAR, NEAR_ITS_MIDDLE), "u3", Pairs()) > ALONE_MARGIN_NATS
+    assert margin_alone(placed(IRREGULAR, NEAR_ITS_MIDDLE), "u3", Pairs()).nats > ALONE_MARGIN_NATS
     room = rectangle(4.0, 3.0)
     units = placed(room, units_anywhere(room, np.random.default_rng(4), 4))
-    assert margin_alone_nats(units, "u1", Pairs()) < SQUARE_ALONE_MARGIN_NATS
+    assert margin_alone(units, "u1", Pairs()).nats < SQUARE_ALONE_MARGIN_NATS
+
+
+def in_rectangle(unit: str, x_m: float, y_m: float, point: tuple[float, float] | None) -> PlacedUnit:
+    """A unit that hears the four walls of a room of 4 by 3 m from its true place, and the point if there is one."""
+    heard = {0.0: 4 - x_m, 90.0: 3 - y_m, 180.0: x_m, 270.0: y_m}
+    if point is not None:
+        heard[math.degrees(math.atan2(point[1] - y_m, point[0] - x_m))] = math.hypot(point[0] - x_m, point[1] - y_m)
+    return PlacedUnit(replace(view_with(heard), unit=unit), np.array([x_m, y_m, 0.0]), EXACTLY)
+
+
+def test_a_pose_that_stands_out_by_one_plateau_does_so_less_when_that_counts_half() -> None:
+    def margin(point: tuple[float, float] | None) -> Margin:
+        places = {"u1": (1.0, 1.2), "u2": (2.6, 2.1), "u3": (1.6, 0.7)}
+        units = [in_rectangle(name, x_m, y_m, point) for name, (x_m, y_m) in places.items()]
+        return margin_alone(units, "u3", Pairs())
+
+    alike, told_by_one = margin(None), margin((2.9, 1.0))
+    assert alike.nats < 2  # the room is the same turned by half
+    assert told_by_one.nats > alike.nats + 5
+    assert told_by_one.discounted_nats < told_by_one.nats - 2
 
 
 def deaf(view: UnitView) -> UnitView:
@@ -137,7 +157,7 @@ def deaf(view: UnitView) -> UnitView:
 
 def test_beside_a_unit_that_hears_nothing_no_pose_stands_out() -> None:
     own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
-    assert margin_alone_nats([own, replace(other, view=deaf(other.view))], "u1", Pairs()) == -np.inf
+    assert margin_alone([own, replace(other, view=deaf(other.view))], "u1", Pairs()).nats == -np.inf
 
 
 def test_the_oracle_calls_every_place_in_an_irregular_room_tellable_and_none_in_symmetric_ones() -> None:

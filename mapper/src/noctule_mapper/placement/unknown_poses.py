@@ -13,7 +13,7 @@ import numpy as np
 
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
 from noctule_mapper.placement.hypothesis_worth import settled
-from noctule_mapper.placement.joint_search import Pairs, margin_alone_nats, search
+from noctule_mapper.placement.joint_search import Pairs, margin_alone, search
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
@@ -24,9 +24,10 @@ from noctule_mapper.readings.angles import wrapped
 # from several sides, and may go on alike where nobody has heard it.
 MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 10.0
 ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 8.0  # the same where all other units stand as they are
+DISCOUNTED_MARGIN_NATS = 2.5  # and then with the most telling plateau counted half
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _ADRIFT = "it and the units about it share too few walls with those whose poses are known"
-_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.028, np.radians(1.0)
+_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.035, np.radians(1.0)
 
 
 @dataclass(frozen=True)
@@ -55,17 +56,22 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     best = rivals[0]
     placed = settled(best.placed, len(known))
     names = frozenset(one.view.unit for one in known)
-    alone = {one.view.unit: margin_alone_nats(placed, one.view.unit, pairs) for one in placed[len(known) :]}
+    alone = {one.view.unit: margin_alone(placed, one.view.unit, pairs) for one in placed[len(known) :]}
     square = _is_square(placed)
     wanted_nats = SQUARE_MARGIN_NATS if square else MARGIN_NATS
     alone_nats = SQUARE_ALONE_MARGIN_NATS if square else ALONE_MARGIN_NATS
+    standing_out = {
+        unit
+        for unit, margin in alone.items()
+        if margin.nats > alone_nats and margin.discounted_nats > DISCOUNTED_MARGIN_NATS
+    }
     tied = [part for part in _parts(placed) if _is_tied(part, names, alone_nats, pairs)]
     tied_units = {one.view.unit for part in tied for one in part}
     found, left_open = [], []
     for view in unknown:
         at = next((one for one in placed if one.view.unit == view.unit), None)
         margin_nats, rival = _margin(best, rivals, view.unit)
-        sure = margin_nats > wanted_nats and alone.get(view.unit, -np.inf) > alone_nats
+        sure = margin_nats > wanted_nats and view.unit in standing_out
         if at is not None and sure and view.unit in tied_units and _is_known(at.covariance):
             found.append(FoundPose(view.unit, at.pose, at.covariance))
         else:
@@ -93,7 +99,7 @@ def _is_tied(part: Sequence[PlacedUnit], known: Collection[str], alone_nats: flo
     sought = [one for one in part if one.view.unit not in known]
     tries = [(one, sought) for one in stated]
     tries += [(one, stated) for one in sought] if len(stated) > 1 else []  # of one alone it is the same question
-    return any(margin_alone_nats([*others, one], one.view.unit, pairs) > alone_nats for one, others in tries if others)
+    return any(margin_alone([*others, one], one.view.unit, pairs).nats > alone_nats for one, others in tries if others)
 
 
 def _is_square(placed: Sequence[PlacedUnit]) -> bool:
