@@ -35,7 +35,7 @@ from noctule_mapper.readings import faulty
 from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.no_log import NoLog
-from noctule_mapper.window import Identity
+from noctule_mapper.window import Identity, lasting
 
 if TYPE_CHECKING:
     from noctule_mapper.rerun_view.log import RerunLog
@@ -136,7 +136,8 @@ class LiveMapper:
             self._troubles,
         )
         self._follower = LogFollower(client, self.deliver, store.cursors())
-        self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(store.sweeps_set_aside()))
+        self._aside = {identity for _, identity, _ in store.sweeps_set_aside()}
+        self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(self._aside))
         self._refused = RefusedSweeps(log.show_event)
         self._rivals = Rivals(
             client.session,
@@ -167,18 +168,38 @@ class LiveMapper:
 
     def deliver(self, sweeps: Sequence[Sweep]) -> None:
         """Take in sweeps of one unit's log, in order: into the store with the cursor, then onto the map."""
-        usable = [(sweep, readings) for sweep in sweeps if (readings := self._readings(sweep)) is not None]
-        last = sweeps[-1]
+        last, suspects = sweeps[-1], faulty.suspects(sweeps)
         cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
-        suspects = faulty.suspects(sweeps)
-        change = self._commit([sweep for sweep, _ in usable], cursor, suspects)
+        usable = self._usable(sweeps, suspects)
+        change = self._commit([sweep for sweep, _ in usable.values()], cursor, suspects)
         self._tell_suspects(last.unit, suspects, change)
-        entered = {identity_of(sweep) for sweep in change.entered}
-        new = [readings for _, readings in usable if readings.identity in entered]
+        new = [usable[identity_of(sweep)][1] for sweep in change.entered]
         self._map.take(change.left, new)
         self._counts["sweeps_taken"] += len(sweeps)
         for readings in new:
             self._log.show_sweep(readings)
+
+    def _usable(
+        self, sweeps: Sequence[Sweep], suspects: Sequence[Suspect]
+    ) -> dict[Identity, tuple[Sweep, SweepReadings]]:
+        """Those that can be mapped, with their readings, without those that the window would let go of at once: where
+        much has gathered in a log, that is nearly all, and to read them costs most of the time.
+        """
+        asked = dict[Identity, SweepReadings | None]()
+
+        def is_usable(sweep: Sweep) -> bool:
+            identity = identity_of(sweep)
+            if identity not in asked:
+                left_out = identity in self._aside or any(suspect.has(sweep) for suspect in suspects)
+                asked[identity] = None if left_out else self._readings(sweep)
+            return asked[identity] is not None
+
+        kept = lasting(sweeps, is_usable, self._settings.config.window.sweeps_per_place)
+        return {
+            identity: (sweep, readings)
+            for sweep in kept
+            if (readings := asked[identity := identity_of(sweep)]) is not None
+        }
 
     def _tell_suspects(self, unit: str, suspects: Sequence[Suspect], change: Change) -> None:
         """Say which sweeps of the map are taken out of it."""
@@ -278,6 +299,7 @@ class LiveMapper:
     def _set_aside(self, readings: SweepReadings, error: MapProcessError) -> None:
         """Keep a sweep that broke the map off it, after a restart too."""
         self._store.set_aside(readings.identity, error.reason)
+        self._aside.add(readings.identity)
         self._counts["sweeps_set_aside"] += 1
         self._tell_set_aside(readings.unit, readings.identity, error.reason, error)
 
