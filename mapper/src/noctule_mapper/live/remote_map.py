@@ -55,7 +55,7 @@ class RemoteMap:
         set_aside: Callable[[SweepReadings, MapProcessError], None],
         troubles: Troubles,
     ) -> None:
-        """``held`` gives what a new process begins with, and holds all changes that were taken before it is called.
+        """``held`` gives what a further process begins with, and holds all changes that were taken before it is called.
 
         ``show`` is called with each new state, ``set_aside`` with each sweep that broke the map, on one thread. Where
         ``show`` raises StoreError, the fit counts as failed.
@@ -75,8 +75,9 @@ class RemoteMap:
         self._counts = Counter(contours=0, contour_failures=0, map_restarts=0)  # of all processes
         self._thread = threading.Thread(target=self._run, name="map-process", daemon=True)
 
-    def start(self) -> None:
-        """Begin with what is held."""
+    def start(self, held: Sequence[SweepReadings]) -> None:
+        """Begin with what is ``held`` now, so that no poorer contour is seen."""
+        self.take((), held)
         self._thread.start()
 
     def take(self, left: Sequence[Identity], entered: Sequence[SweepReadings]) -> None:
@@ -119,7 +120,7 @@ class RemoteMap:
         while not self._closing.is_set():
             began_s = monotonic()
             try:
-                code = self._live()
+                code = self._live(again=self._counts["map_restarts"] > 0)
             except (RuntimeError, OSError):
                 if self._closing.is_set():
                     return
@@ -136,15 +137,18 @@ class RemoteMap:
             )
             self._closing.wait(rest_s)
 
-    def _live(self) -> int:
-        """One process, from its beginning to its end: its exit code."""
+    def _live(self, again: bool) -> int:
+        """One process, from its beginning to its end: its exit code. The first one gets what waits, each one that is
+        begun ``again`` what is held.
+        """
         connection, pid = self._nursery.begin()
         self._heard_s, self._makes_progress = monotonic(), True
         with self._changed:
-            self._waiting, self._connection = Waiting(), connection
-        held = self._held()
-        with self._changed:
-            self._waiting.add((), held, monotonic())
+            self._connection = connection
+            if again:
+                self._waiting = Waiting()
+        if again:
+            self.take((), self._held())
         sender = threading.Thread(target=self._send_changes, args=(connection,), name="map-changes", daemon=True)
         sender.start()
         self._pid = pid

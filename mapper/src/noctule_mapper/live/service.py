@@ -158,7 +158,7 @@ class LiveMapper:
         held = self._held()
         for readings in held:
             self._log.recall_sweep(readings)
-        self._map.start()
+        self._map.start(held)
         self._follower.start()
         if self._settings.rerun_url:  # else every status would be decoded for nobody
             self._client.on_unit_status(self._log.show_unit_status)
