@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import psutil
 from bench.scale.gateway import StreamedUnit, open_units
 from system.processes import ROOT, free_ports, listens, programs, wait_until
 
@@ -53,7 +54,8 @@ def main() -> None:
 
         def tell(condition: Callable[[], bool], what: str) -> None:
             wait_until(condition, what, _WITHIN_S)
-            print(f"{time.monotonic() - began_s:10.1f} s until {what}", flush=True)
+            took_s, used_s = time.monotonic() - began_s, _processor_s(running.pid("mapper"))
+            print(f"{took_s:10.1f} s ({used_s:.1f} s of a processor in the mapper) until {what}", flush=True)
 
         tell(lambda: _stored(store) > 0, "a sweep was in the store, from the start of the process")
         for unit in units:
@@ -81,6 +83,13 @@ def _reported(units: Sequence[StreamedUnit]) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
+
+
+def _processor_s(pid: int) -> float:
+    """Processor time so far of a process and all that it has begun."""
+    process = psutil.Process(pid)
+    used = [each.cpu_times() for each in (process, *process.children(recursive=True))]
+    return sum(each.user + each.system for each in used)
 
 
 def _stored(store: Path) -> int:

@@ -29,6 +29,7 @@ RAISED_IN = (
     "mapper/src/noctule_mapper/live/map_worker.py",
     "mapper/src/noctule_mapper/live/publish.py",
     "mapper/src/noctule_mapper/live/refused.py",
+    "mapper/src/noctule_mapper/live/remote_map.py",
     "mapper/src/noctule_mapper/live/service.py",
     "mapper/src/noctule_mapper/live/store.py",
     "mapper/src/noctule_mapper/readings/faulty.py",

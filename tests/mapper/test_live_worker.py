@@ -5,7 +5,6 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
 from time import monotonic
 
@@ -18,7 +17,8 @@ from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.config import LiveConfig, Pace
-from noctule_mapper.live.map_worker import MapState, MapWorker
+from noctule_mapper.live.map_messages import MapState
+from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.mapper import Mapper
@@ -34,28 +34,26 @@ CARRIED_TO = (0.30, 0.35, 0.448)  # from (1.384, 0.480), on the other side of th
 def made_worker(
     show: Callable[[MapState], None],
     config: LiveConfig | None = None,
-    next_version: Callable[[], int] = lambda: 1,
     set_aside: Callable[[SweepReadings, Exception], None] = lambda *_: None,
     troubles: Troubles | None = None,
     fit_turn: AbstractContextManager[None] | None = None,
 ) -> MapWorker:
     """A worker for the paper's room."""
     told = troubles or Troubles(NoLog().show_event)
-    return MapWorker(config or LiveConfig(), "paper-room", "mapper", next_version, show, set_aside, told, fit_turn)
+    return MapWorker(config or LiveConfig(), "paper-room", "mapper", show, set_aside, told, fit_turn)
 
 
 class Watched:
     """A worker and the states that it has shown."""
 
-    def __init__(self, pace: Pace, next_version: Callable[[], int]) -> None:
+    def __init__(self, pace: Pace, show: Callable[[MapState], None] | None) -> None:
         self.states: queue.Queue[MapState] = queue.Queue()
         self.set_aside: list[tuple[str, int]] = []
         self.events: list[tuple[str, str]] = []
         self.troubles = Troubles(lambda text, level="INFO": self.events.append((level, text)))
         self.worker = made_worker(
-            self.states.put,
+            show or self.states.put,
             LiveConfig(pace=pace),
-            next_version,
             lambda readings, _: self.set_aside.append(readings.identity),
             self.troubles,
         )
@@ -100,9 +98,8 @@ def watch() -> Iterator[Callable[..., Watched]]:
     """Makes workers, and ends them."""
     made: list[Watched] = []
 
-    def make(pace: Pace | None = None, next_version: Callable[[], int] | None = None) -> Watched:
-        versions = count(1)
-        made.append(Watched(pace or Pace(shortest_interval_s=0.0), next_version or (lambda: next(versions))))
+    def make(pace: Pace | None = None, show: Callable[[MapState], None] | None = None) -> Watched:
+        made.append(Watched(pace or Pace(shortest_interval_s=0.0), show))
         return made[-1]
 
     yield make
@@ -186,7 +183,6 @@ def test_two_units_that_walk_half_the_room_each_make_one_map_of_it(live_map: Cal
     assert contour.time.ToNanoseconds() == early.time.ToNanoseconds()
     again = site.take(*walk(place, second_half, 101, rng, unit="u2"))
     assert (again.sweeps, len(again.corners), len(again.cylinders)) == (contour.sweeps, 5, 1)
-    assert again.version > contour.version > early.version
 
 
 def test_units_that_stand_still_keep_the_sweeps_of_both_stepper_directions(live_map: Callable[..., LiveMap]) -> None:
@@ -232,10 +228,9 @@ def test_a_state_holds_the_time_of_its_newest_sweep_and_the_tiles_that_changed(
     watched.worker.take((), survey[:20])
     first = watched.state_of(20)
     assert first.contour.time.ToNanoseconds() == round(survey[19].time_s * 1e9)
-    assert first.features.version == first.contour.version
+    assert first.features.time == first.contour.time
     watched.worker.take((), survey[20:21])
     second = watched.state_of(21)
-    assert second.contour.version > first.contour.version
     assert 0 < len(second.tiles) < len(first.tiles)
 
 
@@ -318,15 +313,15 @@ def test_a_fit_takes_no_more_than_its_share_of_time(watch: Callable[..., Watched
 def test_a_fit_that_fails_is_counted_told_once_and_made_up_for_by_the_next(
     watch: Callable[..., Watched], survey: list[SweepReadings]
 ) -> None:
-    outcomes = iter([OSError("the disk is full"), OSError("the disk is still full"), 2])
+    errors = iter([OSError("the disk is full"), OSError("the disk is still full")])
+    shown: queue.Queue[MapState] = queue.Queue()
 
-    def next_version() -> int:
-        outcome = next(outcomes)
-        if isinstance(outcome, OSError):
-            raise outcome
-        return outcome
+    def show(state: MapState) -> None:
+        for error in errors:
+            raise error
+        shown.put(state)
 
-    watched = watch(next_version=next_version)
+    watched = watch(show=show)
     for failures in (1, 2):
         watched.worker.take((), survey[3 * failures : 3 * failures + 3])
         wait_until(
@@ -335,7 +330,7 @@ def test_a_fit_that_fails_is_counted_told_once_and_made_up_for_by_the_next(
     assert "the contour can't be fitted (OSError)" in watched.troubles.detail()
     assert [level for level, _ in watched.events] == ["WARN"]
     watched.worker.take((), survey[:1])
-    assert watched.state_of(7).contour.version == 2
+    assert shown.get(timeout=PATIENCE_S).contour.sweeps == 7
     wait_until(lambda: not watched.troubles.detail(), "the trouble is not over", PATIENCE_S)
     assert watched.events[1:] == [("INFO", "the contour is fitted again")]
     watched.worker.check()
@@ -370,10 +365,10 @@ def test_what_ends_the_worker_is_raised_where_it_is_watched(
     class PanicException(BaseException):  # as pyo3's, which Zenoh raises
         pass
 
-    def next_version() -> int:
+    def show(_: MapState) -> None:
         raise PanicException
 
-    watched = watch(next_version=next_version)
+    watched = watch(show=show)
     watched.worker.take((), survey[:1])
 
     def has_raised() -> bool:

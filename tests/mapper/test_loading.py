@@ -23,10 +23,11 @@ _MAPPED = """
 import sys, threading
 from pathlib import Path
 from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.service import LiveSettings, run
 stop = threading.Event()
 stop.set()
-run(LiveSettings("attic", "mapper", Path(sys.argv[1]), [], None, LiveConfig()), stop)
+run(LiveSettings("attic", "mapper", Path(sys.argv[1]), [], None, LiveConfig()), stop, Nursery(print))
 print("rerun" in sys.modules)
 """
 

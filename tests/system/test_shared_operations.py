@@ -81,6 +81,8 @@ def works(process: psutil.Process) -> bool:
 
 
 def maps_a_site(process: psutil.Process) -> bool:
-    """Those that the fork server has forked; it and the resource tracker are children of the program itself."""
-    parent = process.parent()
-    return parent is not None and any("forkserver" in part for part in parent.cmdline())
+    """Those that the fork server has forked; it and the resource tracker are children of the program itself. What such
+    a process has forked is of its map.
+    """
+    by_fork_server = [any("forkserver" in part for part in each.cmdline()) for each in process.parents()]
+    return by_fork_server.count(True) == 1

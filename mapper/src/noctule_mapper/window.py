@@ -5,8 +5,9 @@ keeps it over a restart; for a file it stands in memory.
 """
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import groupby, islice
 from math import tau
 from typing import Any, Literal
 
@@ -178,6 +179,27 @@ class SweepWindow:
         }
         before = self._database.execute(_VISIT_BEFORE, row).fetchone()
         return row | dict(zip(("visit", "x_m", "y_m", "heading_rad"), before or (), strict=False))
+
+
+def lasting(sweeps: Iterable[Sweep], is_usable: Callable[[Sweep], bool], sweeps_per_place: int) -> list[Sweep]:
+    """Of one log's sweeps in order, those that a window is not the same without when all have entered it.
+
+    Of a run of sweeps from one pose these are the newest ``sweeps_per_place`` usable ones and, since the visit bears
+    its number, the first usable one. Those between them are superseded by the end of the run. ``is_usable``, which may
+    cost, is asked of few of them.
+    """
+    found: list[Sweep] = []
+    for _, run in groupby(sweeps, key=_stand):
+        stay = list(run)
+        newest = list(islice(filter(is_usable, reversed(stay)), sweeps_per_place))[::-1]
+        first = next(filter(is_usable, stay), None) if len(newest) == sweeps_per_place else None
+        found += newest if first is None or first is newest[0] else [first, *newest]
+    return found
+
+
+def _stand(sweep: Sweep) -> tuple[object, ...]:
+    pose = sweep.pose
+    return sweep.unit, identity_of(sweep)[0], sweep.HasField("pose"), pose.x_m, pose.y_m, pose.heading_rad
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ A sweep's start is the moment at which its last byte would have come over the li
 """
 
 import contextlib
+import os
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -37,9 +38,18 @@ FLIGHT_NOISE_S = 1e-5
 class StreamedUnit:
     """One unit: its log, what it has on the bus, and the ``made`` sweeps that it has sent so far."""
 
-    def __init__(self, kept: ServedUnit, on_bus: UnitOnBus, seen: Sweep, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        kept: ServedUnit,
+        on_bus: UnitOnBus,
+        seen: Sweep,
+        rng: np.random.Generator,
+        note: Callable[[Sweep], None] = lambda _: None,
+    ) -> None:
+        """``note`` is called with each sweep as soon as it is in the log, before it is published."""
         self.name, self.log = f"{kept.site.name}/{kept.unit.name}", kept.log
         self._kept, self._on_bus, self._seen, self._rng = kept, on_bus, seen, rng
+        self._note = note
         self.made = 0
 
     def sweep(self, start_ns: int | None = None) -> None:
@@ -73,10 +83,18 @@ class StreamedUnit:
 
     def _done(self, result: object) -> None:
         if isinstance(result, Committed):
+            self._note(Sweep.FromString(result.record))
             self._on_bus.publish(result.record)
 
 
-def open_units(data: Path, name: str, count: int, router: str, closing: contextlib.ExitStack) -> list[StreamedUnit]:
+def open_units(
+    data: Path,
+    name: str,
+    count: int,
+    router: str,
+    closing: contextlib.ExitStack,
+    note: Callable[[Sweep], None] = lambda _: None,
+) -> list[StreamedUnit]:
     """The units of one site, with the session, the outbox and the readers of a gateway."""
     rng = np.random.default_rng(41)
     places = [message(made) for made in survey(paper_room(), paper_path(), rng)]
@@ -91,7 +109,7 @@ def open_units(data: Path, name: str, count: int, router: str, closing: contextl
         closing.callback(log.close)
         kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / f"{known.name}.clock-epoch"))
         on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers(), lambda *_: None)
-        opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng))
+        opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng, note))
     return opened
 
 
@@ -128,7 +146,13 @@ def run(told: Connection, data: Path, site_name: str, count: int, sweep_s: float
     allow_files(count)
     stop_sweeps, stop_statuses = threading.Event(), threading.Event()
     with contextlib.ExitStack() as closing:
-        units = open_units(data, site_name, count, router, closing)
+        place = Path(os.environ["BENCH_TIMES"]) / f"{site_name}.gateway"
+        file = closing.enter_context(place.open("w", buffering=1))
+
+        def note(sweep: Sweep) -> None:
+            file.write(f"g {time.time_ns()} {sweep.unit} {sweep.log_sequence}\n")
+
+        units = open_units(data, site_name, count, router, closing, note)
         workers = [
             threading.Thread(target=_in_turn, args=(units, sweep_s, stop_sweeps, StreamedUnit.sweep)),
             threading.Thread(target=_in_turn, args=(units, STATUS_EVERY_S, stop_statuses, StreamedUnit.report)),

@@ -93,6 +93,8 @@ def _at_cadence(made: Fleet, seconds: float) -> None:
         _say(used_ms / units, f"ms of processor time a second for each unit, {kind}s ({used_ms / 10:.0f} % of a core)")
         _say(cost.memory_mb / units, f"MB for each unit, {kind}s ({cost.memory_mb:.0f} MB)")
     _percentiles(times.to_store_ms((began_s, ended_s)), "from last byte to the mapper's store")
+    _percentiles(times.to_log_ms((began_s, ended_s)), "of these from last byte to the gateway's log")
+    _percentiles(times.log_to_store_ms((began_s, ended_s)), "of these from the log to the mapper's store")
     _percentiles(times.to_contour_ms((began_s, min(ended_s, settled))), "from last byte to a contour")
     _say(psutil.getloadavg()[0], f"load of the machine, which has {psutil.cpu_count()} cores")
 

@@ -1,23 +1,22 @@
-"""``noctule-mapper share`` whose sites' mappers note when each sweep is in the store, and in the contour.
+"""``noctule-mapper share`` whose sites' mappers note when each sweep is in the store, or superseded by one that is,
+and in the contour.
 
 Each process writes a file into the folder that BENCH_TIMES names, SITE.PID, with a line for each sweep:
-``s COMMITTED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour.
+``s DELIVERED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour.
 """
 
 import os
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TextIO
 
 from noctule import logs
-from noctule.messages_pb2 import Contour, Cursor, Features, GridTile, Sweep
+from noctule.messages_pb2 import Contour, Features, GridTile, Sweep
 from noctule_mapper.cli import app
 from noctule_mapper.live.publish import MapPublisher
-from noctule_mapper.live.service import LiveSettings
-from noctule_mapper.live.store import Change, SweepStore
-from noctule_mapper.readings.faulty import Suspect
+from noctule_mapper.live.service import LiveMapper, LiveSettings
 from noctule_mapper.sharing import site_process
 
 _map_site = site_process.map_site
@@ -32,14 +31,11 @@ def timed_map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat
 
 
 def _note_times(file: TextIO) -> None:
-    commit, publish = SweepStore.commit, MapPublisher.publish_map
+    deliver, publish = LiveMapper.deliver, MapPublisher.publish_map
     lock, waiting = threading.Lock(), set[int]()  # starts of sweeps that no contour rests on yet
 
-    def timed_commit(
-        self: SweepStore, sweeps: Iterable[Sweep], cursors: Iterable[Cursor], suspects: Iterable[Suspect] = ()
-    ) -> Change:
-        sweeps = list(sweeps)
-        change = commit(self, sweeps, cursors, suspects)
+    def timed_deliver(self: LiveMapper, sweeps: Sequence[Sweep]) -> None:
+        deliver(self, sweeps)
         now_ns = time.time_ns()
         starts = [sweep.start.ToNanoseconds() for sweep in sweeps]
         with lock:
@@ -50,7 +46,6 @@ def _note_times(file: TextIO) -> None:
                 for sweep, start in zip(sweeps, starts, strict=True)
             )
         )
-        return change
 
     def timed_publish(
         self: MapPublisher, contour: Contour, features: Features, changed_tiles: Iterable[GridTile]
@@ -62,7 +57,7 @@ def _note_times(file: TextIO) -> None:
             waiting.difference_update(shown)
         file.write("".join(f"c {now_ns} {start}\n" for start in shown))
 
-    SweepStore.commit, MapPublisher.publish_map = timed_commit, timed_publish
+    LiveMapper.deliver, MapPublisher.publish_map = timed_deliver, timed_publish
 
 
 if __name__ == "__main__":

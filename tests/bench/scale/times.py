@@ -1,4 +1,4 @@
-"""What the sites' mappers have noted of each sweep: see timed_share.py."""
+"""What the gateways and the sites' mappers have noted of each sweep: see gateway.py and timed_share.py."""
 
 from collections import Counter, defaultdict
 from collections.abc import Collection, Sequence
@@ -16,6 +16,7 @@ class Times:
 
     stored_s: np.ndarray
     stored_start_s: np.ndarray
+    logged_s: np.ndarray  # (n,): when the gateway had each stored sweep in its log; NaN where it has noted nothing
     shown_s: np.ndarray
     shown_start_s: np.ndarray
     stored_by: dict[str, Counter[tuple[str, int]]]  # file to (SITE/UNIT, log_sequence)
@@ -24,6 +25,14 @@ class Times:
     def to_store_ms(self, span: Span) -> np.ndarray:
         """From the last byte to the store, of sweeps handed over within ``span``."""
         return _within(self.stored_s, self.stored_start_s, span)
+
+    def to_log_ms(self, span: Span) -> np.ndarray:
+        """The gateway's share of it: from the last byte to its log."""
+        return _within(self.logged_s, self.stored_start_s, span)
+
+    def log_to_store_ms(self, span: Span) -> np.ndarray:
+        """The rest: from the log over the bus into the store."""
+        return self.to_store_ms(span) - self.to_log_ms(span)
 
     def to_contour_ms(self, span: Span) -> np.ndarray:
         """From the last byte to a published contour that rests on the sweep."""
@@ -54,6 +63,7 @@ class Times:
 def read(folder: Path) -> Times:
     """All that has been noted so far."""
     stored, shown, by_file, first_s = [], [], {}, dict[str, float]()
+    sweeps, logged = list[tuple[str, int]](), dict[tuple[str, int], float]()
     for file in folder.iterdir():
         site = file.name.rsplit(".", 1)[0]
         counted = by_file[file.name] = Counter[tuple[str, int]]()
@@ -61,11 +71,15 @@ def read(folder: Path) -> Times:
             match line.split():
                 case ["s", at, unit, sequence, start]:
                     stored.append((int(at), int(start)))
+                    sweeps.append((f"{site}/{unit}", int(sequence)))
                     first_s.setdefault(file.name, int(at) * 1e-9)
                     counted[f"{site}/{unit}", int(sequence)] += 1
+                case ["g", at, unit, sequence]:
+                    logged[f"{site}/{unit}", int(sequence)] = int(at) * 1e-9
                 case ["c", at, start]:
                     shown.append((int(at), int(start)))
-    return Times(*_columns(stored), *_columns(shown), by_file, first_s)
+    logged_s = np.array([logged.get(sweep, np.nan) for sweep in sweeps])
+    return Times(*_columns(stored), logged_s, *_columns(shown), by_file, first_s)
 
 
 def _columns(pairs: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:

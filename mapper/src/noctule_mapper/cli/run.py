@@ -1,6 +1,7 @@
 """The command ``run``: map a site live."""
 
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -29,11 +30,15 @@ def run(
     from noctule.tls import service_name
     from noctule_mapper.live import service
     from noctule_mapper.live.config import in_force
+    from noctule_mapper.live.map_process import run_map
+    from noctule_mapper.live.nursery import Nursery
     from noctule_mapper.live.process import run_process
+
+    nursery = Nursery(partial(run_map, log_format, ""))
 
     def serve(stop: threading.Event) -> None:
         named = name or service_name(tls, "mapper")
         settings = service.LiveSettings(site, named, data, connect or [], relay(rerun), in_force(config), tls, metrics)
-        service.run(settings, stop)
+        service.run(settings, stop, nursery)
 
     run_process(serve, log_format)

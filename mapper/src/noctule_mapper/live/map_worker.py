@@ -4,12 +4,12 @@ import logging
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
 from time import monotonic
+from typing import Protocol
 
-from noctule.messages_pb2 import Contour, Features, GridTile
 from noctule_mapper.live.config import LiveConfig
-from noctule_mapper.live.troubles import Troubles
+from noctule_mapper.live.map_messages import MapState
+from noctule_mapper.live.waiting import Waiting
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.messages import contour_message, features_message, tile_message
 from noctule_mapper.readings.sweep import SweepReadings
@@ -21,29 +21,12 @@ _STUCK_AFTER_S = 600.0  # at one sweep or fit; the longest fits take seconds
 _CLOSE_WITHIN_S = 1.0
 
 
-@dataclass(frozen=True)
-class MapState:
-    """The map after a fit, as messages; ``tiles`` are those that have changed since the last one."""
+class HearsTroubles(Protocol):
+    """As Troubles."""
 
-    contour: Contour
-    features: Features
-    tiles: Sequence[GridTile]
+    def begin(self, kind: str, text: str, error: BaseException | None = None) -> None: ...
 
-
-@dataclass
-class _Waiting:
-    """What is to be taken off the map and then put on it, and since when. What leaves before it was put on never is,
-    so that no more waits than the window holds, however long a fit takes or however much comes from a log at once.
-    """
-
-    left: list[Identity] = field(default_factory=list)
-    entered: dict[Identity, SweepReadings] = field(default_factory=dict)
-    since_s: float | None = None
-
-    def add(self, left: Sequence[Identity], entered: Sequence[SweepReadings], now_s: float) -> None:
-        self.left += [identity for identity in left if self.entered.pop(identity, None) is None]
-        self.entered.update((readings.identity, readings) for readings in entered)
-        self.since_s = now_s if self.since_s is None else self.since_s
+    def end(self, kind: str, text: str) -> None: ...
 
 
 class MapWorker:
@@ -58,25 +41,24 @@ class MapWorker:
         config: LiveConfig,
         site: str,
         service: str,
-        next_version: Callable[[], int],
         show: Callable[[MapState], None],
         set_aside: Callable[[SweepReadings, Exception], None],
-        troubles: Troubles,
+        troubles: HearsTroubles,
         fit_turn: AbstractContextManager[None] | None = None,
     ) -> None:
         """``show`` is called with each new state and ``set_aside`` with each sweep that broke the map, on the worker's
-        thread; ``next_version`` numbers the contours; a fit that fails is among the ``troubles`` until one succeeds.
-        Fits are done within ``fit_turn``, which may wait.
+        thread; a fit that fails, or whose state can't be shown, is among the ``troubles`` until one succeeds. Fits are
+        done within ``fit_turn``, which may wait.
         """
         self._config = config.mapper
         self._mapper = self._empty_map()
         self._pace = config.pace
         self._site, self._service = site, service
-        self._next_version, self._show = next_version, show
+        self._show = show
         self._set_aside, self._troubles = set_aside, troubles
         self._fit_turn = fit_turn or nullcontext()
         self._changed = threading.Condition()
-        self._waiting = _Waiting()
+        self._waiting = Waiting()
         self._closing = False
         self._failure: BaseException | None = None
         self._oldest_unfitted_s: float | None = None
@@ -108,8 +90,7 @@ class MapWorker:
 
     def counters(self) -> dict[str, int]:
         """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait."""
-        waiting = self._waiting
-        return self._figures | {"sweeps_waiting": len(waiting.left) + len(waiting.entered)}
+        return self._figures | {"sweeps_waiting": len(self._waiting)}
 
     def close(self) -> None:
         """End the worker, after the sweep or fit that it is at. One that takes over a second is left behind."""
@@ -136,7 +117,7 @@ class MapWorker:
             self._failure = error
             self._refuse_more()
 
-    def _next(self) -> _Waiting:
+    def _next(self) -> Waiting:
         """All that waits; nothing when it is time for a fit."""
         self._stepped_s = None
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
@@ -144,14 +125,14 @@ class MapWorker:
             self._changed.wait_for(lambda: self._waiting.since_s is not None or self._closing, until_fit_s)
         return self._take()
 
-    def _take(self) -> _Waiting:
+    def _take(self) -> Waiting:
         """All that waits now."""
         with self._changed:
-            waiting, self._waiting = self._waiting, _Waiting()
+            waiting, self._waiting = self._waiting, Waiting()
         self._stepped_s = monotonic()
         return waiting
 
-    def _apply(self, waiting: _Waiting) -> None:
+    def _apply(self, waiting: Waiting) -> None:
         """Change the map; a long rebuild stops when the worker closes, and starts again next time."""
         for identity in waiting.left:
             if not self._closing:
@@ -207,14 +188,13 @@ class MapWorker:
         self._stepped_s = began_s = monotonic()
         self._oldest_unfitted_s = None
         try:
-            state = self._fit()
+            self._show(self._fit())
         except Exception as error:
             kind = type(error).__name__
             self._troubles.begin(_FIT, f"the contour can't be fitted ({kind}): the last one stands, see the log", error)
             self._figures["contour_failures"] += 1
         else:
             self._troubles.end(_FIT, "the contour is fitted again")
-            self._show(state)
             self._figures["contours"] += 1
             self._figures["contour_delay_ms"] = round(1e3 * (monotonic() - oldest_s))
         took_s = monotonic() - began_s
@@ -223,7 +203,7 @@ class MapWorker:
 
     def _fit(self) -> MapState:
         estimate = self._mapper.contour()
-        contour = contour_message(estimate, self._site, self._service, self._next_version())
+        contour = contour_message(estimate, self._site, self._service)
         points = self._mapper.feature_points()
         features = features_message(points, self._site, self._service, contour.version, estimate.time_s)
         changed = self._mapper.grid.changed()

@@ -23,10 +23,11 @@ from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStat
 from noctule.rivals import Rivals
 from noctule.systemd import ServiceManager
 from noctule_mapper.live.config import LiveConfig, to_toml
-from noctule_mapper.live.fit_turn import FitTurn
-from noctule_mapper.live.map_worker import MapState, MapWorker
+from noctule_mapper.live.map_messages import MapProcessError, MapSettings, MapState
+from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.refused import RefusedSweeps
+from noctule_mapper.live.remote_map import RemoteMap
 from noctule_mapper.live.store import Change, SweepStore
 from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.live.troubles import Troubles
@@ -34,7 +35,7 @@ from noctule_mapper.readings import faulty
 from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.no_log import NoLog
-from noctule_mapper.window import Identity
+from noctule_mapper.window import Identity, lasting
 
 if TYPE_CHECKING:
     from noctule_mapper.rerun_view.log import RerunLog
@@ -66,10 +67,10 @@ class LiveSettings:
     lease_s: float | None = None
 
 
-def run(settings: LiveSettings, stop: threading.Event) -> None:
-    """Map until ``stop`` is set.
+def run(settings: LiveSettings, stop: threading.Event, nursery: Nursery) -> None:
+    """Map until ``stop`` is set, with the map in a process of ``nursery``.
 
-    Raises FolderError, StoreError, MetricsError, RelayAddressError, KeyFormatError, or what has broken the map.
+    Raises FolderError, StoreError, MetricsError, RelayAddressError, KeyFormatError.
     """
     owner = Owner("mapper", keys.name(settings.site, "site"), keys.name(settings.service, "service name"))
     manager, shown = ServiceManager(), _Shown(settings)
@@ -85,7 +86,7 @@ def run(settings: LiveSettings, stop: threading.Event) -> None:
             return
         closing.callback(session.close)
         client = closing.enter_context(Client(settings.site, session=session))
-        mapper = LiveMapper(settings, store, log, client)
+        mapper = LiveMapper(settings, store, log, client, nursery)
         closing.callback(mapper.close)
         closing.callback(manager.stopping)
         mapper.report()  # at once: mappers that share this site wait for it to be mapped
@@ -119,23 +120,24 @@ class _Shown:
 class LiveMapper:
     """One site's mapper between its store, the bus and the viewers."""
 
-    def __init__(self, settings: LiveSettings, store: SweepStore, log: "RerunLog | NoLog", client: Client) -> None:
+    def __init__(
+        self, settings: LiveSettings, store: SweepStore, log: "RerunLog | NoLog", client: Client, nursery: Nursery
+    ) -> None:
         self._settings, self._store, self._log, self._client = settings, store, log, client
         self._publisher = MapPublisher(client.session, settings.site, settings.service)
         self._schemas = bus.declare_schemas(client.session)
         self._troubles = Troubles(log.show_event)
-        self._worker = MapWorker(
-            settings.config,
-            settings.site,
-            settings.service,
-            store.next_contour_version,
+        self._map = RemoteMap(
+            nursery,
+            MapSettings(settings.config, settings.site, settings.service, settings.fit_turn),
+            self._held,
             self._show,
             self._set_aside,
             self._troubles,
-            FitTurn(settings.fit_turn) if settings.fit_turn else None,
         )
         self._follower = LogFollower(client, self.deliver, store.cursors())
-        self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(store.sweeps_set_aside()))
+        self._aside = {identity for _, identity, _ in store.sweeps_set_aside()}
+        self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(self._aside))
         self._refused = RefusedSweeps(log.show_event)
         self._rivals = Rivals(
             client.session,
@@ -153,12 +155,11 @@ class LiveMapper:
             self._troubles.begin("store", self._store.damage)
         for unit, identity, reason in self._store.sweeps_set_aside()[-1:]:
             self._tell_set_aside(unit, identity, reason)
-        held = [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
+        held = self._held()
         for readings in held:
             self._log.recall_sweep(readings)
-        self._worker.take((), held)  # before the worker's first fit, so that no poorer contour is seen
+        self._map.start(held)
         self._follower.start()
-        self._worker.start()
         if self._settings.rerun_url:  # else every status would be decoded for nobody
             self._client.on_unit_status(self._log.show_unit_status)
             self._client.on_alive(self._tell_alive)
@@ -167,18 +168,38 @@ class LiveMapper:
 
     def deliver(self, sweeps: Sequence[Sweep]) -> None:
         """Take in sweeps of one unit's log, in order: into the store with the cursor, then onto the map."""
-        usable = [(sweep, readings) for sweep in sweeps if (readings := self._readings(sweep)) is not None]
-        last = sweeps[-1]
+        last, suspects = sweeps[-1], faulty.suspects(sweeps)
         cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
-        suspects = faulty.suspects(sweeps)
-        change = self._commit([sweep for sweep, _ in usable], cursor, suspects)
+        usable = self._usable(sweeps, suspects)
+        change = self._commit([sweep for sweep, _ in usable.values()], cursor, suspects)
         self._tell_suspects(last.unit, suspects, change)
-        entered = {identity_of(sweep) for sweep in change.entered}
-        new = [readings for _, readings in usable if readings.identity in entered]
-        self._worker.take(change.left, new)
+        new = [usable[identity_of(sweep)][1] for sweep in change.entered]
+        self._map.take(change.left, new)
         self._counts["sweeps_taken"] += len(sweeps)
         for readings in new:
             self._log.show_sweep(readings)
+
+    def _usable(
+        self, sweeps: Sequence[Sweep], suspects: Sequence[Suspect]
+    ) -> dict[Identity, tuple[Sweep, SweepReadings]]:
+        """Those that can be mapped, with their readings, without those that the window would let go of at once: where
+        much has gathered in a log, that is nearly all, and to read them costs most of the time.
+        """
+        asked = dict[Identity, SweepReadings | None]()
+
+        def is_usable(sweep: Sweep) -> bool:
+            identity = identity_of(sweep)
+            if identity not in asked:
+                left_out = identity in self._aside or any(suspect.has(sweep) for suspect in suspects)
+                asked[identity] = None if left_out else self._readings(sweep)
+            return asked[identity] is not None
+
+        kept = lasting(sweeps, is_usable, self._settings.config.window.sweeps_per_place)
+        return {
+            identity: (sweep, readings)
+            for sweep in kept
+            if (readings := asked[identity := identity_of(sweep)]) is not None
+        }
 
     def _tell_suspects(self, unit: str, suspects: Sequence[Suspect], change: Change) -> None:
         """Say which sweeps of the map are taken out of it."""
@@ -200,8 +221,8 @@ class LiveMapper:
         return change
 
     def report(self) -> None:
-        """Publish how the mapper fares. Raises what has broken the map, if anything has."""
-        self._worker.check()
+        """Publish how the mapper fares. Raises RuntimeError where the store is damaged."""
+        self._map.watch()
         self._store.check()
         self._store.checkpoint()
         self._look_for_rivals()
@@ -218,7 +239,7 @@ class LiveMapper:
         follower = {f"log_{name}": count for name, count in self._follower.counters().items()}
         bus_ = {f"bus_{name}": count for name, count in self._client.counters().items()}
         counts = dict(self._counts) | {"sweeps_unusable": self._refused.count()}
-        return counts | self._worker.counters() | follower | bus_ | self._log.counters()
+        return counts | self._map.counters() | follower | bus_ | self._log.counters()
 
     def statuses(self) -> Sequence[ServiceStatus | Contour]:
         """The last status, and the contour if there is one. From any thread, never waiting."""
@@ -226,8 +247,8 @@ class LiveMapper:
 
     @property
     def makes_progress(self) -> bool:
-        """The map's worker is not stuck at one sweep or fit."""
-        return self._worker.makes_progress
+        """The map is not stuck on its way to those who see it."""
+        return self._map.makes_progress
 
     @property
     def summary(self) -> str:
@@ -237,7 +258,7 @@ class LiveMapper:
     def close(self) -> None:
         """Take in no more; what was taken in is in the store."""
         self._follower.close()
-        self._worker.close()
+        self._map.close()
         self._watch.close()
         self._rivals.close()
         self._publisher.close()
@@ -261,6 +282,10 @@ class LiveMapper:
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
 
+    def _held(self) -> list[SweepReadings]:
+        """What the store holds."""
+        return [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
+
     def _readings(self, sweep: Sweep) -> SweepReadings | None:
         """The sweep's readings; None if it can't be mapped."""
         try:
@@ -271,12 +296,12 @@ class LiveMapper:
         self._refused.accept(sweep.unit)
         return readings
 
-    def _set_aside(self, readings: SweepReadings, error: Exception) -> None:
+    def _set_aside(self, readings: SweepReadings, error: MapProcessError) -> None:
         """Keep a sweep that broke the map off it, after a restart too."""
-        reason = f"{type(error).__name__}: {error}"
-        self._store.set_aside(readings.identity, reason)
+        self._store.set_aside(readings.identity, error.reason)
+        self._aside.add(readings.identity)
         self._counts["sweeps_set_aside"] += 1
-        self._tell_set_aside(readings.unit, readings.identity, reason, error)
+        self._tell_set_aside(readings.unit, readings.identity, error.reason, error)
 
     def _tell_set_aside(self, unit: str, identity: Identity, reason: str, error: Exception | None = None) -> None:
         log_id, sequence = identity
@@ -287,6 +312,8 @@ class LiveMapper:
         self._troubles.begin("set aside", text, error)
 
     def _show(self, state: MapState) -> None:
+        """Number the state and show it. Raises StoreError where no number can be had."""
+        state.contour.version = state.features.version = self._store.next_contour_version()
         self._publisher.publish_map(state.contour, state.features, state.tiles)
         self._log.show_tiles(state.tiles)
         self._log.show_features(state.features)

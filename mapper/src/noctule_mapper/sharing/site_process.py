@@ -17,12 +17,13 @@ from multiprocessing.process import BaseProcess
 from noctule import logs, systemd
 from noctule.ending import Ending
 from noctule_mapper.live import service
+from noctule_mapper.live.map_process import run_map
+from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.process import run_process
+from noctule_mapper.live.rest import Rest
 from noctule_mapper.live.service import LiveSettings
 from noctule_mapper.sharing.heartbeat import Heartbeat
 
-_FIRST_REST_S, _LONGEST_REST_S = 1.0, 60.0  # before a site's mapper that has failed is started again
-_STEADY_AFTER_S = 60.0
 _ASK_AGAIN_S = 0.5
 HANGS_AFTER_S = 30.0  # without progress
 
@@ -55,7 +56,7 @@ class SiteProcess:
         self._heartbeat = Heartbeat()
         self._process: BaseProcess | None = None
         self._started_at_s = self._not_before_s = 0.0
-        self._rest_s = _FIRST_REST_S
+        self._rest = Rest()
         self._waits_for: str | None = None
 
     @property
@@ -121,16 +122,12 @@ class SiteProcess:
         self._process = None
         if not mine:
             _log.info("maps site %s no more", self.site)
-            self._rest_s = _FIRST_REST_S
+            self._rest.forget()
             return
         self.failed += 1
-        if now_s - self._started_at_s >= _STEADY_AFTER_S:
-            self._rest_s = _FIRST_REST_S
-        _log.error(
-            "the mapper of site %s ended with %s; it starts again in %g s", self.site, ended.exitcode, self._rest_s
-        )
-        self._not_before_s = now_s + self._rest_s
-        self._rest_s = min(2 * self._rest_s, _LONGEST_REST_S)
+        rest_s = self._rest.after(now_s - self._started_at_s)
+        _log.error("the mapper of site %s ended with %s; it starts again in %g s", self.site, ended.exitcode, rest_s)
+        self._not_before_s = now_s + rest_s
 
 
 def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str) -> None:
@@ -139,9 +136,11 @@ def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str)
     ``heartbeat`` is the address at which that process listens, in systemd's place.
     """
     os.environ[systemd.SOCKET_VARIABLE] = heartbeat
+    prefix = f"{settings.site}: "
+    nursery = Nursery(partial(run_map, log_format, prefix))
     ending = Ending()
     threading.Thread(target=_end_with_parent, args=(ending,), name="parent", daemon=True).start()
-    run_process(partial(service.run, settings), log_format, ending, prefix=f"{settings.site}: ")
+    run_process(partial(service.run, settings, nursery=nursery), log_format, ending, prefix)
 
 
 def _end_with_parent(ending: Ending) -> None:

@@ -1,0 +1,118 @@
+"""The process of a map: it holds the map, fits it, and tells the mapper's service of it."""
+
+import os
+import queue
+import resource
+import threading
+from multiprocessing.connection import Connection
+from pathlib import Path
+from time import sleep
+from typing import NoReturn
+
+from noctule import logs
+from noctule.threads import end_process_when_one_fails
+from noctule_mapper.live.fit_turn import FitTurn
+from noctule_mapper.live.map_messages import (
+    Beat,
+    Broke,
+    Changed,
+    MapSettings,
+    MapState,
+    PackedState,
+    Shown,
+    Trouble,
+    told,
+)
+from noctule_mapper.live.map_worker import MapWorker
+from noctule_mapper.readings.sweep import SweepReadings
+
+_BEAT_S = 1.0
+
+
+def run_map(log_format: logs.LogFormat, prefix: str, connection: Connection) -> NoReturn:
+    """Keep a map as the service at the other end of ``connection`` says, until that end is closed. The log is as in
+    run_process().
+    """
+    logs.set_up(log_format, prefix)
+    end_process_when_one_fails()
+    service = _Service(connection)
+    # Before the map: where its kernels are not compiled yet, that takes long.
+    threading.Thread(target=service.beat, name="map-beat", daemon=True).start()
+    settings = service.hear()
+    assert isinstance(settings, MapSettings)
+    worker = MapWorker(
+        settings.config,
+        settings.site,
+        settings.service,
+        service.show,
+        service.set_aside,
+        service,
+        FitTurn(settings.fit_turn) if settings.fit_turn else None,
+    )
+    while True:
+        match service.hear():
+            case Changed(left, entered):
+                worker.take(left, entered)
+                if service.worker is None:  # what the map begins with is there
+                    worker.start()
+                    service.worker = worker
+            case Shown() as shown:
+                service.shown.put(shown)
+
+
+class _Service:
+    """The service, as its map's process sees it. This process ends when the service is gone."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.shown: queue.SimpleQueue[Shown] = queue.SimpleQueue()
+        self.worker: MapWorker | None = None
+        self._connection, self._sending = connection, threading.Lock()
+
+    def hear(self) -> object:
+        """The next message."""
+        try:
+            return self._connection.recv()
+        except (EOFError, OSError):
+            os._exit(0)
+
+    def beat(self) -> None:
+        """Tell how the map fares, for ever. Raises what has ended the worker."""
+        while True:
+            if self.worker is None:
+                self._send(Beat({}, makes_progress=True))
+            else:
+                self.worker.check()
+                figures = self.worker.counters() | {"map_memory_bytes": _resident_bytes()}
+                self._send(Beat(figures, self.worker.makes_progress))
+            sleep(_BEAT_S)
+
+    def show(self, state: MapState) -> None:
+        """Wait until ``state`` is shown. Raises what the service could not do."""
+        self._send(PackedState.of(state))
+        if (error := self.shown.get().error) is not None:
+            raise error
+
+    def set_aside(self, readings: SweepReadings, error: Exception) -> None:
+        """Tell of a sweep that broke the map."""
+        self._send(Broke(readings, told(error)))
+
+    def begin(self, kind: str, text: str, error: BaseException | None = None) -> None:
+        """As Troubles.begin()."""
+        self._send(Trouble(kind, text, over=False, error=told(error) if error else None))
+
+    def end(self, kind: str, text: str) -> None:
+        """As Troubles.end()."""
+        self._send(Trouble(kind, text, over=True))
+
+    def _send(self, message: object) -> None:
+        try:
+            with self._sending:
+                self._connection.send(message)
+        except OSError:
+            os._exit(0)
+
+
+def _resident_bytes() -> int:
+    """Memory of this process, that which it shares with others too."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize()
