@@ -32,7 +32,7 @@ class WatchedSite:
         start_relay(self.live.running, *_of_the_site(self.live), again=self.relay)
 
     def sweep_as(self, units: int) -> None:
-        """Have the paper's room swept by units u1, u2 ... in turn, now."""
+        """Have the paper's room swept by units u1, u2 ..., each a part of it, now."""
         self.live.play(survey_by(units))
         wait_until(lambda: (contour := self.live.client.contour()) is not None and len(contour.walls) == 5, "no room")
 
@@ -44,10 +44,10 @@ class WatchedSite:
 
 
 def survey_by(units: int) -> list[Sweep]:
-    """A survey of the paper's room, made just now; unit u1 makes the first sweep, u2 the next, and so on."""
+    """A survey of the paper's room, made just now; unit u1 makes the first sweeps, u2 those after them, and so on."""
     survey = paper_survey()
     for number, sweep in enumerate(survey):
-        sweep.unit = f"u{number % units + 1}"
+        sweep.unit = f"u{number * units // len(survey) + 1}"
         sweep.clock_epoch = EPOCH
         sweep.start.FromNanoseconds(time.time_ns())
     return survey

@@ -74,7 +74,7 @@ def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
         need = "needs" if len(unwell) == 1 else "need"
         troubles.append(_line(f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention: {named}"))
     told = [each for each in mappers if each.detail and heard.service_silent_s[each.name] <= _SERVICE_SILENT_AFTER_S]
-    return [*troubles, *(_line(f"mapper {each.name}: {each.detail}") for each in told)]
+    return [*troubles, *(_line(f"{_named(each)}: {each.detail}") for each in told)]
 
 
 def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
@@ -85,6 +85,10 @@ def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
         names = " and ".join(sorted(status.name for status in mappers))
         return [f"no mapper is heard ({names} silent for {duration(silent_s)}): the map is old"]
     return []
+
+
+def _named(mapper: ServiceStatus) -> str:
+    return mapper.name if "mapper" in mapper.name else f"mapper {mapper.name}"
 
 
 def _map(heard: Heard) -> str:
