@@ -6,6 +6,7 @@ import subprocess
 from contextlib import closing
 from pathlib import Path
 
+import pytest
 from deploy.other_versions import make_log_earlier, make_store_earlier
 from deploy.test_upgrade import another_sweep, end, start
 from system.processes import ROOT, Programs, free_port_range, free_ports, programs, wait_until
@@ -75,6 +76,7 @@ def test_a_backup_before_an_upgrade_is_the_way_back_and_the_map_goes_on_after_it
     ran("noctule-mapper", "check", mapper)
 
 
+@pytest.mark.soak
 def test_restoring_only_the_gateways_copy_under_a_running_mapper_uses_no_number_twice_and_misses_no_sweep(
     tmp_path: Path,
 ) -> None:
