@@ -80,6 +80,16 @@ def test_units_that_need_attention_are_counted_and_named_on_top(site: Site) -> N
     assert "2 of 20 units need attention: u7 fault: the stepper is stuck, u12 disconnected: the line is si" in heading
 
 
+def test_units_of_which_the_same_is_to_be_said_are_named_together(site: Site) -> None:
+    site.mapper()
+    for number in range(1, 21):
+        site.unit(f"u{number}", UnitStatus.STATE_DISCONNECTED, "the line is silent")
+    site.unit("u2", UnitStatus.STATE_FAULT, "the stepper is stuck")
+    heading = site.alarms().splitlines()[0]
+    told = "u1, u3, u4, u5, u6 and 14 more: disconnected: the line is silent, u2 fault: the stepper is stuck"
+    assert f"20 of 20 units need attention: {told}" in heading
+
+
 def test_a_mapper_that_falls_silent_is_told_however_lively_the_units_are(site: Site) -> None:
     site.mapper()
     site.passed_s = 125.0

@@ -1,5 +1,6 @@
 """A site with a relay and a mapper that draws on it: the paper's room, heard by as many units as are wanted."""
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,6 +36,23 @@ class WatchedSite:
         """Have the paper's room swept by units u1, u2 ..., each a part of it, now."""
         self.live.play(survey_by(units))
         wait_until(lambda: (contour := self.live.client.contour()) is not None and len(contour.walls) == 5, "no room")
+
+    @contextmanager
+    def heard(self) -> Iterator[None]:
+        """Within the block the units' statuses come each second, as a gateway sends them."""
+        ended = threading.Event()
+
+        def go_on() -> None:
+            while not ended.wait(1.0):
+                self.live.play([])
+
+        telling = threading.Thread(target=go_on)
+        telling.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            telling.join()
 
     def shows_room(self, shown: Screen) -> bool:
         """Whether the page shows all walls of the room now. The units go on meanwhile."""

@@ -70,11 +70,19 @@ def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
     mappers = [status for status in heard.services.values() if status.role == "mapper"]
     troubles += _no_mapper(mappers, heard)
     if unwell:
-        named = listed([f"{unit.unit} {unit.words}" for unit in unwell])
         need = "needs" if len(unwell) == 1 else "need"
-        troubles.append(_line(f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention: {named}"))
+        how_many = f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention"
+        troubles.append(_line(f"{how_many}: {_named_units(unwell)}"))
     told = [each for each in mappers if each.detail and heard.service_silent_s[each.name] <= _SERVICE_SILENT_AFTER_S]
-    return [*troubles, *(_line(f"{_named(each)}: {each.detail}") for each in told)]
+    return [*troubles, *(_line(f"{_named_mapper(each)}: {each.detail}") for each in told)]
+
+
+def _named_units(unwell: Sequence[UnitHealth]) -> str:
+    """Those of which the same is to be said together."""
+    of_words: dict[str, list[str]] = {}
+    for unit in unwell:
+        of_words.setdefault(unit.words, []).append(unit.unit)
+    return listed([f"{listed(units)}{':' if units[1:] else ''} {words}" for words, units in of_words.items()])
 
 
 def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
@@ -87,7 +95,7 @@ def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
     return []
 
 
-def _named(mapper: ServiceStatus) -> str:
+def _named_mapper(mapper: ServiceStatus) -> str:
     return mapper.name if "mapper" in mapper.name else f"mapper {mapper.name}"
 
 
