@@ -21,7 +21,7 @@ def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequ
     heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now}"
     others = [_line(f"Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
     rest = [f"**{each}**" for each in (*others, *troubles[1:])]
-    return "\n\n".join([heading, *rest, f"{_map(heard)}; {counted(len(units), 'unit')}"])
+    return "\n\n".join([heading, *rest, "; ".join([_map(heard), counted(len(units), "unit"), *_lacking(heard)])])
 
 
 def worst(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
@@ -106,6 +106,12 @@ def _map(heard: Heard) -> str:
     found = ", ".join(counted(count, noun) for noun, count in _objects(contour).items())
     made_s = contour.time.ToNanoseconds() / 1e9
     return f"{found} from {counted(contour.sweeps, 'sweep')}, the last of them {age(heard.now_s - made_s)}"
+
+
+def _lacking(heard: Heard) -> list[str]:
+    """What a map of walls could have more, as its mapper says; of one without it says so as trouble."""
+    contour = heard.contour
+    return [_line(contour.note)] if contour is not None and contour.walls and contour.note else []
 
 
 def _objects(contour: Contour) -> dict[str, int]:
