@@ -45,10 +45,13 @@ PRAGMA user_version = 3;
 """
 
 
-def make_log_earlier(path: Path) -> None:
-    """Write the log at ``path`` as a gateway did that knew no checksums, gaps and head files."""
+def make_log_earlier(path: Path, head_file: bool = False) -> None:
+    """Write the log at ``path`` as a gateway did that knew no checksums, gaps and head files; ``head_file``: the one
+    that is there stays, for whoever made it is of this version.
+    """
     _rewrite(path, LOG_2)
-    Path(f"{path}-head").unlink()
+    if not head_file:
+        Path(f"{path}-head").unlink()
 
 
 def make_store_earlier(path: Path) -> None:

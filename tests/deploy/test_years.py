@@ -6,6 +6,7 @@ import subprocess
 from contextlib import closing
 from pathlib import Path
 
+import pytest
 from deploy.other_versions import make_log_earlier, make_store_earlier
 from deploy.test_upgrade import another_sweep, end, start
 from system.processes import ROOT, Programs, free_port_range, free_ports, programs, wait_until
@@ -68,10 +69,50 @@ def test_a_backup_before_an_upgrade_is_the_way_back_and_the_map_goes_on_after_it
 
     assert len(after.walls) == len(before.walls) and len(after.corners) == len(before.corners)
     assert [facts(sweep) for sweep in restored[:-1]] == [facts(sweep) for sweep in first]
+    assert restored[0].log_id != first[0].log_id  # sequence 45 of that one is taken
     with closing(sqlite3.connect(store)) as database:
         assert database.execute("SELECT count(*) FROM sweep").fetchone() == (SURVEY_SWEEPS + 1,)
     assert "damage" not in ran("noctule-gateway", "check", gateway)
     ran("noctule-mapper", "check", mapper)
+
+
+@pytest.mark.soak
+def test_restoring_only_the_gateways_copy_under_a_running_mapper_uses_no_number_twice_and_misses_no_sweep(
+    tmp_path: Path,
+) -> None:
+    room = paper_room(tmp_path)
+    gateway, copy, store = tmp_path / "gateway", tmp_path / "copy", tmp_path / f"mapper/{SITE}.sqlite3"
+    with programs(tmp_path) as running:
+        running.start("simulator", *room.simulator(speed=24))
+        start(room, running)
+        before = wait_for_contour(room, running)
+        ran("noctule-gateway", "backup", gateway, copy)
+        another_sweep(room, running, SURVEY_SWEEPS + 1)
+        first = logged_sweeps(room)
+        assert running.end("gateway") == 0
+
+        restore(copy, gateway)
+        running.start("gateway", *room.gateway())
+        wait_until(lambda: "has log" in running.log("mapper"), "the mapper does not see that the log is another")
+        another_sweep(room, running, SURVEY_SWEEPS + 1)
+        second = logged_sweeps(room)
+        new = [(sweep.log_id, sweep.log_sequence) for sweep in second]
+        wait_until(lambda: set(new) <= stored(store), "the mapper has not read the restored log")
+        after = wait_for_contour(room, running)
+        end(running)
+        running.end("simulator")
+
+    assert [facts(sweep) for sweep in second[:-1]] == [facts(sweep) for sweep in first[:-1]]
+    assert facts(second[-1]) != facts(first[-1])
+    assert set(new).isdisjoint((sweep.log_id, sweep.log_sequence) for sweep in first)
+    assert stored(store) == set(new)  # each place by what the restored log has of it
+    assert len(after.walls) == len(before.walls) and len(after.corners) == len(before.corners)
+
+
+def stored(store: Path) -> set[tuple[str, int]]:
+    """The sweeps that a mapper's store holds."""
+    with closing(sqlite3.connect(store)) as database:
+        return set(database.execute("SELECT log_id, log_sequence FROM sweep").fetchall())
 
 
 def facts(sweep: Sweep) -> tuple[int, int, bytes]:

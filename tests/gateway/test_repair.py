@@ -9,6 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from deploy.other_versions import make_log_earlier
 from gateway.test_sweep_log import WRITER, append, arrival, opened, read
 
 from noctule.folder_lock import FolderError, FolderLock, Owner, owner_of
@@ -206,7 +207,10 @@ def test_check_changes_no_file_and_says_that_all_is_sound_after_a_kill(tmp_path:
         look_at_all(tmp_path / "none")
 
 
-def test_a_backup_of_a_running_gateway_holds_what_was_committed_and_restores_under_a_new_id(tmp_path: Path) -> None:
+@pytest.mark.parametrize("before_an_upgrade", [False, True])
+def test_a_backup_of_a_running_gateway_holds_what_was_committed_and_restores_under_a_new_id(
+    tmp_path: Path, before_an_upgrade: bool
+) -> None:
     data, out = tmp_path / "data", tmp_path / "out"
     data.mkdir()
     with opened(data / "u1.sqlite") as log:
@@ -214,6 +218,8 @@ def test_a_backup_of_a_running_gateway_holds_what_was_committed_and_restores_und
         command = ["noctule-gateway", "backup", str(data), str(out)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         again = subprocess.run(command, capture_output=True, text=True, check=False)
+        if before_an_upgrade:
+            make_log_earlier(out / "u1.sqlite", head_file=True)
         append(log, arrival(20))  # after the backup: sequence 21 stands for this sweep, and for no other
         log_id = log.state.log_id
     assert done.stdout == "u1: 20 sound sweeps, sequences 1 to 20; all is sound\n"

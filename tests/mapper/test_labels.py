@@ -5,7 +5,7 @@ from itertools import combinations
 from noctule.messages_pb2 import Contour, Cylinder, Point, Wall
 from noctule_mapper.rerun_view.labels import Label, labels
 
-PX_M = 4.0 / 650.0  # of a room of four metres on a map of 650 pixels
+PX_M = 1.0 / 88.0  # as the scale has it in viewer/board.png, a page of 1280 to 760 pixels with a room of 3.8 m
 
 
 def room() -> Contour:

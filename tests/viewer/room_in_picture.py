@@ -1,10 +1,14 @@
-"""Whether a picture shows a room: its walls' lines, wherever and however large the view has drawn them."""
+"""Whether a picture shows a room, by its walls' lines, wherever and however large the view has drawn them; and whether
+all is well at the site.
+"""
 
 import numpy as np
 from mapper.room import Room
 from scipy.signal import fftconvolve
 
 WALLS = (236, 240, 245)  # as the mapper draws them
+_HEADING_ROWS = 60  # of the picture, with the line on top
+_WELL_ENDS = 0.5  # of 960 pixels' width: "all is well" ends at 0.37, "no mapper is heard ..." at 0.85
 _COARSE = 2  # pixels of the picture to one of the search
 _NEAR_PX = 1  # of the search, to either side of a line
 _STEP_PX = 1.0  # along a wall, of the search
@@ -23,6 +27,12 @@ def shown_share(picture: np.ndarray, room: Room, colour: tuple[int, int, int] = 
     largest = min(wide.shape[1] / extent_m[0], wide.shape[0] / extent_m[1])
     least = 0.2 * wide.shape[1] / extent_m[0]
     return max(_best(wide, room, float(scale)) for scale in np.geomspace(least, largest, 60))
+
+
+def says_all_is_well(picture: np.ndarray) -> bool:
+    """Whether the line on top, of light letters, is as short as it is without an alarm."""
+    columns = np.nonzero((picture[:_HEADING_ROWS] > 200).all(axis=-1).any(axis=0))[0]
+    return 0 < columns.max(initial=0) < _WELL_ENDS * picture.shape[1]
 
 
 def _best(wide: np.ndarray, room: Room, px_per_m: float) -> float:

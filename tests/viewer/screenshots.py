@@ -8,7 +8,6 @@ writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
 import re
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from PIL import Image
 from playwright.sync_api import Browser
 from system.processes import ROOT, Programs, free_ports, programs, wait_until
 from viewer.browser import Screen, chromium, screen
-from viewer.room_in_picture import shown_share
+from viewer.room_in_picture import says_all_is_well, shown_share
 from viewer.watched_site import ALL_OF_IT, watched_site
 
 SIZE_PX = (1280, 760)
@@ -53,9 +52,10 @@ def board(browser: Browser, folder: Path, path: Path) -> None:
     """Twenty units at one site."""
     with watched_site(folder) as site, screen(browser, size_px=SIZE_PX) as shown:
         site.sweep_as(20)
-        shown.open(site.relay.page)
-        wait_until(lambda: site.shows_room(shown), "the room is not shown", within_s=WITHIN_S, every_s=2.0)
-        save(shown, path, meanwhile=lambda: site.live.play([]))  # their statuses: no unit is missed
+        with site.heard():
+            shown.open(site.relay.page)
+            wait_until(lambda: shows_room(shown, site.live.running), "no room", within_s=WITHIN_S, every_s=2.0)
+            save(shown, path)
 
 
 def shows_room(shown: Screen, running: Programs) -> bool:
@@ -63,23 +63,23 @@ def shows_room(shown: Screen, running: Programs) -> bool:
     return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
 
 
-def still(shown: Screen, meanwhile: Callable[[], None]) -> np.ndarray:
-    """The picture once its map has been the same for a while."""
+def still(shown: Screen) -> np.ndarray:
+    """The picture once its map has been the same for a while, and all is well."""
     pictures = [shown.picture()]
 
     def is_still() -> bool:
-        meanwhile()
         pictures.append(shown.picture())
         last = pictures[-SAME_LOOKS:]
-        return len(last) == SAME_LOOKS and all(np.array_equal(each[MAP], last[0][MAP]) for each in last)
+        same = len(last) == SAME_LOOKS and all(np.array_equal(each[MAP], last[0][MAP]) for each in last)
+        return same and says_all_is_well(last[-1])
 
     wait_until(is_still, "the map does not stand still", within_s=WITHIN_S, every_s=LOOK_EVERY_S)
     return pictures[-1]
 
 
-def save(shown: Screen, path: Path, meanwhile: Callable[[], None] = lambda: None) -> None:
+def save(shown: Screen, path: Path) -> None:
     """The picture in 256 colours, which is small and looks the same."""
-    Image.fromarray(still(shown, meanwhile)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.fromarray(still(shown)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
     size = path.stat().st_size
     assert size < MOST_BYTES, f"{path.name} has {size} bytes"
     print(f"{path.relative_to(ROOT)}: {size / 1e3:.0f} kB")

@@ -70,6 +70,16 @@ def test_a_site_without_trouble_is_well(site: Site) -> None:
     assert "3 units" in site.alarms()
 
 
+def test_what_a_map_of_walls_could_have_more_stands_beside_it_and_is_no_alarm(site: Site) -> None:
+    site.mapper()
+    site.unit("u1")
+    note = "echoes from 2 places; a cylinder needs 3, or 2 on opposite sides of it"
+    site.state.note_contour(Contour(walls=[Wall()], note=note))
+    heading, *_, last = site.alarms().splitlines()
+    assert heading.startswith("### attic — all is well — ")
+    assert last.startswith("1 wall, ") and last.endswith(f"; 1 unit; {note}")
+
+
 def test_units_that_need_attention_are_counted_and_named_on_top(site: Site) -> None:
     site.mapper()
     for number in range(1, 21):
@@ -78,6 +88,16 @@ def test_units_that_need_attention_are_counted_and_named_on_top(site: Site) -> N
     site.unit("u12", UnitStatus.STATE_DISCONNECTED, "the line is silent")
     heading = site.alarms().splitlines()[0]
     assert "2 of 20 units need attention: u7 fault: the stepper is stuck, u12 disconnected: the line is si" in heading
+
+
+def test_units_of_which_the_same_is_to_be_said_are_named_together(site: Site) -> None:
+    site.mapper()
+    for number in range(1, 21):
+        site.unit(f"u{number}", UnitStatus.STATE_DISCONNECTED, "the line is silent")
+    site.unit("u2", UnitStatus.STATE_FAULT, "the stepper is stuck")
+    heading = site.alarms().splitlines()[0]
+    told = "u1, u3, u4, u5, u6 and 14 more: disconnected: the line is silent, u2 fault: the stepper is stuck"
+    assert f"20 of 20 units need attention: {told}" in heading
 
 
 def test_a_mapper_that_falls_silent_is_told_however_lively_the_units_are(site: Site) -> None:

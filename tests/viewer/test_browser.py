@@ -5,17 +5,15 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 from mapper.live_site import SITE
 from playwright.sync_api import Browser
 from system.processes import wait_until
-from viewer.browser import SHOWN_WITHIN_S, WIDTH_PX, Screen, chromium, screen
+from viewer.browser import SHOWN_WITHIN_S, Screen, chromium, screen
+from viewer.room_in_picture import says_all_is_well
 from viewer.second_hand import age_s, second_hand
 from viewer.watched_site import WatchedSite, survey_by, watched_site
 
-HEADING_ROWS = 60  # of the picture, with the line on top
-WELL_ENDS = 0.5  # of the width: "all is well" ends at 0.37, "no mapper is heard ..." at 0.85
 IN_THE_CYLINDER_M = (1.384, 0.480)  # of the paper's room
 FRESH_S = 30  # what a page may lag behind on a machine that does much else
 BETWEEN_S = 10.0  # two pictures of a page that may be frozen: its colours seem fresh again after 56 s
@@ -36,10 +34,9 @@ def site(tmp_path: Path) -> Iterator[WatchedSite]:
 
 
 def says_that_all_is_well(site: WatchedSite, shown: Screen) -> bool:
-    """The line on top, of light letters, is as short as it is without an alarm."""
+    """The page says so; its units are heard."""
     site.live.play([])  # the units' statuses: they too would be missed
-    columns = np.nonzero((shown.picture()[:HEADING_ROWS] > 200).all(axis=-1).any(axis=0))[0]
-    return 0 < columns.max(initial=0) < WELL_ENDS * WIDTH_PX
+    return says_all_is_well(shown.picture())
 
 
 def wait_for(condition: Callable[[], bool], what: str) -> None:

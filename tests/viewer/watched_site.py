@@ -1,5 +1,6 @@
 """A site with a relay and a mapper that draws on it: the paper's room, heard by as many units as are wanted."""
 
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,9 +33,26 @@ class WatchedSite:
         start_relay(self.live.running, *_of_the_site(self.live), again=self.relay)
 
     def sweep_as(self, units: int) -> None:
-        """Have the paper's room swept by units u1, u2 ... in turn, now."""
+        """Have the paper's room swept by units u1, u2 ..., each a part of it, now."""
         self.live.play(survey_by(units))
         wait_until(lambda: (contour := self.live.client.contour()) is not None and len(contour.walls) == 5, "no room")
+
+    @contextmanager
+    def heard(self) -> Iterator[None]:
+        """Within the block the units' statuses come each second, as a gateway sends them."""
+        ended = threading.Event()
+
+        def go_on() -> None:
+            while not ended.wait(1.0):
+                self.live.play([])
+
+        telling = threading.Thread(target=go_on)
+        telling.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            telling.join()
 
     def shows_room(self, shown: Screen) -> bool:
         """Whether the page shows all walls of the room now. The units go on meanwhile."""
@@ -44,10 +62,10 @@ class WatchedSite:
 
 
 def survey_by(units: int) -> list[Sweep]:
-    """A survey of the paper's room, made just now; unit u1 makes the first sweep, u2 the next, and so on."""
+    """A survey of the paper's room, made just now; unit u1 makes the first sweeps, u2 those after them, and so on."""
     survey = paper_survey()
     for number, sweep in enumerate(survey):
-        sweep.unit = f"u{number % units + 1}"
+        sweep.unit = f"u{number * units // len(survey) + 1}"
         sweep.clock_epoch = EPOCH
         sweep.start.FromNanoseconds(time.time_ns())
     return survey

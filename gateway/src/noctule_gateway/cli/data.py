@@ -51,11 +51,14 @@ def backup(
     from noctule.backup import copy_databases, whole_or_nothing
     from noctule.progress import progress
     from noctule_gateway.audit.look import copy_audit, look_at_audit
+    from noctule_gateway.log.head_file import mark_copy
+    from noctule_gateway.log.log_files import head_path
     from noctule_gateway.log.look import look_at_all
 
     with failing_in_words():
         with whole_or_nothing(out), progress() as shown:
-            copy_databases(data, out, shown.at)
+            for copy in copy_databases(data, out, shown.at):
+                mark_copy(head_path(copy))
             copy_audit(data, out)
             looks = [*look_at_all(out, shown.at), *look_at_audit(out)]
         _tell(looks)

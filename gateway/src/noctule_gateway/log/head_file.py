@@ -11,8 +11,9 @@ the file beside holds two lines:
 
 A log that ends before ``head`` has lost commits; one that was open when the power went may have. In both cases the next
 sweep gets the number after ``reserved``, and the numbers between are a gap. Where the file does not know the log
-(deleted, damaged, or the log came from a copy) nobody can say what was used: the log gets a new log_id. A sync at each
-commit would save the gap after a power cut and double the cost of every commit.
+(deleted, damaged, or the log came from a copy) nobody can say what was used: the log gets a new log_id. Beside a backup
+lies a file that says so, because a log of an earlier gateway has no head file. A sync at each commit would save the gap
+after a power cut and double the cost of every commit.
 """
 
 import json
@@ -25,6 +26,7 @@ from noctule.checksum import checksum
 
 _LINE_BYTES = 256  # each line is padded to this, so that it is written over in place, also on a full disk
 _AHEAD = 1000
+_COPY = b"This log is a copy, made by noctule-gateway backup: the gateway gives it a new log_id.\n"
 
 
 @dataclass(frozen=True)
@@ -48,10 +50,11 @@ class Reserved:
 
 @dataclass(frozen=True)
 class Heads:
-    """What the file says; None for a line that is missing or damaged."""
+    """What the file says; None for a line that is missing or damaged. ``copied``: the log is a backup of another."""
 
     reserved: Reserved | None
     newest: Newest | None
+    copied: bool
 
     def most_used(self, log_id: str, kernel_boot: str) -> int | None:
         """No sequence of this log above this was used; None where that is not known."""
@@ -69,7 +72,12 @@ def read(path: Path) -> Heads:
         text = path.read_bytes()
     except FileNotFoundError:
         text = b""
-    return Heads(_line(Reserved, text[:_LINE_BYTES]), _line(Newest, text[_LINE_BYTES : 2 * _LINE_BYTES]))
+    return Heads(_line(Reserved, text[:_LINE_BYTES]), _line(Newest, text[_LINE_BYTES : 2 * _LINE_BYTES]), text == _COPY)
+
+
+def mark_copy(path: Path) -> None:
+    """Make the head file at ``path``, of a log that is a copy. Raises OSError."""
+    path.write_bytes(_COPY)
 
 
 class HeadFile:

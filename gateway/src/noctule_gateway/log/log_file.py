@@ -221,7 +221,7 @@ class LogFile:
     def _agree_with_head_file(self, now: Instant) -> None:
         """Go on above every sequence that may have been used."""
         heads, log = head_file.read(head_path(self._path)), self._log
-        if not log.adopted and (heads.newest is None or heads.newest.log_id != log.log_id):
+        if not log.adopted and not heads.copied and (heads.newest is None or heads.newest.log_id != log.log_id):
             self._head_file.begin(self._newest(closed=False), reserved=0)
             self._note_adopted(log)
             return

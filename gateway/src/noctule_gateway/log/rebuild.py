@@ -44,7 +44,7 @@ def rebuild(path: Path, reason: str, now: Instant) -> str:
             shutil.rmtree(folder)
             with suppress(OSError):  # others are there
                 folder.parent.rmdir()
-            return f"log {path} was converted from an earlier gateway's, with its {taken} sweeps"
+            return f"log {path} was converted from an earlier gateway's, with its {taken} sweeps, as log {log.log_id}"
     except SQLITE_ERRORS as error:
         raise LogError(f"{log_error(path, 'opened', error)} (it is to be rebuilt, since {reason})") from error
     except OSError as error:
@@ -79,7 +79,8 @@ class _Copy:
         self._earlier = source is not None and source.version < log_schema.VERSION
         self._newest_head = heads.newest.head if heads.newest and heads.newest.log_id == self._old_id else 0
         self._most_used = heads.most_used(self._old_id, now.kernel_boot) if self._old_id else None
-        if self._earlier and known is not None:  # these had no head file, and their log is taken at its word
+        # These had no head file, and their log is taken at its word.
+        if self._earlier and known is not None and not heads.copied:
             self._most_used = known.head
         log_id = log_schema.new_log_id() if self._most_used is None else self._old_id
         self._head = known.head if known else 0

@@ -271,13 +271,13 @@ class LiveMapper:
             self._troubles.end("rivals", "no other mapper maps this site any more")
 
     def _detail(self) -> str:
-        """What is wrong, and what the contour lacks, as long as a status may be."""
+        """What is wrong, and why there is no wall, as long as a status may be."""
         parts = (
             self._watch.detail(),
             self._troubles.detail(),
             self._refused.detail(),
             self._publisher.detail(),
-            self._contour.note,
+            "" if self._contour.walls else self._contour.note,
         )
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."

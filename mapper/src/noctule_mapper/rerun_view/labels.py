@@ -10,8 +10,9 @@ from noctule_mapper.contour import touch_marks
 
 Place = tuple[float, float]
 
-# Of a page of common size at the zoom that it opens with. Who zooms in has room to spare.
-_MAP_SIDE_PX = 650.0
+# Of a page of 1280 to 760 pixels, whose bounds have grown with the map and leave it some 60 % of their side. Who zooms
+# in has room to spare.
+_MAP_SIDE_PX = 340.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
 _LEAST_SIDE_M = 1.0

@@ -21,7 +21,7 @@ def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequ
     heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now}"
     others = [_line(f"Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
     rest = [f"**{each}**" for each in (*others, *troubles[1:])]
-    return "\n\n".join([heading, *rest, f"{_map(heard)}; {counted(len(units), 'unit')}"])
+    return "\n\n".join([heading, *rest, "; ".join([_map(heard), counted(len(units), "unit"), *_lacking(heard)])])
 
 
 def worst(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
@@ -70,11 +70,19 @@ def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
     mappers = [status for status in heard.services.values() if status.role == "mapper"]
     troubles += _no_mapper(mappers, heard)
     if unwell:
-        named = listed([f"{unit.unit} {unit.words}" for unit in unwell])
         need = "needs" if len(unwell) == 1 else "need"
-        troubles.append(_line(f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention: {named}"))
+        how_many = f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention"
+        troubles.append(_line(f"{how_many}: {_named_units(unwell)}"))
     told = [each for each in mappers if each.detail and heard.service_silent_s[each.name] <= _SERVICE_SILENT_AFTER_S]
-    return [*troubles, *(_line(f"mapper {each.name}: {each.detail}") for each in told)]
+    return [*troubles, *(_line(f"{_named_mapper(each)}: {each.detail}") for each in told)]
+
+
+def _named_units(unwell: Sequence[UnitHealth]) -> str:
+    """Those of which the same is to be said together."""
+    of_words: dict[str, list[str]] = {}
+    for unit in unwell:
+        of_words.setdefault(unit.words, []).append(unit.unit)
+    return listed([f"{listed(units)}{':' if units[1:] else ''} {words}" for words, units in of_words.items()])
 
 
 def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
@@ -87,6 +95,10 @@ def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:
     return []
 
 
+def _named_mapper(mapper: ServiceStatus) -> str:
+    return mapper.name if "mapper" in mapper.name else f"mapper {mapper.name}"
+
+
 def _map(heard: Heard) -> str:
     contour = heard.contour
     if contour is None:
@@ -94,6 +106,12 @@ def _map(heard: Heard) -> str:
     found = ", ".join(counted(count, noun) for noun, count in _objects(contour).items())
     made_s = contour.time.ToNanoseconds() / 1e9
     return f"{found} from {counted(contour.sweeps, 'sweep')}, the last of them {age(heard.now_s - made_s)}"
+
+
+def _lacking(heard: Heard) -> list[str]:
+    """What a map of walls could have more, as its mapper says; of one without it says so as trouble."""
+    contour = heard.contour
+    return [_line(contour.note)] if contour is not None and contour.walls and contour.note else []
 
 
 def _objects(contour: Contour) -> dict[str, int]:

@@ -32,7 +32,7 @@ class Layout:
         alarms = rrb.TextDocumentView(origin=self._at(rerun_paths.ALARMS), name="Alarms", titlebar=False)
         of_units = map(self._unit, self.units[: self.most_tabs])
         tabs = rrb.Tabs(self._site(), *of_units, self._figures(), active_tab=0)
-        return rrb.Vertical(alarms, tabs, row_shares=[1, 7], name=self.site)
+        return rrb.Vertical(alarms, tabs, row_shares=[1, 6], name=self.site)
 
     def _at(self, path: str) -> str:
         return f"/{self.under}{path}"
