@@ -52,7 +52,7 @@ def _met(state: State, config: MapperConfig) -> State:
             worth = scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
             tries.append((worth, objects))
         better = state
-        for worth, objects in sorted(tries, key=lambda one: -one[0])[:3]:
+        for worth, objects in sorted(tries, key=lambda one: -one[0])[:_MOST_FITTED]:
             if worth > state.worth - _NEAR_NATS:
                 tried = _state(objects, scene, config)
                 better = tried if tried.worth > better.worth + _LEAST_GAIN_NATS else better
@@ -175,6 +175,7 @@ def _improved(state: State, library: Sequence[Candidates], config: MapperConfig)
 
 
 _MOST_EXCHANGES = 10
+_MOST_FITTED = 3  # of the maps with two walls turned, the best
 _LEAST_GAIN_NATS = 0.1
 _NEAR_NATS = 12.0  # that fitting an exchange, or a corner of the wall that came with it, may bring
 
