@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
-from mapper.judged_poses import Taped, Unknown, taped, unknown
+from mapper.judged_poses import Taped, Unknown, independent_squares, taped, unknown
 from scipy.stats import chi2
 
 
@@ -60,10 +60,13 @@ def _unknown_summary(rooms: Sequence[Unknown]) -> list[str]:
 
 
 def _taped_line(one: Taped) -> str:
-    faults = [f"MISSED {what}" for what in one.verdict.missed] + [f"FALSE {what}" for what in one.verdict.false]
-    faults += [f"CALLED WRONG {unit}" for unit in one.named]
     squares = " ".join(f"{each:.1f}" for each in one.squares)
-    return f"room {one.seed}: {'; '.join(faults) or 'whole'}; squares {squares}; {one.computing_s:.1f} s"
+    return f"room {one.seed}: {'; '.join(_faults(one)) or 'whole'}; squares {squares}; {one.computing_s:.1f} s"
+
+
+def _faults(one: Taped) -> list[str]:
+    faults = [f"MISSED {what}" for what in one.verdict.missed] + [f"FALSE {what}" for what in one.verdict.false]
+    return faults + [f"CALLED WRONG {unit}" for unit in one.named]
 
 
 def _taped_summary(rooms: Sequence[Taped]) -> list[str]:
@@ -75,13 +78,21 @@ def _taped_summary(rooms: Sequence[Taped]) -> list[str]:
         f"{sum(len(one.false) for one in verdicts)} false objects in {sum(bool(one.false) for one in verdicts)} rooms; "
         f"{sum(len(one.named) for one in rooms)} units called wrong, of {len(rooms)} rooms"
     )
-    ours, told = (np.concatenate([getattr(one, of) for one in verdicts]) for of in ("corners_m", "label_fit_m"))
-    lines.append(f"corners {100 * ours.mean():.3f} cm, told every label {100 * told.mean():.3f} ({len(ours)} corners)")
-    squares = np.concatenate([one.squares for one in rooms])
-    low, high = chi2.ppf([0.005, 0.995], 3 * len(squares)) / (3 * len(squares))
+    ours, told = (100 * np.concatenate([getattr(one, of) for one in verdicts]) for of in ("corners_m", "label_fit_m"))
     lines.append(
-        f"{len(squares)} poses: squared normalised error {squares.mean() / 3:.2f} per coordinate, chi-square at 1 % "
-        f"{low:.2f} to {high:.2f}; median {np.median(squares) / chi2.median(3):.2f} of chi-square's"
+        f"corners {ours.mean():.3f} cm, told every label {told.mean():.3f}: {ours.mean() / told.mean():.2f} "
+        f"times as much ({len(ours)} corners)"
+    )
+    squares, each_room = np.concatenate([one.squares for one in rooms]), independent_squares(rooms)
+    of_whole = [square for one in rooms if not _faults(one) for square in one.squares]
+    low, high = chi2.ppf([0.005, 0.995], 3 * len(each_room)) / (3 * len(each_room))
+    lines.append(
+        f"{len(squares)} poses: squared normalised error {squares.mean() / 3:.2f} per coordinate, median "
+        f"{np.median(squares) / chi2.median(3):.2f} of chi-square's; {len(of_whole)} of rooms without a fault: "
+        f"{np.sum(of_whole) / 3 / max(len(of_whole), 1):.2f}"
+    )
+    lines.append(
+        f"one pose a room: {each_room.mean() / 3:.2f} per coordinate, chi-square at 1 % {low:.2f} to {high:.2f}"
     )
     return [*lines, _computing([one.computing_s for one in rooms])]
 

@@ -3,6 +3,7 @@ in a room comes from its own seed.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +60,13 @@ def taped(seed: int) -> Taped:
         tuple(square(pose, true[int(pose.unit[1:]) - 1]) for pose in contour.poses),
         computing_s,
     )
+
+
+def independent_squares(rooms: Sequence[Taped]) -> np.ndarray:
+    """The squares of one pose of each room that has any, (n,): the poses of a room share the error of its frame, and
+    chi-square's bounds are for independent ones.
+    """
+    return np.array([one.squares[one.seed % len(one.squares)] for one in rooms if one.squares])
 
 
 def square(pose: UnitPose, true: np.ndarray) -> float:

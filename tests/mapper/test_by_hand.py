@@ -147,6 +147,25 @@ def test_walls_of_two_echoes_are_found_where_the_sweeps_agree_on_them(seed: int)
     assert not verdict.false
 
 
+@pytest.mark.parametrize(
+    "seed",
+    [
+        7400,  # a wall with three of its four feet in one spot: a map in which it is only turned is no map without it
+        7500,  # a wall of two near feet, which an echo of its corner turns by 5 degrees
+    ],
+)
+def test_walls_whose_feet_lie_close_together_are_found(seed: int) -> None:
+    verdict = _verdict(seed, "coarse")
+    assert len(verdict.due) >= 5
+    assert not verdict.missed
+    assert not verdict.false
+
+
+def test_what_takes_the_place_of_a_doubtful_wall_is_no_surer() -> None:
+    # A room in which a true wall and a false one explain the same echoes equally well, so neither may be sure.
+    assert not _verdict(7332, "coarse").false
+
+
 def test_an_echo_counts_those_of_its_place_and_beam_that_agree_with_it() -> None:
     data = _evidence_of_three_sweeps(((1.000, 2.0), (1.002, 3.0), (2.7, np.nan)))
     assert agreeing(data).tolist() == [2, 1, 2, 1, 1]

@@ -190,7 +190,7 @@ class RareStopsConfig(_Model):
     # sweeps of a stop agree are of what no other of 2, 3, 4 and 5 stops hears.
     hears_too: float = Field(default=0.5, ge=0, lt=1)
     # A wall, or a cylinder, stands if the best map without it is worth so much less.
-    sure_nats: float = Field(default=2.5, ge=0)
+    sure_nats: float = Field(default=1.5, ge=0)
     # Walls of more echoes than this need no such proof.
     weak_echoes: float = Field(default=4.5, ge=0)
     # A cylinder is heard from all around, so there are more pairs and triples to choose from.

@@ -21,6 +21,7 @@ from noctule_mapper.refinement.model_selection import covariance_of, finalists, 
 _LEAST_HOPE = 0.45  # of its price that a rough candidate must gain: its corners may pay for the rest
 _BESIDE = 8.0  # a wall of two near feet knows no direction until it meets another
 _ALIKE = 0.01  # metres or radians: another one so near is the same
+_SIGMA_OF_A_BEAM = 0.6  # in half beams: of a direction that only the beam tells
 _MOST_SQUARE = 16.0  # squared normalised error of what was heard of a corner, beyond what is usual
 
 
@@ -61,7 +62,7 @@ def met_walls(
 
     One of the walls is among the ``chosen`` objects; ``made`` are the echoes of each object, bool (n,).
     """
-    directed = np.isfinite(data.direction_sigma_rad)
+    directed = np.isfinite(data.direction_sigma_rad) | (not data.has_fine)
     heard: list[tuple[int | None, np.ndarray]] = [
         (number, np.nonzero(made[number] & directed)[0]) for number, one in enumerate(objects) if isinstance(one, Spot)
     ]
@@ -90,7 +91,10 @@ def _turned_to_meet(
     echoes = heard.echoes
     off = np.concatenate([echoes.range_m - corner.ranges(echoes), wrapped(echoes.axis_rad - corner.directions(echoes))])
     slopes = np.concatenate([corner.slopes(echoes), corner.direction_slopes(echoes)])
-    spread = np.concatenate([heard.sigma_m, np.hypot(heard.turn_sigma_rad, corner.spread_rad)]) ** 2
+    turn_sigma_rad = np.where(
+        np.isfinite(heard.turn_sigma_rad), heard.turn_sigma_rad, _SIGMA_OF_A_BEAM * echoes.half_beam_rad
+    )
+    spread = np.concatenate([heard.sigma_m, np.hypot(turn_sigma_rad, corner.spread_rad)]) ** 2
     known = np.zeros((4, 4))
     known[:2, :2], known[2:, 2:] = first, second
     gain = known @ slopes.T @ np.linalg.inv(slopes @ known @ slopes.T + np.diag(spread))

@@ -38,8 +38,28 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
     else:
         best = _exchanged(best, library, config)
         if data.looks is not None:
-            best = _sure(best, library, config)
+            best = _sure(_met(best, config), library, config)
     return _confirmed(best, config) if len(data.stands.open) else best
+
+
+def _met(state: State, config: MapperConfig) -> State:
+    """The state after walls are turned to meet, two at a time, until that is worth nothing more."""
+    for _ in range(_MOST_EXCHANGES):
+        scene = state.scene
+        tries = []
+        for objects in _meetings(state.objects, list(range(len(state.objects))), scene, config):
+            links = links_of(objects, scene, config)
+            worth = scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
+            tries.append((worth, objects))
+        better = state
+        for worth, objects in sorted(tries, key=lambda one: -one[0])[:_MOST_FITTED]:
+            if worth > state.worth - _NEAR_NATS:
+                tried = _state(objects, scene, config)
+                better = tried if tried.worth > better.worth + _LEAST_GAIN_NATS else better
+        if better is state:
+            break
+        state = better
+    return state
 
 
 def _sure(state: State, library: Sequence[Candidates], config: MapperConfig) -> State:
@@ -155,6 +175,7 @@ def _improved(state: State, library: Sequence[Candidates], config: MapperConfig)
 
 
 _MOST_EXCHANGES = 10
+_MOST_FITTED = 3  # of the maps with two walls turned, the best
 _LEAST_GAIN_NATS = 0.1
 _NEAR_NATS = 12.0  # that fitting an exchange, or a corner of the wall that came with it, may bring
 

@@ -47,41 +47,62 @@ def sure_map(
     def completed(start: State, barred: Sequence[Line] = ()) -> State:
         return _completed(start, library, scene, fitted, linked, config, barred)
 
-    state, left_out = completed(state), list[Line]()
+    state, margins = _judged(completed(state), completed, scene, fitted, rare.weak_echoes)
+    left_out: list[Line] = []
     for _ in range(_MOST_EXCHANGES):
-        state, margins = _judged(state, left_out, completed, scene, fitted, rare.weak_echoes)
         unsure = sorted((margin, number) for number, margin in margins.items() if margin < rare.sure_nats)
         if not unsure:
-            return state
+            break
         # Two may each be doubtful and yet not both be missing: if others are doubtful, all are judged once more.
         weakest = state.objects[unsure[0][1]]
         left_out += [weakest] if isinstance(weakest, Line) else []
         state = fitted([one for one in state.objects if one is not weakest])
         if len(unsure) == 1:
             break
+        margins = _margins(state, left_out, completed, scene, fitted, rare.weak_echoes)
     return state
 
 
 def _judged(
-    state: State, left_out: Sequence[Line], completed: Completed, scene: Scene, fitted: Fitted, weak_echoes: float
+    state: State, completed: Completed, scene: Scene, fitted: Fitted, weak_echoes: float
 ) -> tuple[State, dict[int, float]]:
-    """The map that is worth most about ``state``, without what is ``left_out``, and by how much the best map without
-    each weak wall, or cylinder, of it is worth less.
+    """The map that is worth most about ``state``, and by how much the best map without each weak wall, or cylinder, of
+    it is worth less.
     """
     margins: dict[int, float] = {}
     for _ in range(_MOST_EXCHANGES):
         number = _weakest(state, margins, scene, weak_echoes)
         if number is None:
             break
-        weakest = state.objects[number]
-        rest = fitted([one for one in state.objects if one is not weakest])
-        other = completed(rest, [*left_out, weakest] if isinstance(weakest, Line) else left_out)
+        other = _best_without(state, number, [], completed, fitted)
         if other.worth > state.worth + _LEAST_RISE_NATS:
             # The wall taken out may stand beside the one found.
-            state, margins = completed(other, left_out), {}
+            state, margins = completed(other, []), {}
         else:
             margins[number] = state.worth - other.worth
     return state, margins
+
+
+def _margins(
+    state: State, left_out: Sequence[Line], completed: Completed, scene: Scene, fitted: Fitted, weak_echoes: float
+) -> dict[int, float]:
+    """By how much the best map without each weak wall, or cylinder, of ``state`` is worth less, all without what is
+    ``left_out``. What would take the place of that is no surer, so the state takes none of it.
+    """
+    best, margins = completed(state, left_out).worth, dict[int, float]()
+    for _ in range(_MOST_EXCHANGES):
+        number = _weakest(state, margins, scene, weak_echoes)
+        if number is None:
+            break
+        margins[number] = best - _best_without(state, number, left_out, completed, fitted).worth
+    return margins
+
+
+def _best_without(state: State, number: int, left_out: Sequence[Line], completed: Completed, fitted: Fitted) -> State:
+    """The best map about the state without its object ``number`` and without what is ``left_out``."""
+    one = state.objects[number]
+    rest = fitted([other for other in state.objects if other is not one])
+    return completed(rest, [*left_out, one] if isinstance(one, Line) else left_out)
 
 
 def _completed(
@@ -100,7 +121,7 @@ def _completed(
             if worth < best.worth - _HOPE_NATS:
                 break
             tried = fitted(objects)
-            best = tried if tried.worth > best.worth and not _has_any(tried.objects, barred) else best
+            best = tried if tried.worth > best.worth and not _has_any(tried.objects, barred, scene, config) else best
         if best.worth < state.worth + _LEAST_RISE_NATS:
             return _with_points(state, library, scene, fitted, config)
         state = best
@@ -133,7 +154,7 @@ def _with_one_wall_more(
     found = [one.promising(free, _LEAST_LINE_NATS) for one in library if one.kind is Line]
     turned = line_candidates(corner_lines(walls, free, scene.data.echoes, config.refinement), scene.data, config)
     lines = [one for of in (*found, turned) for one in _lines(of, solid, free, scene, config)]
-    allowed = [one for one in lines if not _has_any([one], barred)]
+    allowed = [one for one in lines if not _has_any([one], barred, scene, config)]
     tried = [_without_needless_points([*state.objects, line], scene, linked) for line in allowed]
     return sorted(tried, key=lambda one: -one[0])
 
@@ -188,9 +209,17 @@ def _weakest(state: State, judged: Container[int], scene: Scene, most_echoes: fl
     return min(left)[1] if left else None
 
 
-def _has_any(objects: Sequence[Reflector], walls: Sequence[Line]) -> bool:
-    """Whether one of the objects is one of the walls, or nearly."""
-    return any(isinstance(one, Line) and _are_alike(one, wall) for one in objects for wall in walls)
+def _has_any(objects: Sequence[Reflector], walls: Sequence[Line], scene: Scene, config: MapperConfig) -> bool:
+    """Whether one of the objects is one of the walls, or one of them turned: it lies nearly where the wall does, or
+    explains no echo that the wall does not explain.
+    """
+    lines = [one for one in objects if isinstance(one, Line)] if walls else []
+    heard = [gains(wall, scene.data, config.refinement, config.refinement.linking.growth_m) > 0 for wall in walls]
+    return any(
+        _are_alike(one, wall) or not np.any((gains(one, scene.data, config.refinement) > 0) & ~echoes)
+        for one in lines
+        for wall, echoes in zip(walls, heard, strict=True)
+    )
 
 
 def _are_alike(one: Line, wall: Line) -> bool:
