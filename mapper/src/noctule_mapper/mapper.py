@@ -124,8 +124,9 @@ class Mapper:
         for sweep in self._unplaced.seek(list(self._sweeps.values()), self.config):
             self._register(sweep)
         newest_s = _newest_s([self._sweeps[identity] for identity in self._came if identity in self._sweeps])
-        found = self._contour()
-        note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config)
+        heard_from_m = self._contacts.heard_from_m()
+        found = self._contour() if len(heard_from_m) else Contour()
+        note = reason(found, heard_from_m, list(self._sweeps.values()), self.config)
         now, stops = parted(found.poses, self._sweeps.values())
         poses, method = self._unplaced.published(now), self.config.method
         return replace(
@@ -133,8 +134,6 @@ class Mapper:
         )
 
     def _contour(self) -> Contour:
-        if not len(self._contacts.echoes()):
-            return Contour()
         if self.config.method == "hough":
             from noctule_mapper.paper.hough import hough
 
