@@ -95,12 +95,11 @@ class Mapper:
         """
         if self._grid is None:
             from noctule_mapper.grid.grid import Grid
-            from noctule_mapper.grid.regions import contact_regions, free_space
 
             grid = Grid(self.config.grid, self.config.rule)
             for sweep in self._lasting.values():
-                grid.add_free(free_space(sweep, self.config.grid))
-            grid.add(contact_regions(self._contacts.echoes(), self._contacts.contacts(), self.config.grid))
+                grid.add_sweep(sweep)
+            grid.add_contacts(self._contacts.echoes(), self._contacts.contacts())
             self._grid = grid
         return self._grid
 
@@ -189,18 +188,14 @@ class Mapper:
     def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
         """II.A, Eq. 5-8: what lies before the arcs."""
         if self._grid is not None:
-            from noctule_mapper.grid.regions import free_space
-
-            self._grid.add_free(free_space(sweep, self.config.grid), sign=sign)
+            self._grid.add_sweep(sweep, sign=sign)
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
         self._report = self._points = None
         if self._grid is not None:
-            from noctule_mapper.grid.regions import contact_regions
-
-            self._grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
-            self._grid.add(contact_regions(change.echoes, change.after, self.config.grid))
+            self._grid.add_contacts(change.echoes, change.before, sign=-1)
+            self._grid.add_contacts(change.echoes, change.after)
 
 
 def _newest_s(sweeps: Sequence[SweepReadings]) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from noctule_mapper.fusion import sensor_model
-from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, cone_box, sector_box, tip_m
+from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, beams, cone_box, contact_arcs, sector_box, tip_m
 
 _direction_trust = njit("f8(f8, f8)", cache=True)(sensor_model.direction_trust)  # Eq. 5
 _off_arc = njit("f8(f8, f8, f8)", cache=True)(sensor_model.off_arc)  # Eq. 6-7
@@ -20,14 +20,19 @@ _arc_level = njit("i8(f8, f8)", cache=True)(sensor_model.arc_level)
 
 # The directory of the tiles, as in module ``tiles``: state, window, slots, spare.
 _TILES = "i8[::1], i4[:,::1], i8[:,::1], i4[::1]"
-_CONES = f"b1(f8[:,::1], i4[:,::1], i4[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8)"
+_POLAR = f"i4[:,::1], i4[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8"
+_CONES = f"b1(f8[:,::1], {_POLAR})"
+_SWEEP = f"b1(f8, f8, f8, f8[::1], f8[::1], f8, f8, f8, f8, f8, {_POLAR})"
 _SETTLE = "void(i8[::1], i8[:,::1], u8[:,::1], {0}[:,:,::1], i8)"
-_ARCS = f"b1(f8[:,::1], f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i8, i8)"
+_SUMS = f"f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i8, i8"
+_ARCS = f"b1(f8[:,::1], {_SUMS})"
+_CONTACTS = f"b1(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8, {_SUMS})"
 
-CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS = range(4)  # what ``state`` holds
-COLUMN, ROW, PIECES, STAMP, STROKES, FIELDS = range(6)  # what ``slots`` holds of a tile; the last is their number
+CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS, FANS, STATES = range(6)  # what ``state`` holds; their number
+COLUMN, ROW, PIECES, STAMP, FAN, STROKES, FIELDS = range(7)  # what ``slots`` holds of a tile; their number
 LANE_BITS = 8  # of a level in a cell's fresh counts
 MOST_STROKES = 127  # that a lane can hold, either way
+_FAN_STROKES = 2  # of a sweep's cones in one cell: they do not overlap, but the last may run into the first
 _HALF = 1 << LANE_BITS - 1
 _MIDDLES = np.uint64(sum(1 << LANE_BITS * k + LANE_BITS - 1 for k in range(sensor_model.FREE_LEVELS)))
 
@@ -97,7 +102,7 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     """Count cones in (``sign`` 1) or out (-1): each of their cells at its level of trust. Whether there was room for
     it: where not, nothing is done.
 
-    cones (n, 7): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach`` and with the width
+    cones (n, 8): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach`` and with the width
     of ``fresh``. state to counts: as in module ``tiles``.
     """
     box = cone_box(cones)
@@ -107,6 +112,8 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     ring_cells = reach / (len(rings) - 2)
     sector_rad = 2 * math.pi / sectors
     for n in range(len(cones)):
+        if n == 0 or cones[n, 7] > 0:
+            state[FANS] += 1
         column, row, axis_rad, width_rad = int(cones[n, 0]), int(cones[n, 1]), cones[n, 2], cones[n, 6]
         # The sectors that have their middle in the cone.
         first, last = math.ceil(cones[n, 3] / sector_rad - 0.5), math.ceil(cones[n, 4] / sector_rad - 0.5)
@@ -115,10 +122,11 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
         for tile_row in range((row + low) // side, (row + high) // side + 1):
             for tile_column in range((column + left) // side, (column + right) // side + 1):
                 slot = np.int64(_slot(tile_column, tile_row, state, window, slots, spare))
-                if slots[slot, STROKES] == MOST_STROKES:
-                    _settle(slot, state, slots, fresh, counts, side)
-                slots[slot, STROKES] += 1
-                slots[slot, STAMP] = stamp
+                if slots[slot, FAN] != state[FANS]:
+                    if slots[slot, STROKES] + _FAN_STROKES > MOST_STROKES:
+                        _settle(slot, state, slots, fresh, counts, side)
+                    slots[slot, STROKES] += _FAN_STROKES
+                    slots[slot, FAN], slots[slot, STAMP] = state[FANS], stamp
         place = (row - state[CORNER_ROW] * side) * wide + column - state[CORNER_COLUMN] * side
         square, ring = int((cones[n, 5] + TIE_CELLS) ** 2), int(cones[n, 5] / ring_cells) + 1
         for turned in range(first, last):
@@ -133,6 +141,18 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
                 for k in range(rings[0, sector], end):  # Eq. 7
                     flat[np.uint64(place + cells[0, np.uint64(k)])] += change
     return True
+
+
+@njit([_SWEEP.format("u2"), _SWEEP.format("u4")], cache=True)
+def stroke_sweep(
+    x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest,
+    cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp,
+):  # fmt: skip
+    """``beams`` and ``stroke_cones`` in one call."""
+    cones = beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest)
+    if len(cones) == 0:
+        return True
+    return stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp)
 
 
 @njit("f8(f8, f8)", cache=True)
@@ -215,7 +235,22 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
     return True
 
 
+@njit(_CONTACTS, cache=True)
+def stroke_contacts(
+    kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas,
+    cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp,
+):  # fmt: skip
+    """``contact_arcs`` and ``stroke_arcs`` in one call."""
+    arcs = contact_arcs(kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas, cell_m)
+    if len(arcs) == 0:
+        return True
+    return stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp)
+
+
 # The compiled functions themselves. Numba's look at the type of each argument costs as much as three cones, so it is
 # left out: who calls these must give just the types of the signatures.
-CONES_OF_COUNTS = {np.dtype(of): stroke_cones.get_overload(_CONES.format(of)) for of in ("u2", "u4")}
+_COUNTS = ("u2", "u4")
+CONES_OF_COUNTS = {np.dtype(of): stroke_cones.get_overload(_CONES.format(of)) for of in _COUNTS}
+SWEEP_OF_COUNTS = {np.dtype(of): stroke_sweep.get_overload(_SWEEP.format(of)) for of in _COUNTS}
 ARCS = stroke_arcs.get_overload(_ARCS)
+CONTACTS = stroke_contacts.get_overload(_CONTACTS)
