@@ -55,15 +55,12 @@ def has_room(box, strokes, state, window, side):
 
 
 @njit(cache=True)
-def _slot(tile_column, tile_row, state, window, slots, spare):
-    """The slot of a tile of the window, the next spare one where it has none."""
-    row, column = tile_row - state[CORNER_ROW], tile_column - state[CORNER_COLUMN]
-    slot = window[row, column]
-    if slot < 0:
-        state[SPARE_SLOTS] -= 1
-        slot = spare[state[SPARE_SLOTS]]
-        window[row, column] = slot
-        slots[slot, COLUMN], slots[slot, ROW] = tile_column, tile_row
+def _new_slot(row, column, state, window, slots, spare):
+    """The next spare slot, for the tile in ``row`` and ``column`` of the window, which has none."""
+    state[SPARE_SLOTS] -= 1
+    slot = spare[state[SPARE_SLOTS]]
+    window[row, column] = slot
+    slots[slot, COLUMN], slots[slot, ROW] = column + state[CORNER_COLUMN], row + state[CORNER_ROW]
     return slot
 
 
@@ -111,23 +108,27 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     sectors, flat, wide = rings.shape[1], fresh.ravel(), fresh.shape[1]
     ring_cells = reach / (len(rings) - 2)
     sector_rad = 2 * math.pi / sectors
+    west, south = state[CORNER_COLUMN] * side, state[CORNER_ROW] * side  # rows and columns are counted from the window's
     for n in range(len(cones)):
         if n == 0 or cones[n, 7] > 0:
             state[FANS] += 1
-        column, row, axis_rad, width_rad = int(cones[n, 0]), int(cones[n, 1]), cones[n, 2], cones[n, 6]
+        column, row = int(cones[n, 0]) - west, int(cones[n, 1]) - south
+        axis_rad, width_rad = cones[n, 2], cones[n, 6]
         # The sectors that have their middle in the cone.
         first, last = math.ceil(cones[n, 3] / sector_rad - 0.5), math.ceil(cones[n, 4] / sector_rad - 0.5)
         last = min(last, first + sectors // 2)  # beams are half a turn wide at most; more would be a rounding error
         left, low, right, high = sector_box(first * sector_rad, last * sector_rad, cones[n, 5])
         for tile_row in range((row + low) // side, (row + high) // side + 1):
             for tile_column in range((column + left) // side, (column + right) // side + 1):
-                slot = np.int64(_slot(tile_column, tile_row, state, window, slots, spare))
+                slot = np.int64(window[tile_row, tile_column])
+                if slot < 0:
+                    slot = np.int64(_new_slot(tile_row, tile_column, state, window, slots, spare))
                 if slots[slot, FAN] != state[FANS]:
                     if slots[slot, STROKES] + _FAN_STROKES > MOST_STROKES:
                         _settle(slot, state, slots, fresh, counts, side)
                     slots[slot, STROKES] += _FAN_STROKES
                     slots[slot, FAN], slots[slot, STAMP] = state[FANS], stamp
-        place = (row - state[CORNER_ROW] * side) * wide + column - state[CORNER_COLUMN] * side
+        place = row * wide + column
         square, ring = int((cones[n, 5] + TIE_CELLS) ** 2), int(cones[n, 5] / ring_cells) + 1
         for turned in range(first, last):
             trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)  # Eq. 5
@@ -215,7 +216,10 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
                 if level < 0:
                     continue
                 if slot < 0 or not (0 <= column - west < side and 0 <= row - south < side):
-                    slot = np.int64(_slot(column // side, row // side, state, window, slots, spare))
+                    tile_row, tile_column = row // side - state[CORNER_ROW], column // side - state[CORNER_COLUMN]
+                    slot = np.int64(window[tile_row, tile_column])
+                    if slot < 0:
+                        slot = np.int64(_new_slot(tile_row, tile_column, state, window, slots, spare))
                     west, south = slots[slot, COLUMN] * side, slots[slot, ROW] * side
                     slots[slot, STAMP] = stamp
                 slots[slot, PIECES] += sign
