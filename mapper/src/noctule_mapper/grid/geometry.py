@@ -108,7 +108,8 @@ def sector_box(low_rad, high_rad, reach):
     half = (high_rad - low_rad) / 2
     x, y = math.cos(low_rad + half), math.sin(low_rad + half)
     edge, aside = math.cos(half), math.sin(half)
-    low_x, low_y, high_x, high_y = x * edge + y * aside, y * edge - x * aside, x * edge - y * aside, y * edge + x * aside
+    low_x, low_y = x * edge + y * aside, y * edge - x * aside
+    high_x, high_y = x * edge - y * aside, y * edge + x * aside
     left = -1.0 if -x >= edge else min(0.0, low_x, high_x)
     low = -1.0 if -y >= edge else min(0.0, low_y, high_y)
     right = 1.0 if x >= edge else max(0.0, low_x, high_x)

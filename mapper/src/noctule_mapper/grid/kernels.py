@@ -108,7 +108,7 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     sectors, flat, wide = rings.shape[1], fresh.ravel(), fresh.shape[1]
     ring_cells = reach / (len(rings) - 2)
     sector_rad = 2 * math.pi / sectors
-    west, south = state[CORNER_COLUMN] * side, state[CORNER_ROW] * side  # rows and columns are counted from the window's
+    west, south = state[CORNER_COLUMN] * side, state[CORNER_ROW] * side  # the window's, from which cells are counted
     for n in range(len(cones)):
         if n == 0 or cones[n, 7] > 0:
             state[FANS] += 1
@@ -248,7 +248,8 @@ def stroke_contacts(
     arcs = contact_arcs(kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas, cell_m)
     if len(arcs) == 0:
         return True
-    return stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp)
+    tiles = state, window, slots, spare
+    return stroke_arcs(arcs, cell_m, *tiles, rows, spare_rows, held, sums, terms, side, sign, stamp)
 
 
 # The compiled functions themselves. Numba's look at the type of each argument costs as much as three cones, so it is

@@ -53,7 +53,7 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs
     """
     from noctule_mapper.grid.geometry import contact_arcs  # loads Numba, which only a grid should cost
 
-    return Arcs(contact_arcs(*touched_by(echoes, found, config), config.cell_m))
+    return Arcs(contact_arcs(*touched_by(echoes, found, config), cell_m=config.cell_m))
 
 
 def touched_by(echoes: Echoes, found: Contacts, config: GridConfig) -> tuple[object, ...]:
