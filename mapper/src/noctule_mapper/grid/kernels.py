@@ -13,10 +13,10 @@ from numba import njit
 from noctule_mapper.fusion import sensor_model
 from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, beams, cone_box, contact_arcs, sector_box, tip_m
 
-_direction_trust = njit("f8(f8, f8)", cache=True)(sensor_model.direction_trust)  # Eq. 5
-_off_arc = njit("f8(f8, f8, f8)", cache=True)(sensor_model.off_arc)  # Eq. 6-7
-_free_level = njit("i8(f8)", cache=True)(sensor_model.free_level)
-_arc_level = njit("i8(f8, f8)", cache=True)(sensor_model.arc_level)
+_direction_trust = njit(cache=True)(sensor_model.direction_trust)  # Eq. 5
+_off_arc = njit(cache=True)(sensor_model.off_arc)  # Eq. 6-7
+_free_level = njit(cache=True)(sensor_model.free_level)
+_arc_level = njit(cache=True)(sensor_model.arc_level)
 
 # The directory of the tiles, as in module ``tiles``: state, window, slots, spare.
 _TILES = "i8[::1], i4[:,::1], i8[:,::1], i4[::1]"
@@ -156,7 +156,7 @@ def stroke_sweep(
     return stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp)
 
 
-@njit("f8(f8, f8)", cache=True)
+@njit(cache=True)
 def _angle_rad(aside, along):
     """atan2(aside, along): near the axis by its series, which leaves out less than rounding does."""
     if not 0 <= abs(aside) < 0.1 * along:
@@ -167,7 +167,7 @@ def _angle_rad(aside, along):
     return slope * (1 - square * (1 / 3 - square * tail))
 
 
-@njit("i8(f8, f8, f8, f8, f8, f8)", cache=True)
+@njit(cache=True)
 def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     """The level of what a contact region says of a place (Eq. 5-8, with the region's 6 eps / R for width), -1 where it
     says nothing; (along_x, along_y) is the direction of its contact.
