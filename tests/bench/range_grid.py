@@ -88,8 +88,8 @@ def ours_by_sweep(walked: Walk, cell_m: float) -> Speed:
 
     def put_in() -> None:
         for sweep, echoes, contacts in heard:
-            grid.add_free(free_space(sweep, config))
-            grid.add(contact_regions(echoes, contacts, config))
+            grid.add_sweep(sweep)
+            grid.add_contacts(echoes, contacts)
 
     put_in()
     spoken_of = sum(int(np.count_nonzero(tile.occupied + tile.free)) for tile in grid.tiles())
@@ -106,9 +106,9 @@ def grid_costs_ms(walked: Walk) -> np.ndarray:
             echoes = echoes_of(sweep, number, config.noise.assumed_sigma_m)
             change = book.add(sweep.identity, sweep.x_m, sweep.y_m, echoes)
             began_s = time.process_time()
-            grid.add_free(free_space(sweep, config.grid))
-            grid.add(contact_regions(change.echoes, change.before, config.grid), sign=-1)
-            grid.add(contact_regions(change.echoes, change.after, config.grid))
+            grid.add_sweep(sweep)
+            grid.add_contacts(change.echoes, change.before, sign=-1)
+            grid.add_contacts(change.echoes, change.after)
             grid.changed()
             costs_s.append(time.process_time() - began_s)
     return 1e3 * np.array(costs_s)

@@ -14,10 +14,10 @@ def arcs(*lines: tuple[float, ...]) -> Arcs:
 
 
 def cones(*lines: tuple[float, ...], width_rad: float = WIDTH_RAD) -> Cones:
-    """Whole beams: column and row of the sensor's cell, axis_rad, reach in cells."""
+    """Whole beams, each a sweep: column and row of the sensor's cell, axis_rad, reach in cells."""
     table = np.array(lines, float)
     axis, width = table[:, 2], np.full(len(table), width_rad)
-    beam = np.stack([axis, axis - width / 2, axis + width / 2, table[:, 3], width], axis=1)
+    beam = np.stack([axis, axis - width / 2, axis + width / 2, table[:, 3], width, np.ones(len(table))], axis=1)
     return Cones(np.hstack([table[:, :2], beam]))
 
 

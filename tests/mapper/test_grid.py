@@ -235,7 +235,7 @@ def test_walking_through_the_papers_room_and_taking_every_sweep_back_leaves_noth
 
 def test_the_compiled_functions_get_just_the_types_that_they_were_compiled_for(monkeypatch):
     """They are called without Numba's look at each argument: anything else would be read as what it is not."""
-    calls = {"cones": 0, "arcs": 0}
+    calls = dict.fromkeys(("cones", "sweep", "arcs", "contacts"), 0)
 
     def looked_at(name, call, signatures):
         def looking(*arguments):
@@ -245,11 +245,15 @@ def test_the_compiled_functions_get_just_the_types_that_they_were_compiled_for(m
 
         return looking
 
-    monkeypatch.setattr(kernels, "ARCS", looked_at("arcs", kernels.ARCS, kernels.stroke_arcs.signatures))
+    arcs, contacts = kernels.stroke_arcs.signatures, kernels.stroke_contacts.signatures
+    monkeypatch.setattr(kernels, "ARCS", looked_at("arcs", kernels.ARCS, arcs))
+    monkeypatch.setattr(kernels, "CONTACTS", looked_at("contacts", kernels.CONTACTS, contacts))
     for of, call in kernels.CONES_OF_COUNTS.items():
         monkeypatch.setitem(kernels.CONES_OF_COUNTS, of, looked_at("cones", call, kernels.stroke_cones.signatures))
+    for of, call in kernels.SWEEP_OF_COUNTS.items():
+        monkeypatch.setitem(kernels.SWEEP_OF_COUNTS, of, looked_at("sweep", call, kernels.stroke_sweep.signatures))
     mapper = Mapper(MapperConfig())
     for sweep in survey(paper_room(), paper_path()[:30], np.random.default_rng(1)):
         mapper.register_sweep(sweep)
-    assert mapper.grid.tiles()
+        assert mapper.grid.tiles()
     assert min(calls.values()) > 1

@@ -8,10 +8,11 @@ from mapper.room import LabelledSweep, Physics, Room, survey_labelled
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.readings.echoes import echoes_of, join, step_rad
+from noctule_mapper.readings.echoes import echoes_of, join
 from noctule_mapper.readings.evidence import Evidence, evidence
 from noctule_mapper.readings.looks import looks_of
 from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
+from noctule_mapper.readings.sweep import step_rad
 
 CONFIG = RefinementConfig()
 # Wide enough for feet and corners to lie far apart: each is a plateau of its own.

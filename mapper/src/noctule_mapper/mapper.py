@@ -95,12 +95,11 @@ class Mapper:
         """
         if self._grid is None:
             from noctule_mapper.grid.grid import Grid
-            from noctule_mapper.grid.regions import contact_regions, free_space
 
             grid = Grid(self.config.grid, self.config.rule)
             for sweep in self._lasting.values():
-                grid.add_free(free_space(sweep, self.config.grid))
-            grid.add(contact_regions(self._contacts.echoes(), self._contacts.contacts(), self.config.grid))
+                grid.add_sweep(sweep)
+            grid.add_contacts(self._contacts.echoes(), self._contacts.contacts())
             self._grid = grid
         return self._grid
 
@@ -124,8 +123,9 @@ class Mapper:
         for sweep in self._unplaced.seek(list(self._sweeps.values()), self.config):
             self._register(sweep)
         newest_s = _newest_s([self._sweeps[identity] for identity in self._came if identity in self._sweeps])
-        found = self._contour()
-        note = reason(found, self._contacts.echoes(), list(self._sweeps.values()), self.config)
+        heard_from_m = self._contacts.heard_from_m()
+        found = self._contour() if len(heard_from_m) else Contour()
+        note = reason(found, heard_from_m, list(self._sweeps.values()), self.config)
         now, stops = parted(found.poses, self._sweeps.values())
         poses, method = self._unplaced.published(now), self.config.method
         return replace(
@@ -133,8 +133,6 @@ class Mapper:
         )
 
     def _contour(self) -> Contour:
-        if not len(self._contacts.echoes()):
-            return Contour()
         if self.config.method == "hough":
             from noctule_mapper.paper.hough import hough
 
@@ -190,18 +188,14 @@ class Mapper:
     def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
         """II.A, Eq. 5-8: what lies before the arcs."""
         if self._grid is not None:
-            from noctule_mapper.grid.regions import free_space
-
-            self._grid.add_free(free_space(sweep, self.config.grid), sign=sign)
+            self._grid.add_sweep(sweep, sign=sign)
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
         self._report = self._points = None
         if self._grid is not None:
-            from noctule_mapper.grid.regions import contact_regions
-
-            self._grid.add(contact_regions(change.echoes, change.before, self.config.grid), sign=-1)
-            self._grid.add(contact_regions(change.echoes, change.after, self.config.grid))
+            self._grid.add_contacts(change.echoes, change.before, sign=-1)
+            self._grid.add_contacts(change.echoes, change.after)
 
 
 def _newest_s(sweeps: Sequence[SweepReadings]) -> float:

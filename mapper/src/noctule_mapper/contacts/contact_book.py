@@ -135,6 +135,11 @@ class ContactBook:
         """The contacts of these echoes, in their order."""
         return join_contacts([self._pages[identity].contacts for identity in of or self._pages])
 
+    def heard_from_m(self) -> np.ndarray:
+        """From where the sweeps that have echoes were made, (sweeps, 2)."""
+        at_m = [(page.x_m, page.y_m) for page in self._pages.values() if len(page.echoes)]
+        return np.array(at_m).reshape(-1, 2)
+
     def _hear(self, identity: Identity, voters: Sequence[Identity]) -> None:
         """Give a sweep the votes of ``voters``, each from a place of its own, and no others."""
         page = self._pages[identity]

@@ -6,21 +6,20 @@ import numpy as np
 
 from noctule_mapper.config import LimitConfig, MapperConfig
 from noctule_mapper.contour.contour import Contour
-from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.looks import is_fine
 from noctule_mapper.readings.parts import stops_are_rare
 from noctule_mapper.readings.sweep import SweepReadings
 
 
-def reason(contour: Contour, echoes: Echoes, sweeps: Sequence[SweepReadings], config: MapperConfig) -> str:
-    """What the ``sweeps`` and their ``echoes`` lack for more than there is in ``contour``; "" where they lack nothing
-    that a line could tell.
+def reason(contour: Contour, heard_from_m: np.ndarray, sweeps: Sequence[SweepReadings], config: MapperConfig) -> str:
+    """What the ``sweeps``, those of them that have echoes from ``heard_from_m`` (n, 2), lack for more than there is in
+    ``contour``; "" where they lack nothing that a line could tell.
     """
     if not sweeps:
         return "no sweeps"
-    if not len(echoes):
+    if not len(heard_from_m):
         return _nothing_heard(sweeps)
-    places = _places(echoes, config.refinement.limits)
+    places = _places(heard_from_m, config.refinement.limits)
     heard = f"echoes from {places} place{'' if places == 1 else 's'}"
     if places < config.refinement.limits.least_places and not contour.cylinders:
         return f"{heard}; {_needed(contour, places, sweeps, config)}{_poses_alike(sweeps, places)}"
@@ -51,9 +50,10 @@ def _nothing_heard(sweeps: Sequence[SweepReadings]) -> str:
     return f"no usable reading in {count}: see the states of the units"
 
 
-def _places(echoes: Echoes, limits: LimitConfig) -> int:
-    """How many places the echoes are from: those nearer than ``same_place_m`` are one."""
-    return len(np.unique(np.rint(echoes.x_m / limits.same_place_m) + 1j * np.rint(echoes.y_m / limits.same_place_m)))
+def _places(at_m: np.ndarray, limits: LimitConfig) -> int:
+    """How many places (n, 2) are: those nearer than ``same_place_m`` are one."""
+    x, y = np.rint(at_m / limits.same_place_m).T
+    return len(np.unique(x + 1j * y))
 
 
 def _poses_alike(sweeps: Sequence[SweepReadings], places: int) -> str:

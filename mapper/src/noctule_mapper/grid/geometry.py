@@ -18,7 +18,9 @@ _epsilon_m = njit("f8(f8, f8, f8)", cache=True)(regions.bounded_epsilon_m)
 
 @njit(f8[:, ::1](f8, f8, f8, _READ, _READ, f8, f8, f8, f8, f8), cache=True)
 def beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest):
-    """``regions.Cones`` of one sweep: the beams (n,) that have a range, by rising axis."""
+    """``regions.Cones`` of one sweep: the beams (n,) that have a range, by rising axis. Where one cone ends at the
+    next, both have the same number there, so that no direction is in both.
+    """
     eps_m = _epsilon_m(sigma_m, sigmas, cell_m)
     axes, reaches, count = np.empty(len(range_m)), np.empty(len(range_m)), 0
     for n in range(len(range_m)):
@@ -29,14 +31,17 @@ def beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigma
                 k -= 1
             axes[k], reaches[k] = axis, (range_m[n] - eps_m) / cell_m
             count += 1
-    column, row, cones = math.floor(x_m / cell_m), math.floor(y_m / cell_m), np.empty((count, 7))
+    column, row, cones = math.floor(x_m / cell_m), math.floor(y_m / cell_m), np.empty((count, 8))
     for n in range(count):
         axis = axes[n]
         before = axis - axes[n - 1] if n else axis + 2 * math.pi - axes[count - 1]
         after = axes[n + 1] - axis if n + 1 < count else axes[0] + 2 * math.pi - axis
         cones[n, 0], cones[n, 1], cones[n, 2] = column, row, axis
         cones[n, 3], cones[n, 4] = axis - min(before, width_rad) / 2, axis + min(after, width_rad) / 2
+        if n and before <= width_rad:
+            cones[n, 3] = cones[n - 1, 4]
         cones[n, 5], cones[n, 6] = min(max(reaches[n], 0.0), farthest), width_rad
+        cones[n, 7] = n == 0
     return cones
 
 
@@ -94,23 +99,21 @@ def arc_box(arcs, cell_m):
     return math.floor(box[0]), math.floor(box[1]), math.ceil(box[2]), math.ceil(box[3]), math.ceil(box[4])
 
 
-@njit("b1(f8, f8, f8)", cache=True)
-def _holds(low_rad, high_rad, direction_rad):
-    """Whether ``direction_rad``, turned by whole turns, lies between two directions."""
-    turn = 2 * math.pi
-    return math.floor((high_rad - direction_rad) / turn) >= math.ceil((low_rad - direction_rad) / turn)
-
-
 @njit("UniTuple(i8, 4)(f8, f8, f8)", cache=True)
 def sector_box(low_rad, high_rad, reach):
     """The least column and row, the greatest column and row of the cells between two directions, half a turn apart at
-    most, and within ``reach`` of (0, 0).
+    most, and within ``reach`` of (0, 0). The sector holds a direction whose cosine against its middle is that of its
+    edges or more.
     """
-    low_x, low_y, high_x, high_y = math.cos(low_rad), math.sin(low_rad), math.cos(high_rad), math.sin(high_rad)
-    left = -1.0 if _holds(low_rad, high_rad, math.pi) else min(0.0, low_x, high_x)
-    low = -1.0 if _holds(low_rad, high_rad, -math.pi / 2) else min(0.0, low_y, high_y)
-    right = 1.0 if _holds(low_rad, high_rad, 0.0) else max(0.0, low_x, high_x)
-    high = 1.0 if _holds(low_rad, high_rad, math.pi / 2) else max(0.0, low_y, high_y)
+    half = (high_rad - low_rad) / 2
+    x, y = math.cos(low_rad + half), math.sin(low_rad + half)
+    edge, aside = math.cos(half), math.sin(half)
+    low_x, low_y = x * edge + y * aside, y * edge - x * aside
+    high_x, high_y = x * edge - y * aside, y * edge + x * aside
+    left = -1.0 if -x >= edge else min(0.0, low_x, high_x)
+    low = -1.0 if -y >= edge else min(0.0, low_y, high_y)
+    right = 1.0 if x >= edge else max(0.0, low_x, high_x)
+    high = 1.0 if y >= edge else max(0.0, low_y, high_y)
     return (
         math.ceil(reach * left - TIE_CELLS),
         math.ceil(reach * low - TIE_CELLS),

@@ -3,16 +3,20 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
 from noctule_mapper.choices import Rule
 from noctule_mapper.config import GridConfig
+from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.fusion.sensor_model import FREE_LEVELS, arc_beliefs, free_beliefs
 from noctule_mapper.fusion.streams import stream
 from noctule_mapper.grid.pcr5_fold import folded_pcr5
-from noctule_mapper.grid.regions import Arcs, Cones
+from noctule_mapper.grid.regions import Arcs, Cones, beams_of, contact_regions, free_space, touched_by
 from noctule_mapper.grid.tiles import Key, Tiles
+from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.sweep import SweepReadings
 
 _SECTORS_PER_BEAM = 16
 _NARROWEST_BEAM_RAD = math.radians(0.1)  # that the sectors follow
@@ -39,6 +43,12 @@ class GridTile:
     free: np.ndarray
 
 
+@lru_cache
+def _sectors(width_rad: float) -> int:
+    """Of a circle about a sensor; even, so that half a turn is whole ones."""
+    return 2 * math.ceil(math.pi / max(width_rad, _NARROWEST_BEAM_RAD) * _SECTORS_PER_BEAM)
+
+
 def cell_states(occupied: np.ndarray, free: np.ndarray, config: GridConfig) -> np.ndarray:
     """What cells with these beliefs are taken for: CellState as uint8, of the beliefs' shape. Occupied goes first."""
     state = np.where(free >= config.free_from, CellState.FREE, CellState.UNKNOWN)
@@ -51,6 +61,7 @@ class Grid:
     def __init__(self, config: GridConfig, rule: Rule = "pcr6+") -> None:
         beliefs = np.concatenate([free_beliefs(config.most_free), arc_beliefs(config.most_occupied)])
         self.cell_m = config.cell_m
+        self._config = config
         self.tile_size = config.tile_cells
         self._fusion = folded_pcr5(beliefs) if rule == "pcr5" else stream(rule, config.nodes)
         self._free_terms, arc_terms = np.split(self._fusion.terms(beliefs), [FREE_LEVELS])
@@ -58,12 +69,21 @@ class Grid:
         self._tiles = Tiles(config.tile_cells, config.cell_m, arc_terms.astype(np.float32))
         self._beliefs: dict[Key, tuple[int, GridTile]] = {}  # and the number of the stroke that they are made of
 
+    def add_sweep(self, sweep: SweepReadings, sign: int = 1) -> None:
+        """Put in (sign 1) or take out (sign -1) the space before a sweep's arcs: ``free_space`` of it, in one call."""
+        beams = beams_of(sweep, self._config)
+        if not self._tiles.count_sweep(beams, len(sweep.range_m), _sectors(sweep.beam_width_rad), sign):
+            self.add_free(free_space(sweep, self._config), sign)
+
+    def add_contacts(self, echoes: Echoes, found: Contacts, sign: int = 1) -> None:
+        """Put in (sign 1) or take out (sign -1) what echoes touched: ``contact_regions`` of them, in one call."""
+        if len(echoes) and not self._tiles.add_contacts(touched_by(echoes, found, self._config), sign):
+            self.add(contact_regions(echoes, found, self._config), sign)
+
     def add_free(self, cones: Cones, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) the space before arcs; beams of one width."""
         if len(cones.table):
-            width_rad = max(float(cones.table[0, 6]), _NARROWEST_BEAM_RAD)
-            sectors = 2 * math.ceil(math.pi / width_rad * _SECTORS_PER_BEAM)  # even, so that half a turn is whole ones
-            self._tiles.count_cones(cones.table, sectors, sign)
+            self._tiles.count_cones(cones.table, _sectors(float(cones.table[0, 6])), sign)
 
     def add(self, arcs: Arcs, sign: int = 1) -> None:
         """Put in (sign 1) or take out (sign -1) contact regions."""

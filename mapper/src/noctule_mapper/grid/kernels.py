@@ -11,23 +11,28 @@ import numpy as np
 from numba import njit
 
 from noctule_mapper.fusion import sensor_model
-from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, cone_box, sector_box, tip_m
+from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, beams, cone_box, contact_arcs, sector_box, tip_m
 
-_direction_trust = njit("f8(f8, f8)", cache=True)(sensor_model.direction_trust)  # Eq. 5
-_off_arc = njit("f8(f8, f8, f8)", cache=True)(sensor_model.off_arc)  # Eq. 6-7
-_free_level = njit("i8(f8)", cache=True)(sensor_model.free_level)
-_arc_level = njit("i8(f8, f8)", cache=True)(sensor_model.arc_level)
+_direction_trust = njit(cache=True)(sensor_model.direction_trust)  # Eq. 5
+_off_arc = njit(cache=True)(sensor_model.off_arc)  # Eq. 6-7
+_free_level = njit(cache=True)(sensor_model.free_level)
+_arc_level = njit(cache=True)(sensor_model.arc_level)
 
 # The directory of the tiles, as in module ``tiles``: state, window, slots, spare.
 _TILES = "i8[::1], i4[:,::1], i8[:,::1], i4[::1]"
-_CONES = f"b1(f8[:,::1], i4[:,::1], i4[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8)"
+_POLAR = f"i4[:,::1], i4[:,::1], i8, {_TILES}, u8[:,::1], {{0}}[:,:,::1], i8, i8, i8"
+_CONES = f"b1(f8[:,::1], {_POLAR})"
+_SWEEP = f"b1(f8, f8, f8, f8[::1], f8[::1], f8, f8, f8, f8, f8, {_POLAR})"
 _SETTLE = "void(i8[::1], i8[:,::1], u8[:,::1], {0}[:,:,::1], i8)"
-_ARCS = f"b1(f8[:,::1], f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i8, i8)"
+_SUMS = f"f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i8, i8"
+_ARCS = f"b1(f8[:,::1], {_SUMS})"
+_CONTACTS = f"b1(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8, {_SUMS})"
 
-CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS = range(4)  # what ``state`` holds
-COLUMN, ROW, PIECES, STAMP, STROKES, FIELDS = range(6)  # what ``slots`` holds of a tile; the last is their number
+CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS, FANS, STATES = range(6)  # what ``state`` holds; their number
+COLUMN, ROW, PIECES, STAMP, FAN, STROKES, FIELDS = range(7)  # what ``slots`` holds of a tile; their number
 LANE_BITS = 8  # of a level in a cell's fresh counts
 MOST_STROKES = 127  # that a lane can hold, either way
+_FAN_STROKES = 2  # of a sweep's cones in one cell: they do not overlap, but the last may run into the first
 _HALF = 1 << LANE_BITS - 1
 _MIDDLES = np.uint64(sum(1 << LANE_BITS * k + LANE_BITS - 1 for k in range(sensor_model.FREE_LEVELS)))
 
@@ -50,15 +55,12 @@ def has_room(box, strokes, state, window, side):
 
 
 @njit(cache=True)
-def _slot(tile_column, tile_row, state, window, slots, spare):
-    """The slot of a tile of the window, the next spare one where it has none."""
-    row, column = tile_row - state[CORNER_ROW], tile_column - state[CORNER_COLUMN]
-    slot = window[row, column]
-    if slot < 0:
-        state[SPARE_SLOTS] -= 1
-        slot = spare[state[SPARE_SLOTS]]
-        window[row, column] = slot
-        slots[slot, COLUMN], slots[slot, ROW] = tile_column, tile_row
+def _new_slot(row, column, state, window, slots, spare):
+    """The next spare slot, for the tile in ``row`` and ``column`` of the window, which has none."""
+    state[SPARE_SLOTS] -= 1
+    slot = spare[state[SPARE_SLOTS]]
+    window[row, column] = slot
+    slots[slot, COLUMN], slots[slot, ROW] = column + state[CORNER_COLUMN], row + state[CORNER_ROW]
     return slot
 
 
@@ -97,7 +99,7 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     """Count cones in (``sign`` 1) or out (-1): each of their cells at its level of trust. Whether there was room for
     it: where not, nothing is done.
 
-    cones (n, 7): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach`` and with the width
+    cones (n, 8): as ``regions.Cones``. cells, rings: as in module ``polar_cells``, up to ``reach`` and with the width
     of ``fresh``. state to counts: as in module ``tiles``.
     """
     box = cone_box(cones)
@@ -106,20 +108,27 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     sectors, flat, wide = rings.shape[1], fresh.ravel(), fresh.shape[1]
     ring_cells = reach / (len(rings) - 2)
     sector_rad = 2 * math.pi / sectors
+    west, south = state[CORNER_COLUMN] * side, state[CORNER_ROW] * side  # the window's, from which cells are counted
     for n in range(len(cones)):
-        column, row, axis_rad, width_rad = int(cones[n, 0]), int(cones[n, 1]), cones[n, 2], cones[n, 6]
+        if n == 0 or cones[n, 7] > 0:
+            state[FANS] += 1
+        column, row = int(cones[n, 0]) - west, int(cones[n, 1]) - south
+        axis_rad, width_rad = cones[n, 2], cones[n, 6]
         # The sectors that have their middle in the cone.
         first, last = math.ceil(cones[n, 3] / sector_rad - 0.5), math.ceil(cones[n, 4] / sector_rad - 0.5)
         last = min(last, first + sectors // 2)  # beams are half a turn wide at most; more would be a rounding error
         left, low, right, high = sector_box(first * sector_rad, last * sector_rad, cones[n, 5])
         for tile_row in range((row + low) // side, (row + high) // side + 1):
             for tile_column in range((column + left) // side, (column + right) // side + 1):
-                slot = np.int64(_slot(tile_column, tile_row, state, window, slots, spare))
-                if slots[slot, STROKES] == MOST_STROKES:
-                    _settle(slot, state, slots, fresh, counts, side)
-                slots[slot, STROKES] += 1
-                slots[slot, STAMP] = stamp
-        place = (row - state[CORNER_ROW] * side) * wide + column - state[CORNER_COLUMN] * side
+                slot = np.int64(window[tile_row, tile_column])
+                if slot < 0:
+                    slot = np.int64(_new_slot(tile_row, tile_column, state, window, slots, spare))
+                if slots[slot, FAN] != state[FANS]:
+                    if slots[slot, STROKES] + _FAN_STROKES > MOST_STROKES:
+                        _settle(slot, state, slots, fresh, counts, side)
+                    slots[slot, STROKES] += _FAN_STROKES
+                    slots[slot, FAN], slots[slot, STAMP] = state[FANS], stamp
+        place = row * wide + column
         square, ring = int((cones[n, 5] + TIE_CELLS) ** 2), int(cones[n, 5] / ring_cells) + 1
         for turned in range(first, last):
             trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)  # Eq. 5
@@ -135,7 +144,19 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
     return True
 
 
-@njit("f8(f8, f8)", cache=True)
+@njit([_SWEEP.format("u2"), _SWEEP.format("u4")], cache=True)
+def stroke_sweep(
+    x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest,
+    cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp,
+):  # fmt: skip
+    """``beams`` and ``stroke_cones`` in one call."""
+    cones = beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest)
+    if len(cones) == 0:
+        return True
+    return stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp)
+
+
+@njit(cache=True)
 def _angle_rad(aside, along):
     """atan2(aside, along): near the axis by its series, which leaves out less than rounding does."""
     if not 0 <= abs(aside) < 0.1 * along:
@@ -146,7 +167,7 @@ def _angle_rad(aside, along):
     return slope * (1 - square * (1 / 3 - square * tail))
 
 
-@njit("i8(f8, f8, f8, f8, f8, f8)", cache=True)
+@njit(cache=True)
 def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     """The level of what a contact region says of a place (Eq. 5-8, with the region's 6 eps / R for width), -1 where it
     says nothing; (along_x, along_y) is the direction of its contact.
@@ -195,7 +216,10 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
                 if level < 0:
                     continue
                 if slot < 0 or not (0 <= column - west < side and 0 <= row - south < side):
-                    slot = np.int64(_slot(column // side, row // side, state, window, slots, spare))
+                    tile_row, tile_column = row // side - state[CORNER_ROW], column // side - state[CORNER_COLUMN]
+                    slot = np.int64(window[tile_row, tile_column])
+                    if slot < 0:
+                        slot = np.int64(_new_slot(tile_row, tile_column, state, window, slots, spare))
                     west, south = slots[slot, COLUMN] * side, slots[slot, ROW] * side
                     slots[slot, STAMP] = stamp
                 slots[slot, PIECES] += sign
@@ -215,7 +239,23 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
     return True
 
 
+@njit(_CONTACTS, cache=True)
+def stroke_contacts(
+    kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas,
+    cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp,
+):  # fmt: skip
+    """``contact_arcs`` and ``stroke_arcs`` in one call."""
+    arcs = contact_arcs(kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas, cell_m)
+    if len(arcs) == 0:
+        return True
+    tiles = state, window, slots, spare
+    return stroke_arcs(arcs, cell_m, *tiles, rows, spare_rows, held, sums, terms, side, sign, stamp)
+
+
 # The compiled functions themselves. Numba's look at the type of each argument costs as much as three cones, so it is
 # left out: who calls these must give just the types of the signatures.
-CONES_OF_COUNTS = {np.dtype(of): stroke_cones.get_overload(_CONES.format(of)) for of in ("u2", "u4")}
+_COUNTS = ("u2", "u4")
+CONES_OF_COUNTS = {np.dtype(of): stroke_cones.get_overload(_CONES.format(of)) for of in _COUNTS}
+SWEEP_OF_COUNTS = {np.dtype(of): stroke_sweep.get_overload(_SWEEP.format(of)) for of in _COUNTS}
 ARCS = stroke_arcs.get_overload(_ARCS)
+CONTACTS = stroke_contacts.get_overload(_CONTACTS)

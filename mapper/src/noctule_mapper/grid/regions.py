@@ -26,8 +26,9 @@ class Arcs:
 
 @dataclass(frozen=True)
 class Cones:
-    """Free space before arcs, a line (n, 7) for each: column and row of the sensor's cell, axis_rad, the directions
-    low_rad to high_rad that this beam speaks of, its reach in cells and its whole width_rad.
+    """Free space before arcs, a line (n, 8) for each: column and row of the sensor's cell, axis_rad, the directions
+    low_rad to high_rad that this beam speaks of, its reach in cells, its whole width_rad, and 1 where a sweep begins.
+    The beams of a sweep follow one another and share no direction.
     """
 
     table: np.ndarray
@@ -52,8 +53,13 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs
     """
     from noctule_mapper.grid.geometry import contact_arcs  # loads Numba, which only a grid should cost
 
-    touched = found.kind, echoes.x_m, echoes.y_m, echoes.range_m, found.direction_rad
-    return Arcs(contact_arcs(*touched, echoes.sigma_m, config.epsilon_sigmas, config.cell_m))
+    return Arcs(contact_arcs(*touched_by(echoes, found, config), cell_m=config.cell_m))
+
+
+def touched_by(echoes: Echoes, found: Contacts, config: GridConfig) -> tuple[object, ...]:
+    """What ``geometry.contact_arcs`` is told of the echoes."""
+    at = echoes.x_m, echoes.y_m, echoes.range_m
+    return found.kind, *at, found.direction_rad, echoes.sigma_m, config.epsilon_sigmas
 
 
 def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
@@ -63,7 +69,12 @@ def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
     """
     from noctule_mapper.grid.geometry import beams  # loads Numba, which only a grid should cost
 
+    return Cones(beams(*beams_of(sweep, config)))
+
+
+def beams_of(sweep: SweepReadings, config: GridConfig) -> tuple[object, ...]:
+    """What ``geometry.beams`` is told of the sweep."""
     pose = sweep.x_m, sweep.y_m, sweep.heading_rad
+    readings = np.ascontiguousarray(sweep.bearing_rad, float), np.ascontiguousarray(sweep.range_m, float)
     sensor = sweep.beam_width_rad, sweep.range_sigma_m or 0.0
-    grid = config.epsilon_sigmas, config.cell_m, _FARTHEST_CELLS
-    return Cones(beams(*pose, sweep.bearing_rad, sweep.range_m, *sensor, *grid))
+    return *pose, *readings, *sensor, config.epsilon_sigmas, config.cell_m, _FARTHEST_CELLS

@@ -41,13 +41,14 @@ class Tiles:
         self._asked = 0  # the newest that ``touched`` has told of
         self._told: set[Key] = set()  # tiles that it has told hold evidence
         self._gone: set[Key] = set()  # tiles that have lost their slot since
-        self._state = np.zeros(4, np.int64)  # the window's corner, column and row; numbers of spare slots and rows
+        self._state = np.zeros(kernels.STATES, np.int64)  # the window's corner and what comes next
         self._window = np.zeros((0, 0), np.int32)  # slots of the tiles from the corner on, -1 for none
         self._spare = np.zeros(0, np.int32)  # slots
-        # Of each slot the tile's column and row, the pieces of evidence that have settled in it, the newest stroke that
-        # may have touched it, and how many strokes its fresh counts may hold.
+        # Of each slot the tile's column and row, the pieces of evidence that have settled in it, the newest stroke and
+        # the newest sweep's fan of cones that may have touched it, and how many strokes its fresh counts may hold.
         self._slots = np.zeros((0, kernels.FIELDS), np.int64)
         self._reach_of: dict[int, int] = {}  # of the table in use for so many sectors
+        self._arrays_of: dict[int, tuple[object, ...]] = {}  # with which cones are counted, for so many sectors
         # How often a cell was called free is the sum of ``counts`` and of the lanes of ``fresh``, eight bits for each
         # level: all levels of a cell take one addition.
         self._fresh = np.zeros((0, 0), np.uint64)
@@ -58,8 +59,18 @@ class Tiles:
         self._held = np.zeros(1, np.int32)  # beliefs in a row
         self._sums = np.zeros((1, terms.shape[1]), np.float32)
 
+    def count_sweep(self, beams: tuple[object, ...], readings: int, sectors: int, sign: int) -> bool:
+        """Count the cones of a sweep in (``sign`` 1) or out (-1): ``beams`` are the arguments of the function of that
+        name in ``geometry``. Whether there was room for it: where not, nothing is done.
+        """
+        if sign > 0:
+            self._reserve_counts(readings)
+        arrays = self._arrays_of.get(sectors) or self._arrays_to_count(sectors)
+        self._stamp += 1
+        return self._kernels.SWEEP_OF_COUNTS[self._counts.dtype](*beams, *arrays, sign, self._stamp)
+
     def count_cones(self, cones: np.ndarray, sectors: int, sign: int) -> None:
-        """Count cones (n, 7) in (``sign`` 1) or out (-1), as in ``stroke_cones``."""
+        """Count cones (n, 8) in (``sign`` 1) or out (-1), as in ``stroke_cones``."""
         if sign > 0:
             self._reserve_counts(len(cones))
         cones = np.ascontiguousarray(cones, float)
@@ -68,16 +79,27 @@ class Tiles:
                 self._make_room(box, len(part))
                 least = max(_LEAST_REACH, 1 << box[4].bit_length())
                 self._reach_of[sectors] = max(least, self._reach_of.get(sectors, 0))
+                self._arrays_of.clear()
                 self._stroke_cones(part, sectors, sign)
 
     def _stroke_cones(self, cones: np.ndarray, sectors: int, sign: int) -> bool:
         self._stamp += 1
+        arrays = self._arrays_to_count(sectors)
+        return self._kernels.CONES_OF_COUNTS[self._counts.dtype](cones, *arrays, sign, self._stamp)
+
+    def _arrays_to_count(self, sectors: int) -> tuple[object, ...]:
+        """What the kernels count cones with, kept in ``_arrays_of`` until one of the arrays is replaced."""
         reach = self._reach_of.get(sectors, _LEAST_REACH)
         cells, rings = cells_by_sector(reach, sectors, self._fresh.shape[1])
-        return self._kernels.CONES_OF_COUNTS[self._counts.dtype](
-            *(cones, cells, rings, reach, self._state, self._window, self._slots, self._spare),
-            *(self._fresh, self._counts, self._side, sign, self._stamp),
-        )
+        tiles = self._state, self._window, self._slots, self._spare
+        self._arrays_of[sectors] = cells, rings, reach, *tiles, self._fresh, self._counts, self._side
+        return self._arrays_of[sectors]
+
+    def add_contacts(self, contacts: tuple[object, ...], sign: int) -> bool:
+        """Add (``sign`` 1) or take off (-1) the arcs of contacts: the arguments of ``geometry.contact_arcs`` but for
+        ``cell_m``. Whether there was room for it: where not, nothing is done.
+        """
+        return self._kernels.CONTACTS(*contacts, *self._to_add(sign))
 
     def add_arcs(self, arcs: np.ndarray, sign: int) -> None:
         """Add (``sign`` 1) or take off (-1) arcs (n, 5), as in ``stroke_arcs``."""
@@ -89,11 +111,14 @@ class Tiles:
                 self._stroke_arcs(part, sign)
 
     def _stroke_arcs(self, arcs: np.ndarray, sign: int) -> bool:
+        return self._kernels.ARCS(arcs, *self._to_add(sign))
+
+    def _to_add(self, sign: int) -> tuple[object, ...]:
+        """What the kernels need to add the arcs of a new stroke."""
         self._stamp += 1
-        return self._kernels.ARCS(
-            *(arcs, self._cell_m, self._state, self._window, self._slots, self._spare, self._rows),
-            *(self._spare_rows, self._held, self._sums, self._terms, self._side, sign, self._stamp),
-        )
+        tiles = self._state, self._window, self._slots, self._spare
+        rows = self._rows, self._spare_rows, self._held, self._sums, self._terms
+        return self._cell_m, *tiles, *rows, self._side, sign, self._stamp
 
     def slots(self) -> dict[Key, int]:
         """The tiles that hold evidence, and their slots."""
@@ -148,6 +173,7 @@ class Tiles:
             self._add_slots(needed)
         least, most = (np.array(cells) // self._side for cells in (box[:2], box[2:4]))
         self._look_at(least - _MARGIN_TILES, most + _MARGIN_TILES)
+        self._arrays_of.clear()
 
     def _collect(self) -> None:
         """Make slots spare whose tiles hold nothing any more."""
@@ -185,6 +211,7 @@ class Tiles:
             self._highest = int(self._counts.max(initial=0)) + self._kernels.MOST_STROKES + more
             if self._highest > _MOST_COUNT:
                 self._counts = self._counts.astype(np.uint32)
+                self._arrays_of.clear()
 
     def _reserve_rows(self, needed: int) -> None:
         left = int(self._state[self._kernels.SPARE_ROWS])

@@ -59,10 +59,12 @@ class Unplaced:
         been found, with their poses.
         """
         waiting = _by_unit(self.waiting())
+        if not waiting:
+            return []
         by_stand = _by_stand(placed)
         heard_by = {("waits", unit, len(own) < _TELLING_SWEEPS) for unit, own in waiting.items()}
         heard_by |= {(*stand, len(own) < _TELLING_SWEEPS) for stand, own in by_stand.items()}
-        if not waiting or heard_by == self._sought_with:
+        if heard_by == self._sought_with:
             return []
         from noctule_mapper.placement.unknown_poses import find_poses
 

@@ -84,7 +84,7 @@ def rows_of(
         calibrated=np.full(len(alike), sweep.range_sigma_m is not None),
         sigma_position_m=alike * sweep.sigma_position_m,
         sigma_heading_rad=alike * sweep.sigma_heading_rad,
-        step_rad=alike * step_rad(sweep.bearing_rad),
+        step_rad=alike * sweep.step_rad,
         unit=np.full(len(alike), unit),
         heading_rad=alike * sweep.heading_rad,
         sigma_bias_m=alike * sweep.sigma_bias_m,
@@ -99,15 +99,6 @@ def _sense(bearing_rad: np.ndarray) -> int:
     """In which sense a unit turned that took its bearings (n,) in this order."""
     signs = np.unique(np.sign(np.diff(bearing_rad)))
     return int(signs[0]) if len(signs) == 1 else 0
-
-
-def step_rad(bearing_rad: np.ndarray) -> float:
-    """From one bearing (n,) of a sweep to the next, the median; a full turn where all are one."""
-    steps_rad = np.diff(np.unique(bearing_rad))
-    return max(float(np.median(steps_rad)), _LEAST_STEP_RAD) if len(steps_rad) else 2 * np.pi
-
-
-_LEAST_STEP_RAD = 1e-3  # finer than any motor's
 
 
 def join(parts: Sequence[Echoes]) -> Echoes:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from noctule_mapper.readings import arrays
-from noctule_mapper.readings.echoes import Echoes, rows_of, step_rad
+from noctule_mapper.readings.echoes import Echoes, rows_of
 from noctule_mapper.readings.sweep import SweepReadings
 
 _SWEEPS_OF_A_PLACE = 4  # the newest stand for all
@@ -46,7 +46,7 @@ def pose_of(sweep: SweepReadings) -> Pose:
 
 def is_fine(sweep: SweepReadings) -> bool:
     """Whether a reflector answers several of the sweep's bearings."""
-    return step_rad(sweep.bearing_rad) < sweep.beam_width_rad / 2
+    return sweep.step_rad < sweep.beam_width_rad / 2
 
 
 def looks_of(

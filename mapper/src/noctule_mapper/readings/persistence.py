@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from noctule_mapper.readings.angles import wrapped
-from noctule_mapper.readings.echoes import step_rad
 from noctule_mapper.readings.sweep import SweepReadings
 
 _SAME_RANGE_SIGMAS = 4.0  # of the difference of two ranges
@@ -44,7 +43,7 @@ def _says(sweep: SweepReadings, bearing_rad: np.ndarray, range_m: np.ndarray) ->
     if not listened.any():
         return np.zeros(len(range_m), int)
     looks_m = np.where(sweep.no_echo, np.inf, sweep.range_m)[listened]
-    steps = np.abs(wrapped(bearing_rad[:, None] - sweep.bearing_rad[listened])) / step_rad(sweep.bearing_rad)
+    steps = np.abs(wrapped(bearing_rad[:, None] - sweep.bearing_rad[listened])) / sweep.step_rad
     same_m = _SAME_RANGE_SIGMAS * np.sqrt(2) * (sweep.range_sigma_m or _UNKNOWN_SIGMA_M) + _LATE_M
     occupied = ((steps <= _NEXT_BEARING_STEPS) & (np.abs(looks_m - range_m[:, None]) <= same_m)).any(axis=1)
     free = ((steps <= _SAME_BEARING_STEPS) & (looks_m > range_m[:, None] + same_m)).any(axis=1)

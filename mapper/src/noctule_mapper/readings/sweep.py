@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -104,11 +105,25 @@ class SweepReadings:
         """Beam axes in the site's frame, (n,)."""
         return self.heading_rad + self.bearing_rad
 
+    @cached_property  # a fit asks it of all sweeps of the site
+    def step_rad(self) -> float:
+        """From one bearing to the next, the median; a full turn where all are one."""
+        return step_rad(self.bearing_rad)
+
     def echoes_m(self) -> np.ndarray:
         """Where the echoes would be, were they on the beams' axes, in the site's frame, (echoes, 2)."""
         heard = np.isfinite(self.range_m)
         direction = np.stack([np.cos(self.direction_rad), np.sin(self.direction_rad)], axis=1)
         return np.array([self.x_m, self.y_m]) + self.range_m[heard, None] * direction[heard]
+
+
+def step_rad(bearing_rad: np.ndarray) -> float:
+    """From one bearing (n,) of a sweep to the next, the median; a full turn where all are one."""
+    steps_rad = np.diff(np.unique(bearing_rad))
+    return max(float(np.median(steps_rad)), _LEAST_STEP_RAD) if len(steps_rad) else 2 * np.pi
+
+
+_LEAST_STEP_RAD = 1e-3  # finer than any motor's
 
 
 def identity_of(sweep: messages_pb2.Sweep) -> tuple[str, int]:
