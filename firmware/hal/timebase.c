@@ -7,7 +7,22 @@
 volatile uint16_t timebase_wraps;
 static volatile uint16_t epochs; // wraps of the 32-bit count
 static volatile uint8_t edges;
-static volatile __idata uint32_t edge_ticks[2];
+static volatile __idata union {
+    uint32_t tick;
+    struct {
+        uint8_t low, high; // as captured
+        uint16_t wraps;
+    } parts;
+} edge_ticks[2];
+
+// Silicon may lose a flag of PCA0CN that goes up within an instruction that changes the register, a bit of it or all.
+// The counter and the capture show that it did, and the flag is put up again.
+#define READ_HIGH(high)                                                                                                \
+    do {                                                                                                               \
+        uint8_t low = PCA0L; /* latches the high byte */                                                               \
+        (void)low;                                                                                                     \
+        (high) = PCA0H;                                                                                                \
+    } while (0)
 
 void timebase_start(void)
 {
@@ -59,7 +74,12 @@ void timebase_watch_edges(void)
 {
     __critical
     {
+        uint8_t before, after;
+        READ_HIGH(before);
         CCF0 = 0;
+        READ_HIGH(after);
+        if (after < before)
+            CF = 1;
         edges = 0;
     }
 }
@@ -71,17 +91,21 @@ uint8_t timebase_edges(void)
 
 uint32_t timebase_edge(uint8_t edge)
 {
-    return edge_ticks[edge]; // the service routine has done with it
+    return edge_ticks[edge].tick; // the service routine has done with it
 }
 
 void timebase_isr(void) __interrupt(IRQ_PCA0)
 {
+    uint8_t before, captured = PCA0CPL0;
+    READ_HIGH(before);
     if (CCF0) {
         CCF0 = 0;
+        captured = PCA0CPL0;
         if (edges < 2) {
-            uint8_t low = PCA0CPL0;
             uint8_t high = PCA0CPH0;
-            edge_ticks[edges] = TIMEBASE_EXTEND(low, high);
+            edge_ticks[edges].parts.low = captured;
+            edge_ticks[edges].parts.high = high;
+            edge_ticks[edges].parts.wraps = timebase_wraps + (CF && high < 0x80);
             edges++;
         }
     }
@@ -89,5 +113,12 @@ void timebase_isr(void) __interrupt(IRQ_PCA0)
         CF = 0;
         if (++timebase_wraps == 0)
             epochs++;
+    } else {
+        uint8_t after;
+        READ_HIGH(after);
+        if (after < before)
+            CF = 1;
     }
+    if (PCA0CPL0 != captured)
+        CCF0 = 1;
 }

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from gateway.health_rooms import Noise, Stand, noisy, shifted, stand_of
+from gateway.health_rooms import Noise, Stand, marks_in, noisy, shifted, stand_of
 
 from noctule import messages_pb2 as messages
 from noctule.air import speed_of_sound_m_s
@@ -57,16 +57,22 @@ def turned(degrees: float) -> Make:
 
 
 def moved(distance_m: float, degrees: float = 0.0) -> Make:
+    """To where it hears something: elsewhere it is as good as deaf."""
+
     def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
-        way = rng.uniform(0, 2 * math.pi)
-        wrong = stand.moved(distance_m * math.cos(way), distance_m * math.sin(way)).turned(degrees)
+        wrong = None
+        while wrong is None or not marks_in(wrong):
+            way = rng.uniform(0, 2 * math.pi)
+            wrong = stand.moved(distance_m * math.cos(way), distance_m * math.sin(way)).turned(degrees)
         return lambda _number: wrong.hears(rng)
 
     return make
 
 
 def elsewhere(_stand: Stand, rng: np.random.Generator) -> Sweeps:
-    other = stand_of(5000 + int(rng.integers(100)))
+    other = None
+    while other is None or not marks_in(other):
+        other = stand_of(5000 + int(rng.integers(100)))
     return lambda _number: other.hears(rng)
 
 

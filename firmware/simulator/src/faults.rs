@@ -61,6 +61,8 @@ pub enum Fault {
     PowerCutAtFlashOperation {
         number: u32,
     },
+    /// A flag of the PCA is lost if it goes up while an instruction reads, changes and writes PCA0CN.
+    PcaLosesFlags {},
     /// All that lasts is mended.
     Mended {},
 }

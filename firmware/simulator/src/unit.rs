@@ -115,6 +115,11 @@ impl Unit {
 
     /// Something happens to a part of the unit, until then if it lasts.
     pub fn inject(&mut self, fault: &Fault, until: Tick) {
+        match fault {
+            Fault::PcaLosesFlags {} => self.chip.pca.loses_flags_until = until,
+            Fault::Mended {} => self.chip.pca.loses_flags_until = 0,
+            _ => {}
+        }
         self.world.apply(fault, until, self.chip.now);
         self.next_event = self.next_event.min(self.chip.now);
     }

@@ -110,7 +110,9 @@ impl Chip {
         let pulls = self.ports.pulls;
         self.ports = Ports::new();
         self.ports.pulls = pulls;
+        let loses_flags_until = self.pca.loses_flags_until;
         self.pca = Pca::new(ticks, self.now);
+        self.pca.loses_flags_until = loses_flags_until;
         self.timers = Timers::new(ticks);
         self.timer2 = ReloadTimer::new(ticks);
         self.timer3 = ReloadTimer::new(ticks);

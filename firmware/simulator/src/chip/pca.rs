@@ -41,6 +41,10 @@ pub struct Pca {
     watchdog_due: Option<u64>,
     idle: bool,
     ticks_per_sysclk: Tick,
+    /// Until then a flag that goes up while an instruction changes PCA0CN is lost; 0 for a sound chip.
+    pub loses_flags_until: Tick,
+    /// Until then an instruction changes PCA0CN: it has read it and is yet to write it.
+    changing_until: Tick,
 }
 
 impl Pca {
@@ -56,6 +60,8 @@ impl Pca {
             watchdog_due: None,
             idle: false,
             ticks_per_sysclk,
+            loses_flags_until: 0,
+            changing_until: 0,
         };
         pca.change_rate();
         pca.feed_watchdog();
@@ -64,14 +70,27 @@ impl Pca {
 
     /// Brings counter and flags up to `now`.
     pub fn sync(&mut self, now: Tick) {
+        let wraps_at = self.counter.wraps_at();
         if self.counter.sync(now) {
-            self.flags |= CF;
+            self.raise(CF, wraps_at);
         }
         for index in 0..MODULES {
-            if self.modules[index].matches_at.is_some_and(|at| at <= now) {
-                self.flags |= 1 << index;
+            if let Some(at) = self.modules[index].matches_at.filter(|at| *at <= now) {
+                self.raise(1 << index, at);
                 self.schedule_match(index);
             }
+        }
+    }
+
+    /// An instruction that reads, changes and writes PCA0CN takes until then: call after `sync`.
+    pub fn change_control_until(&mut self, end: Tick) {
+        self.changing_until = end;
+    }
+
+    /// Puts up a flag; it is lost on a chip that loses flags, where an instruction is changing PCA0CN at that time.
+    fn raise(&mut self, flag: u8, at: Tick) {
+        if at > self.changing_until || at >= self.loses_flags_until {
+            self.flags |= flag;
         }
     }
 
@@ -136,7 +155,7 @@ impl Pca {
         let wanted = if rising { CAPP } else { CAPN };
         if self.modules[module].mode & wanted != 0 {
             self.modules[module].capture = self.counter.value_at(at);
-            self.flags |= 1 << module;
+            self.raise(1 << module, at);
         }
     }
 

@@ -149,3 +149,36 @@ fn other_clock_sources_are_refused() {
     let mut pca = running();
     assert!(pca.write(sfr::PCA0MD, 0x04).is_err());
 }
+
+#[test]
+fn a_flag_that_goes_up_while_pca0cn_is_changed_is_lost_on_a_chip_that_loses_flags() {
+    let wrap = 0x1_0000 * COUNT;
+    for (loses_flags_until, until, kept) in [
+        (0, wrap + 1, true),     // a sound chip
+        (NEVER, wrap - 1, true), // the instruction ends before the wrap
+        (NEVER, wrap, false),    // and here as it wraps
+        (wrap, wrap, true),      // mended by then
+        (NEVER, wrap + 2, false),
+    ] {
+        let mut pca = running();
+        pca.loses_flags_until = loses_flags_until;
+        pca.sync(wrap - 2);
+        pca.change_control_until(until);
+        pca.sync(wrap + 100);
+        assert_eq!(pca.read(sfr::PCA0CN) & 0x80 != 0, kept, "{until}");
+        assert_eq!(count(&pca), 100 / COUNT as u16);
+    }
+}
+
+#[test]
+fn an_edge_that_comes_while_pca0cn_is_changed_is_captured_but_its_flag_is_lost() {
+    let mut pca = running();
+    pca.loses_flags_until = NEVER;
+    pca.write(sfr::PCA0CPM0, 0x31).unwrap();
+    pca.change_control_until(2);
+    pca.edge(0, true, 2);
+    assert!(!pca.pending());
+    pca.edge(0, false, 500 * COUNT);
+    assert!(pca.pending());
+    assert_eq!(pca.read(sfr::PCA0CPL0), 0xF4);
+}

@@ -3,6 +3,7 @@
 use super::Chip;
 use super::sfr::{self, Owner};
 use crate::chip::violation::Violation;
+use crate::time::Tick;
 
 const PCON_IDLE: u8 = 0x01;
 /// The voltage reference's pin on the chip of 48 pins.
@@ -25,14 +26,21 @@ fn check_bits(address: u8, value: u8) -> Result<(), Violation> {
 }
 
 impl Chip {
-    /// Tells what the instruction under way is about to access, before it does: counters are brought up to date.
-    pub fn prepare_access(&mut self, address: u8, reads_latch: bool) {
-        self.reads_latch = reads_latch;
+    /// Tells what the instruction under way, of so many clocks, is about to access, before it does: counters are brought
+    /// up to date. It `modifies` what it reads, or writes or reads only.
+    pub fn prepare_access(&mut self, address: u8, modifies: bool, clocks: u8) {
+        self.reads_latch = modifies;
         match sfr::OWNERS[address as usize] {
             Some(Owner::Timers) => self.timers.sync(self.now),
             Some(Owner::Timer2Control | Owner::Timer2(_)) => self.timer2.sync(self.now),
             Some(Owner::Timer3Control | Owner::Timer3(_)) => self.timer3.sync(self.now),
-            Some(Owner::Pca) => self.pca.sync(self.now),
+            Some(Owner::Pca) => {
+                self.pca.sync(self.now);
+                if modifies && address == sfr::PCA0CN {
+                    let duration = Tick::from(clocks) * self.clock.ticks_per_sysclk();
+                    self.pca.change_control_until(self.now + duration);
+                }
+            }
             Some(Owner::Adc) => {
                 self.adc.vref_is_analog = self.ports.is_analog(VREF);
                 self.adc.sync(self.now);

@@ -140,6 +140,7 @@ impl Cpu {
     #[inline]
     fn prepare(&mut self, opcode: u8, addresses: &[u8], chip: &mut Chip) -> bool {
         let mut touches_interrupts = false;
+        let traits = &TRAITS[opcode as usize];
         for &address in addresses {
             match address {
                 sfr::PSW => self.core.psw_set(Flag::P, self.core.a().count_ones() % 2 == 1),
@@ -148,7 +149,7 @@ impl Cpu {
                     self.core.ie_set(chip.interrupts.read(sfr::IE));
                     self.core.ip_set(chip.interrupts.read(sfr::IP));
                 }
-                _ => chip.prepare_access(address, TRAITS[opcode as usize].reads_latch),
+                _ => chip.prepare_access(address, traits.reads_latch, traits.clocks),
             }
         }
         touches_interrupts

@@ -158,7 +158,8 @@ impl World {
             | Fault::BrownOut {}
             | Fault::PowerRamp { .. }
             | Fault::ResetPin {}
-            | Fault::PowerCutAtFlashOperation { .. } => {}
+            | Fault::PowerCutAtFlashOperation { .. }
+            | Fault::PcaLosesFlags {} => {}
         }
     }
 

@@ -4,6 +4,7 @@ All is measured over several sweeps together, in nats over what the past alone m
 compared. Turned or with play it may be since any reading: before that, none is off.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -43,11 +44,14 @@ def turned(tables: Sequence[Table]) -> Aligned:
 
 def with_play(tables: Sequence[Table]) -> Aligned:
     """By one angle for each sense, in whole steps: an edge between two bearings leaves the half step open."""
-    none = tables[0].none
-    ends, gain, since = {}, 0.0, len(tables)
+    none, ends, gain, since = tables[0].none, {}, 0.0, len(tables)
     for sense in (True, False):
         gains, starts = _since_any_reading(tables, sense)
-        ends[sense] = at = max(range(none % 2, len(gains), 2), key=lambda at: (gains[at], -abs(at - none)))
+        # That it is one of so many angles costs their logarithm: of one sweep alone some angle often gains a little.
+        choice = math.log(len(gains) / 2)
+        ends[sense] = at = max(
+            range(none % 2, len(gains), 2), key=lambda at: (gains[at] - choice * (at != none), -abs(at - none))
+        )
         gain, since = gain + gains[at], min(since, starts[at])
     off = sorted(at - none for at in ends.values())
     path = [ends[table.forward] if number >= since else none for number, table in enumerate(tables) for _ in table.rows]

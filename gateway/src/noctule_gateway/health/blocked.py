@@ -12,9 +12,9 @@ from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _NEAR_M = 0.2
-_FARTHER_M = 0.1  # than now, at the least, it was before
+_FARTHER_M = 0.05  # than now, at the least, it was before
 _ARC_RAD = math.radians(50.0)
-_LEAST_SHARE = 0.7  # of the arc's readings
+_LEAST_SHARE = 0.6  # of the arc's readings: of twenty 88 % are near, fewer than so many in one sweep of a thousand
 _NEW_SHARE = 0.5  # of them, that used to be farther
 _LEAST_READINGS = 4
 _EVIDENCE = 20.0
@@ -44,7 +44,7 @@ def _nearer(sweep: Readings, past: Past, number: int) -> bool:
 
 
 def _widest(near: list[int]) -> list[int]:
-    """The longest run of readings of which seven in ten are near, from a near one to a near one."""
+    """The longest run of readings of which six in ten are near, from a near one to a near one."""
     best: list[int] = []
     for first in range(len(near)):
         for last in range(len(near) - 1, first + len(best) - 1, -1):

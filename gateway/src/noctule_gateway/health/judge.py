@@ -169,7 +169,7 @@ class Judge:
         for streak in self._streaks.values():
             streak.before += 1
         begun = _Streak(next(iter(self._odd_before), sweep), len(self._odd_before))
-        shown = {each.kind: each for each in found}
+        shown = {each.kind: each for each in map(self._as_it_stands, found)}
         clear = any(FAULTS[kind].spoils for kind in shown)
         kept = self._streaks if odd and not clear else {}  # a sweep that shows nothing clearly proves nothing
         self._streaks = kept | {kind: self._streaks.get(kind) or replace(begun) for kind in shown}
@@ -191,6 +191,13 @@ class Judge:
             else:
                 self._findings[kind] = replace(finding, absent=absent)
         return named
+
+    def _as_it_stands(self, found: Suspicion) -> Suspicion:
+        """What slips or has play is also off by one angle for a while: then this is what still stands."""
+        if found.kind != messages.FAULT_KIND_TURNED:
+            return found
+        loose = [kind for kind in (messages.FAULT_KIND_SLIPPED, messages.FAULT_KIND_PLAY) if kind in self._findings]
+        return replace(found, kind=loose[0]) if loose else found
 
     def _learn(self, sweep: Readings, found: list[Suspicion], odd: bool) -> None:
         spoiled = any(FAULTS[kind].spoils for kind in self._findings)

@@ -37,8 +37,8 @@ def disagreement_m(sweep: Readings, past: Past) -> float | None:
     return median(off) if len(off) >= _LEAST_PAIRS else None
 
 
-def change_m(sweep: Readings, before: Readings, at: Iterable[int]) -> float | None:
-    """Median change since the sweep before, at the bearings ``at``; None where too few answer in both."""
+def change_m(sweep: Readings, before: Readings, at: Iterable[int], least: int = _LEAST_BOTH) -> float | None:
+    """Median change since the sweep before, at the bearings ``at``; None where fewer than ``least`` answer in both."""
     both = [abs(sweep.range_m[n] - before.range_m[n]) for n in at]
     both = [one for one in both if not math.isnan(one)]
-    return median(both) if len(both) >= _LEAST_BOTH else None
+    return median(both) if len(both) >= least else None

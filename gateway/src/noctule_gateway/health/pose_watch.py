@@ -28,6 +28,7 @@ _LEAST_SHIFT_GAIN = 3.5
 _ASKED, _TO_SHIFT = 4, 2  # sweeps together
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
 _LEAST_STABLE = 8  # bearings: fewer tell too little
+_LEAST_REPEATED = 2  # echoes: of two false ones both come again by chance in one sweep of a million
 _LEAST_ENTRIES = 4  # of a past, from which on a fit to it is a usual one
 
 
@@ -44,6 +45,7 @@ class PoseWatch:
     def __init__(self, usual: Sequence[float] = ()) -> None:
         self.usual: deque[float] = deque(usual, _KEPT_USUAL)
         self.strange = False
+        self._known: Shift | None = None  # the last one that was shown
         self._last: deque[_Seen] = deque(maxlen=_ASKED)
 
     def take(self, sweep: Readings, past: Past) -> bool:
@@ -69,6 +71,8 @@ class PoseWatch:
             return [noisy]
         if shift is not None:
             return self._shifted(shift)
+        if self._known is not None and self._fits_shifted(sweep, past, self._known):
+            return self._shifted(self._known)
         return self._elsewhere(sweep)
 
     def learn_from(self, sweep: Readings, past: Past) -> None:
@@ -114,8 +118,13 @@ class PoseWatch:
             gain += max(0.0, shifted_nats(seen.sweep, past, longer_m) - stay_fit(seen.sweep, past) * len(longer_m))
         return gain
 
+    def _fits_shifted(self, sweep: Readings, past: Past, shift: Shift) -> bool:
+        """With ranges as much longer as that the sweep fits about as well as usual."""
+        longer_m = [shift.longer(b, r) for b, r in zip(sweep.bearing_rad, past.median_m, strict=True)]
+        return shifted_nats(sweep, past, longer_m) / len(longer_m) >= median(self.usual) - _BAD
+
     def _shifted(self, shift: Shift) -> list[Suspicion]:
-        self.strange = True
+        self.strange, self._known = True, shift
         kind = messages.FAULT_KIND_MOVED if shift.moved_m else messages.FAULT_KIND_RANGES_JUMPED
         words = f"{shift.words}: {shift.fitting} marks fit that" if shift.moved_m else shift.words
         return [Suspicion(kind, shift.gain, words)]
@@ -124,7 +133,7 @@ class PoseWatch:
         """Nothing fits, and the sweep repeats the one before."""
         if len(self._last) < 2 or max(seen.fit for seen in list(self._last)[-2:]) >= -_FOREIGN:
             return []
-        change = change_m(sweep, self._last[-2].sweep, range(len(sweep.range_m)))
+        change = change_m(sweep, self._last[-2].sweep, range(len(sweep.range_m)), _LEAST_REPEATED)
         if change is None or change >= NOISY_M:
             return []
         words = "its sweeps repeat themselves and no longer fit its past: it was moved elsewhere, or the room changed"

@@ -7,20 +7,26 @@ e^24 = 2.6e10 sweeps. A door that opens, or a wardrobe that leaves, silences up 
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 from noctule import messages_pb2 as messages
 from noctule.messages_pb2 import READING_STATUS_NO_ECHO, READING_STATUS_UNSPECIFIED
+from noctule_gateway.health.likelihood import likelihood
+from noctule_gateway.health.marks import runs_of
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 from noctule_gateway.health.suspicion import Suspicion
 
 _LEAST_NATS = 12.0
 _ARC_RAD = math.radians(90.0)
+_ARC_OF_MARKS_RAD, _MARKS = math.radians(60.0), 3  # what changes in a room takes one mark or two
 _LEAST_USUAL = 8  # bearings of an arc that usually answer
 _USUAL_SHARE = 0.7
 _MOST_FALSE = 0.04  # of readings: a deaf sensor may still pick up noise
 _LEAST_READINGS = 4
 _AS_BEFORE_M = 0.025
+_REACH_M = 4.0
+_OR_MOVED = "; or it was moved to where nothing answers, which sounds the same"
 
 
 def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
@@ -37,13 +43,19 @@ def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
     usual = sum(share >= _USUAL_SHARE for share in past.heard_share)
     arc = _arc(sweep, past)
     # A false echo falls into the past's range by chance once in eighty: such echoes are true ones, beside a silent arc.
-    if echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not (arc and _as_before(sweep, past)):
-        words = f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer"
+    deaf = echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not _hears_a_reflector(sweep)
+    if deaf and not (arc and _as_before(sweep, past)):
+        words = f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer{_OR_MOVED}"
         return [Suspicion(messages.FAULT_KIND_SILENT, nats, words)]
     if not echoes:
         words = f"no echo at any of {len(listened)} bearings"
         return [Suspicion(messages.FAULT_KIND_NO_ECHO_ANYWHERE, nats, words)]
     return arc
+
+
+def _hears_a_reflector(sweep: Readings) -> bool:
+    """Neighbours hear the same, as no two false echoes do."""
+    return any(abs(a - b) <= _AS_BEFORE_M for a, b in pairwise(sweep.range_m))
 
 
 def _as_before(sweep: Readings, past: Past) -> bool:
@@ -60,16 +72,28 @@ def _arc(sweep: Readings, past: Past) -> list[Suspicion]:
         elif runs[-1]:
             runs.append([])
     widest = max(runs, key=len)
-    if not widest or sweep.bearing_rad[widest[-1]] - sweep.bearing_rad[widest[0]] < _ARC_RAD:
-        return []
     usual = [n for n in widest if past.heard_share[n] >= _USUAL_SHARE]
     nats = _nats(past, usual)
     if len(usual) < _LEAST_USUAL or nats < _LEAST_NATS:
         return []
-    if sweep.bearing_rad[usual[-1]] - sweep.bearing_rad[usual[0]] < _ARC_RAD or not past.agrees(sweep, widest):
+    marks = sum(set(run) <= set(widest) for run in runs_of(past))
+    least_rad = _ARC_OF_MARKS_RAD if marks >= _MARKS else _ARC_RAD
+    if sweep.bearing_rad[usual[-1]] - sweep.bearing_rad[usual[0]] < least_rad:
+        return []
+    if not past.agrees(sweep, widest) or _elsewhere_nats(sweep, past, widest) > 0:
         return []
     first, last = (round(math.degrees(sweep.bearing_rad[n])) for n in (widest[0], widest[-1]))
     return [Suspicion(messages.FAULT_KIND_ARC_SILENT, nats, f"no echo any more from {first} to {last} degrees")]
+
+
+def _elsewhere_nats(sweep: Readings, past: Past, but: Sequence[int]) -> float:
+    """How much likelier the readings outside ``but`` are in another place that answers as often as this one."""
+    share = sum(past.heard_share) / len(past.heard_share)
+    elsewhere = share / _REACH_M, 1 - share  # of an echo, of silence
+    beside = set(range(len(sweep.range_m))) - set(but)
+    return sum(
+        math.log(elsewhere[math.isnan(sweep.range_m[n])] / likelihood(past, n, sweep.range_m[n])) for n in beside
+    )
 
 
 def _nats(past: Past, silent: Sequence[int]) -> float:

@@ -1,0 +1,151 @@
+"""The firmware's time on a chip that loses a flag of the PCA's which goes up while an instruction changes PCA0CN.
+
+Whether silicon does so is not known. The edges of an echo are laid so that the counter wraps at each clock of the
+service routine that they call, and so is the routine that begins to watch for them.
+"""
+
+import subprocess
+from pathlib import Path
+
+from firmware.stepped_unit import stepped_unit
+from firmware.test_simulator_chip import PREAMBLE
+
+HAL = Path(__file__).parents[2] / "firmware" / "hal"
+RECOVERIES = "if (after < before)", "if (PCA0CPL0 != captured)"
+COUNTS, CLOCKS = 90, 12  # from an edge to the wrap: the routine is over by then; clocks of a count
+PER_RUN = COUNTS * CLOCKS
+RUN_S = 200.0  # of simulated time, some 90 ms for each of them
+
+PROGRAM = """
+/* Tells for each command byte (0 rising edge, 1 falling, 2 watching) in how many runs time or width was wrong. */
+uint16_t lead[2];
+
+void shift(uint8_t clocks) {
+    switch (clocks) {
+    case 11: __asm__("nop");
+    case 10: __asm__("nop");
+    case 9: __asm__("nop");
+    case 8: __asm__("nop");
+    case 7: __asm__("nop");
+    case 6: __asm__("nop");
+    case 5: __asm__("nop");
+    case 4: __asm__("nop");
+    case 3: __asm__("nop");
+    case 2: __asm__("nop");
+    case 1: __asm__("nop");
+    }
+}
+
+void pass(uint16_t turns) { volatile uint16_t left = turns; while (left) left--; }
+
+void sleep(uint8_t wraps) { timebase_wraps = 0; EA = 1; while (timebase_wraps < wraps) PCON |= 1; }
+
+void set_count(uint16_t count) {
+    EA = 0;
+    CR = 0;
+    PCA0L = count; PCA0H = count >> 8;
+    CF = 0;
+    timebase_wraps = 0;
+    CR = 1;
+}
+
+/* One ping; whether it was heard with the right width. */
+uint8_t ping(uint16_t count, uint8_t clocks) {
+    uint16_t width;
+    sleep(4);
+    set_count(count);
+    timebase_watch_edges();
+    EA = 1;
+    shift(clocks);
+    P1_1 = 1; pass(60); P1_1 = 0;
+    while (timebase_edges() != 2 && timebase_wraps < 3) PCON |= 1;
+    pass(200);
+    width = timebase_edge(1) - timebase_edge(0);
+    return width > 23290 && width < 23300;
+}
+
+uint8_t watch(uint16_t count, uint8_t clocks) {
+    set_count(count);
+    shift(clocks);
+    timebase_watch_edges();
+    EA = 1;
+    pass(100);
+    return 1;
+}
+
+void main(void) {
+    start();
+    timebase_start();
+    ping(0, 0);
+    lead[0] = timebase_edge(0); lead[1] = timebase_edge(1);
+    for (;;) {
+        uint8_t what = receive(), counts, clocks;
+        uint16_t wrong = 0;
+        for (counts = 0; counts != COUNTS; counts++)
+            for (clocks = 0; clocks != 12; clocks++)
+            {
+                uint8_t heard = what < 2 ? ping(-lead[what] - counts, clocks) : watch(-4 - counts, clocks);
+                if (!heard || timebase_wraps != 1)
+                    wrong++;
+            }
+        EA = 0;
+        send(1 + (wrong & 0x7F)); send(1 + (wrong >> 7)); send(0); /* the end of a frame, for the simulator */
+    }
+}
+"""
+
+ROOM = """
+name = 'wall'
+air_temperature_c = 20.0
+[sensor]
+lobe = [{ range_m = 0.0, half_angle_deg = 179.0 }]
+[[wall]]
+from_m = [1.0, -3.0]
+to_m = [1.0, 3.0]
+[unit]
+position_m = [0.0, 0.0]
+"""
+
+
+def wrong_runs(folder: Path, timebase: str, *faults: str) -> list[int]:
+    """How many of the runs of each kind went wrong with this source for hal/timebase.c."""
+    (folder / "room.toml").write_text(ROOM)
+    (folder / "program.c").write_text(PREAMBLE + timebase + PROGRAM.replace("COUNTS", str(COUNTS)))
+    memory = ["--xram-size", "4096", "--iram-size", "256"]
+    command = [
+        "sdcc",
+        "-mmcs51",
+        "--std-sdcc11",
+        f"-I{HAL}",
+        *memory,
+        folder / "program.c",
+        "-o",
+        folder / "program.ihx",
+    ]
+    subprocess.run(command, check=True, cwd=folder)
+    with stepped_unit("--room", str(folder / "room.toml"), image=folder / "program.ihx") as unit:
+        for fault in faults:
+            unit.inject(fault)
+        unit.step(until_s=0.5)
+        wrong = []
+        for kind in range(3):
+            unit.send_bytes(bytes([kind]))
+            low, high, _ = unit.step(until_s=unit.now_s + RUN_S, stop_at_frame=True)
+            wrong.append(low - 1 + (high - 1 << 7))
+    return wrong
+
+
+def test_no_wrap_and_no_edge_is_lost(tmp_path: Path) -> None:
+    """In 3240 places of the wrap, on a sound chip and on one that loses flags."""
+    timebase = (HAL / "timebase.c").read_text()
+    assert wrong_runs(tmp_path, timebase) == [0, 0, 0]
+    assert wrong_runs(tmp_path, timebase, "pca_loses_flags") == [0, 0, 0]
+
+
+def test_a_program_that_takes_no_care_loses_wraps(tmp_path: Path) -> None:
+    careless = (HAL / "timebase.c").read_text()
+    for recovery in RECOVERIES:
+        assert recovery in careless
+        careless = careless.replace(recovery, "if (0)")
+    assert wrong_runs(tmp_path, careless) == [0, 0, 0]
+    assert all(wrong > 0 for wrong in wrong_runs(tmp_path, careless, "pca_loses_flags"))
