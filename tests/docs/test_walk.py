@@ -46,9 +46,9 @@ def test_a_site_is_simulated_served_mapped_and_looked_after(tmp_path: Path) -> N
         doctor = walk.types("noctule doctor attic.toml --data gateway-data", status=(0, 1, 3))
         assert "ok       site file" in doctor and "ok       router" in doctor
 
-        walk.types("noctule rpc attic u7 stop")  # it ends its reading first
-        wait_until(lambda: " idle" in walk.types("noctule units attic.toml", status=(0, 1)), "the end of the sweep")
-        walk.types("noctule rpc attic u7 calibrate --half-steps-per-turn 4080.5 --backlash-half-steps 7")
+        walk.types("noctule rpc attic u7 stop")  # it ends its reading first, and is busy until then
+        calibrate = "noctule rpc attic u7 calibrate --half-steps-per-turn 4080.5 --backlash-half-steps 7"
+        wait_until(lambda: "busy" not in walk.types(calibrate, status=(0, 1)), "the unit's rest")
         walk.types("noctule rpc attic u7 trim_temperature --temperature-c 21.3")
         walk.types("noctule rpc attic u7 store")
         assert "4080.5" in walk.types("noctule rpc attic u7 settings")
