@@ -168,7 +168,7 @@ def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_g
             wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab")
             token.undeclare()
             publisher.close()
-            wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1 no gateway serves it")
+            wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1: no gateway serves it")
         running.end("viewer")
 
 
