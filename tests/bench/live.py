@@ -67,7 +67,7 @@ class Site:
         """Take ``count`` sweeps as they come from a log."""
         for _ in range(0, count, PART):
             self._take(list(islice(self._sweeps, PART)))
-            self.mapper.grid.changed()  # as whoever shows the map asks
+            self.mapper.grid.changed()  # as a program that shows the map asks
 
     def held_mib(self) -> tuple[float, float]:
         """Memory of this process and size of the store's files."""

@@ -162,7 +162,7 @@ def _parts(running: Programs, sick: Line, endpoint: str, number: int) -> Iterato
     os.kill(running.pid("hung"), signal.SIGCONT)
     running.start(name, sys.executable, "-c", FLOOD, endpoint)
     wait_until(lambda: running.log(name), "no flood", 60)
-    yield "a client that asks for logs without end"
+    yield "a client that asks for logs without end, at nice 19"
     os.kill(running.pid(name), signal.SIGSTOP)
     yield "the same client, frozen while it takes its answers"
     running.kill(name)

@@ -8,9 +8,8 @@ Both get the same drawings, a grid of 90 kB among many small ones, as fast as bo
 import argparse
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from unittest.mock import patch
 
 import numpy as np
 import psutil
@@ -26,12 +25,12 @@ GRID = (300, 300)
 
 
 @contextmanager
-def _relay(limit: str) -> Iterator[tuple[psutil.Process, rr.RecordingStream]]:
+def _relay(limit: str, settings: Mapping[str, str]) -> Iterator[tuple[psutil.Process, rr.RecordingStream]]:
     """A relay's process, and a stream into it."""
     port, web_port = free_ports(2)
     ports = ("--port", str(port), "--web-viewer-port", str(web_port))
     command = (str(relay.RERUN), "--serve-web", "--bind", "127.0.0.1", *ports, "--server-memory-limit", limit)
-    with relay.start([*command, "--newest-first"], stderr=subprocess.DEVNULL) as process:
+    with relay.start([*command, "--newest-first"], subprocess.DEVNULL, settings) as process:
         try:
             wait_until(lambda: listens(port) and listens(web_port), "no relay", within_s=60)
             stream = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="bench")
@@ -57,15 +56,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=180.0)
     given = parser.parse_args()
     with ExitStack() as running:
-        ours = running.enter_context(_relay(given.limit))
-        with patch.object(relay, "_GIVES_BACK", {}):
-            both = (ours, running.enter_context(_relay(given.limit)))
-        rng, number, began_s, look_s = np.random.default_rng(1), 0, time.monotonic(), 0.0
-        print(f"{'seconds':>8} {'drawings':>9}   ours, and as Rerun starts it", flush=True)
+        both = [running.enter_context(_relay(given.limit, settings)) for settings in (relay.GIVES_BACK, {})]
+        rng, number, drawn_bytes, began_s, look_s = np.random.default_rng(1), 0, 0, time.monotonic(), 0.0
+        print(f"{'seconds':>8} {'drawings':>9} {'MB':>7}   ours, and as Rerun starts it", flush=True)
         while (passed_s := time.monotonic() - began_s) < given.seconds:
             for _ in range(ROUND // 2):
                 number += 1
                 path, drawn = _drawing(number, rng)
+                drawn_bytes += sum(batch.as_arrow_array().nbytes for batch in drawn.as_component_batches())
                 for _, stream in both:
                     stream.set_time(rerun_paths.SWEEP, sequence=number)
                     stream.log(path, drawn)
@@ -73,7 +71,8 @@ def main() -> None:
                 stream.flush()
             if passed_s >= look_s:
                 look_s += given.seconds / LOOKS
-                print(f"{passed_s:8.0f} {number:9}  " + "  ".join(_cost(process) for process, _ in both), flush=True)
+                costs = "  ".join(_cost(process) for process, _ in both)
+                print(f"{passed_s:8.0f} {number:9} {drawn_bytes / 1e6:7.0f}  {costs}", flush=True)
 
 
 def _cost(process: psutil.Process) -> str:

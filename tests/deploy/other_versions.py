@@ -47,7 +47,7 @@ PRAGMA user_version = 3;
 
 def make_log_earlier(path: Path, head_file: bool = False) -> None:
     """Write the log at ``path`` as a gateway did that knew no checksums, gaps and head files; ``head_file``: the one
-    that is there stays, for whoever made it is of this version.
+    that is there stays, because what made it is of this version.
     """
     _rewrite(path, LOG_2)
     if not head_file:

@@ -1,4 +1,4 @@
-"""A fleet on this host as noctule-deploy renders it: its routers run, and whoever has a folder can join."""
+"""A fleet on this host as noctule-deploy renders it: its routers run, and a program that has a folder can join."""
 
 import os
 import socket

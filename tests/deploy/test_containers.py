@@ -118,6 +118,10 @@ def test_every_path_of_a_command_is_in_a_volume_and_what_is_written_is_writable(
     assert settings()["NUMBA_CACHE_DIR"].startswith("/tmp/")
 
 
+def test_what_a_killed_process_of_a_map_leaves_is_reaped(services: dict[str, dict]) -> None:
+    assert {name.split("-")[0] for name, each in services.items() if each.get("init")} == {"mapper"}
+
+
 def test_every_service_runs_as_the_owner_of_its_files(services: dict[str, dict]) -> None:
     users = {each["user"] for each in services.values()}
     assert len(users) == 1

@@ -10,11 +10,11 @@ import pytest
 from deploy.other_versions import make_log_earlier, make_store_earlier
 from deploy.test_upgrade import another_sweep, end, start
 from system.processes import ROOT, Programs, free_port_range, free_ports, programs, wait_until
-from system.site import SITE, SURVEY_SWEEPS, paper_room, wait_for_contour
+from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room, wait_for_contour, wait_for_sweeps
 from system.test_restart import logged_sweeps
 
 from noctule.client import Client
-from noctule.messages_pb2 import Sweep
+from noctule.messages_pb2 import Contour, Sweep
 
 
 def ran(*command: str | Path) -> str:
@@ -94,11 +94,12 @@ def test_restoring_only_the_gateways_copy_under_a_running_mapper_uses_no_number_
         restore(copy, gateway)
         running.start("gateway", *room.gateway())
         wait_until(lambda: "has log" in running.log("mapper"), "the mapper does not see that the log is another")
-        another_sweep(room, running, SURVEY_SWEEPS + 1)
+        another_sweep(room, running, SURVEY_SWEEPS + 1)  # the mapper still holds as many, so that says little
+        wait_for_sweeps(room, running, SURVEY_SWEEPS + 1)
         second = logged_sweeps(room)
         new = [(sweep.log_id, sweep.log_sequence) for sweep in second]
         wait_until(lambda: set(new) <= stored(store), "the mapper has not read the restored log")
-        after = wait_for_contour(room, running)
+        after = map_with(room, running, second[-1])
         end(running)
         running.end("simulator")
 
@@ -107,6 +108,19 @@ def test_restoring_only_the_gateways_copy_under_a_running_mapper_uses_no_number_
     assert set(new).isdisjoint((sweep.log_id, sweep.log_sequence) for sweep in first)
     assert stored(store) == set(new)  # each place by what the restored log has of it
     assert len(after.walls) == len(before.walls) and len(after.corners) == len(before.corners)
+
+
+def map_with(room: PaperRoom, running: Programs, newest: Sweep) -> Contour:
+    """The first map whose newest sweep is ``newest``."""
+
+    def mapped() -> Contour | None:
+        running.check()
+        contour = client.contour()
+        return contour if contour is not None and abs(contour.time.ToMicroseconds() - start_us) <= 1 else None
+
+    start_us = newest.start.ToMicroseconds()
+    with Client(SITE, connect=[room.connect]) as client:
+        return wait_until(mapped, "no map rests on the newest sweep of the restored log")
 
 
 def stored(store: Path) -> set[tuple[str, int]]:

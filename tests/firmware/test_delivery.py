@@ -37,7 +37,7 @@ def test_to_a_host_that_is_not_to_be_heard_it_goes_again_ever_more_rarely(unit: 
     assert gaps_s(unit, 6) == pytest.approx([0.5, 1.0, 2.0, 4.0, 4.0, 4.0], abs=HEARD_S)
 
 
-def test_a_frame_of_the_host_begins_the_waits_anew(unit: SteppedUnit) -> None:
+def test_a_frame_of_the_host_begins_the_waits_again(unit: SteppedUnit) -> None:
     gaps_s(unit, 4)
     unit.run(1.0)
     unit.send(AskStatus(9))

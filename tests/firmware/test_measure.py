@@ -205,7 +205,7 @@ def test_a_switch_that_fails_on_the_way_ends_the_measurement_too(placed, after_s
     assert gear.measurement([found], calibration()).verdict != 1  # VERDICT_GOOD
 
 
-def test_a_stop_ends_a_measurement_and_the_unit_homes_anew(placed):
+def test_a_stop_ends_a_measurement_and_the_unit_homes_again(placed):
     unit = placed(FREE)
     assert unit.command(Measure(0, MeasureKind.TURN)) == Outcome.DONE
     unit.wait_for_state(State.MEASURING)

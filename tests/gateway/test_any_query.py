@@ -48,10 +48,11 @@ def test_any_parameters_are_a_page_of_the_log_or_refused_in_words(
 
 
 def test_a_reply_that_is_put_together_from_records_reads_as_protobuf_would_have_written_it() -> None:
-    # Lengths about where one more byte is needed to say them.
-    sweeps = [Sweep(unit="u" * (length - 4)) for length in (127, 128, 129, 16383, 16384, 20000)]
-    records = tuple(sweep.SerializeToString() for sweep in [Sweep(), *sweeps])
+    sweeps = [Sweep(unit="u" * letters) for letters in (0, 125, 126, 127, 16380, 16381, 20000)]
+    records = tuple(sweep.SerializeToString() for sweep in sweeps)
+    # About 128 and 16384, from which on one more byte is needed to say a length.
+    assert [len(record) for record in records] == [0, 127, 128, 129, 16383, 16384, 20004]
     gap = Gap(3, 5, damaged=True, found_elapsed_s=1.0, reason="cut")
     reply = encoded(LogSlice("a", head=12, tail=1, records=records, gaps=(gap,)))
     gaps = [LogGap(first=3, last=5, damaged=True, reason="cut")]
-    assert LogRecords.FromString(reply) == LogRecords(log_id="a", head=12, tail=1, sweeps=[Sweep(), *sweeps], gaps=gaps)
+    assert LogRecords.FromString(reply) == LogRecords(log_id="a", head=12, tail=1, sweeps=sweeps, gaps=gaps)

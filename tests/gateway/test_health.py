@@ -94,7 +94,7 @@ def test_a_restart_forgets_neither_the_fault_nor_the_past(judge: Judge, stand: S
     assert kinds(again) == [messages.FAULT_KIND_TURNED]
 
 
-def test_at_another_pose_of_the_site_file_the_past_begins_anew(
+def test_at_another_pose_of_the_site_file_the_past_begins_again(
     judge: Judge, stand: Stand, rng: np.random.Generator
 ) -> None:
     turned = named_as_turned(judge, stand, rng)
@@ -264,7 +264,7 @@ def test_a_file_that_is_a_memory_is_read(tmp_path: Path) -> None:
         found(5, "x"),
     ],
 )
-def test_a_file_that_is_no_memory_is_begun_anew(tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_file_that_is_no_memory_is_replaced(tmp_path: Path, text: str, caplog: pytest.LogCaptureFixture) -> None:
     (tmp_path / "u1.health").write_text(text)
     with pytest.raises(ValueError):
         memory_file.read(tmp_path / "u1.health")

@@ -144,15 +144,15 @@ def test_a_unit_that_was_given_power_under_the_same_boot_number_is_told_by_its_t
     rig = Rig(unit, SWEEPING)
     rig.run(20.0)
     rig.cut(5.0)
-    reborn = ModelUnit(SERIAL, born_s=rig.now_s)  # as a simulated one is whose flash is not kept
-    reborn.make_sweep(rig.now_s)
-    rig.unit = reborn
+    restarted = ModelUnit(SERIAL, born_s=rig.now_s)  # as a simulated one is whose flash is not kept
+    restarted.make_sweep(rig.now_s)
+    rig.unit = restarted
     rig.link.connected(rig.now_s)
     events = rig.run(3.0)
     assert [event.rebooted for event in of_type(events, Identified)] == [False, True]
     rebooted = [type(event) for event in events].index(Identified, 1)
     assert not of_type(events[:rebooted], SweepRead)
-    assert reborn.carried_out == [PLAN, frames.Start(0, 250)]
+    assert restarted.carried_out == [PLAN, frames.Start(0, 250)]
 
 
 def test_a_plan_that_the_unit_refuses_is_told_and_nothing_is_started() -> None:
@@ -345,7 +345,7 @@ def test_a_unit_in_its_loader_is_told_and_asked_nothing_but_hello_now_and_again(
         rig.link.order(frames.Stop(0))
 
 
-def test_a_unit_that_goes_into_its_loader_is_left_alone_and_greeted_anew_when_its_application_is_back() -> None:
+def test_a_unit_that_goes_into_its_loader_is_left_alone_and_greeted_again_when_its_application_is_back() -> None:
     unit = ModelUnit(SERIAL)
     rig = Rig(unit, SWEEPING)
     rig.run(2.0)

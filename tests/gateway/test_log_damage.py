@@ -113,10 +113,10 @@ def test_an_empty_or_a_missing_table_stops_no_log_and_its_sweeps_are_served_or_s
         assert isinstance(append(log, arrival(50))[0], Committed)
         held = [sweep.log_sequence for sweep in read(log)]
         stated = [n for gap in log.read(1, 10_000, 2**30).gaps for n in range(gap.first, gap.last + 1)]
-        begun_anew = log.state.log_id != log_id
-        assert begun_anew or {*held, *stated} >= set(range(1, 11))
+        is_another_log = log.state.log_id != log_id
+        assert is_another_log or {*held, *stated} >= set(range(1, 11))
         if table == "sweeps":
-            assert log.state.damage or begun_anew
+            assert log.state.damage or is_another_log
 
 
 def test_a_row_that_is_sound_by_itself_and_not_the_one_that_was_logged_there_is_found_by_its_neighbours(

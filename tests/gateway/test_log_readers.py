@@ -132,3 +132,23 @@ def test_a_client_that_asks_for_much_at_once_leaves_the_gateway_time_for_others(
     crowded_s = rests_s[1 : asked - log_readers.CROWD]
     assert min(crowded_s) >= log_readers.REST * takes_s
     assert min(rests_s[asked - log_readers.CROWD :]) < log_readers.REST * takes_s
+
+
+def test_one_long_answer_does_not_keep_a_crowded_client_waiting_long() -> None:
+    """Each of the others of that client, which may be clients without a name, would wait nine times as long again."""
+    clock, long_s = [0.0], 60.0
+    begin, late = threading.Event(), threading.Event()
+    readers = LogReaders(now=lambda: clock[0])
+
+    def long_answer() -> None:
+        begin.wait(PATIENCE_S)
+        clock[0] += long_s
+
+    try:
+        assert readers.submit("", long_answer, no_one_is_late)
+        for _ in range(log_readers.CROWD + 1):
+            assert readers.submit("", lambda: None, late.set)
+        begin.set()
+        assert late.wait(long_s)  # nine times that without a limit
+    finally:
+        readers.close()

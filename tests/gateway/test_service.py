@@ -307,6 +307,7 @@ def test_units_are_served_before_any_router_answers(tmp_path: Path) -> None:
         with bus.open_session(listen=[endpoint]) as router, Client(SITE, session=router) as client:
             wait_until(lambda: unit_status(client).log_head == 1, "the unit did not come to the bus")
             assert started.end("gateway") == 0
+        assert started.log("gateway").endswith(" stopped\n")  # all is closed, whatever status Python's end may give
 
 
 def test_a_gateway_says_as_long_as_no_router_has_answered(tmp_path: Path, router: zenoh.Session) -> None:

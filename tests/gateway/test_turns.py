@@ -209,7 +209,7 @@ def test_a_unit_that_was_taken_for_too_slow_pings_ever_sooner_than_its_turns():
     assert drifted_s(given, TURN, later) == pytest.approx(-1e-3, abs=5e-6)
 
 
-def test_it_is_told_anew_when_it_has_drifted_and_not_before():
+def test_it_is_told_again_when_it_has_drifted_and_not_before():
     kept = keeper()
     first = kept.start(START, line(), 100.0)
     assert first.period and first.pause_ms == 500

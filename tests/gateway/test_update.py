@@ -38,7 +38,9 @@ from noctule_gateway.wire.frames import Update as EnterLoader
 
 SERIAL = 1
 STEP_S = 0.005
+UNKNOWN_TYPE = 2  # REJECTED's reason: firmware/README.md
 HELLO = Hello(0, 2, SERIAL, 0, 2, 0, 1, 0x02, 0, 3048)
+NAMED = replace(HELLO, protocol=3, life=77)  # knows orders that name their unit
 LOADER = Loader(0, 2, SERIAL, 1, 1, Stay.ASKED, 0, 2, 0)
 
 
@@ -185,7 +187,8 @@ class Script:
                     assert not isinstance(frame, Ack | Ack2 | Rejected | AnySweep)
                     request = frame.order.request if isinstance(frame, For) else frame.request
                     if (said := answer(frame)) is not None:
-                        updater.receive(encode(replace(said, request=request)), self.now_s)
+                        numbered = said if isinstance(said, Rejected) else replace(said, request=request)
+                        updater.receive(encode(numbered), self.now_s)
             self.now_s = min(updater.next_s, self.now_s + 1.0)
         self.outcome = updater.outcome
 
@@ -205,16 +208,37 @@ def test_another_unit_is_not_updated(image, who):
 
 
 def test_orders_before_the_loader_name_the_unit_that_they_are_for(image):
-    other = Result(0, Stop.TYPE, Outcome.NOT_FOR_THIS_UNIT)
-    asked = []
+    orders = []
 
     def exchanged(frame):
-        asked.append(frame)
-        return other if isinstance(frame, For) else replace(HELLO, protocol=3, life=77)
+        if isinstance(frame, AskHello):
+            return NAMED
+        orders.append(frame)
+        (kind, outcome) = (Stop, Outcome.DONE) if len(orders) == 1 else (EnterLoader, Outcome.NOT_FOR_THIS_UNIT)
+        return Result(0, kind.TYPE, outcome)
 
     outcome = Script(image, exchanged).outcome
     assert isinstance(outcome, WrongUnitError) and "says that it is not 1" in str(outcome)
-    assert asked[-1] == For(SERIAL, 77, Stop(asked[-1].order.request))
+    stop, update = orders
+    assert stop == For(SERIAL, 77, Stop(stop.order.request))
+    assert update == For(SERIAL, 77, EnterLoader(update.order.request, SERIAL))
+
+
+def test_a_loader_that_knows_no_addressed_orders_is_greeted_when_the_answer_to_update_was_lost(image):
+    """Else the order is repeated until no attempt is left: 10 s in which the loader waits in silence."""
+    asked = []
+
+    def in_its_loader_after_update(frame):
+        asked.append(frame)
+        match frame:
+            case AskHello():
+                return NAMED if len(asked) == 1 else replace(LOADER, hardware=2)  # an end, as soon as it is met
+            case For(order=Stop()):
+                return Result(0, Stop.TYPE, Outcome.DONE)
+        return Rejected(UNKNOWN_TYPE, frame.TYPE)  # firmware/loader/serve.c, length_reason() and reject()
+
+    assert isinstance(Script(image, in_its_loader_after_update).outcome, HardwareError)
+    assert [type(frame) for frame in asked] == [AskHello, For, For, AskHello]
 
 
 def test_nothing_is_installed_on_another_unit_whose_plug_was_put_in_while_pages_were_sent(image):

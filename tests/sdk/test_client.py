@@ -153,7 +153,7 @@ def test_made_up_keys_without_number_fill_neither_log_nor_memory(client, far, co
 
 
 def test_a_status_or_a_token_that_can_not_be_true_hides_no_other(client, far, known, collected):
-    """A name of 65,536 bytes made Zenoh panic in whoever asked for that unit's log."""
+    """A name of 65,536 bytes made Zenoh panic in the process that asked for that unit's log."""
     for unit, said in (("u1", "x" * 65536), ("u2", "u2")):
         bus.StatePublisher(far.session, keys.unit_status("room", unit), UnitStatus).put(UnitStatus(unit=said))
     tokens = [
@@ -179,7 +179,7 @@ def test_a_log_without_its_spoiled_records_is_there_for_the_asking(client, far):
     assert client.counters()["refused"] == 1
 
 
-def test_a_state_comes_at_once_to_a_late_joiner_and_then_anew(client, far, known, collected):
+def test_a_state_comes_at_once_to_a_late_joiner_and_then_whenever_it_changes(client, far, known, collected):
     state = bus.StatePublisher(far.session, keys.contour("room"), Contour)
     known(client.session, keys.contour("room"))
     state.put(Contour(version=1))

@@ -71,7 +71,7 @@ def test_without_turns_they_do(tmp_path):
     assert measured(tmp_path, 4, by_turns=False, duration_s=2 * MINUTE_S).false_echoes > 0
 
 
-def test_a_unit_that_starts_anew_has_its_turns_again(tmp_path):
+def test_a_unit_that_starts_again_has_its_turns_again(tmp_path):
     site = site_of(tmp_path, 2)
     with turns_room(room_file(tmp_path, 2), site, turns_of(site)) as room:
         room.run(SETTLED_S)

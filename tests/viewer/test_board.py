@@ -87,7 +87,7 @@ def test_units_that_need_attention_are_counted_and_named_on_top(site: Site) -> N
     site.unit("u7", UnitStatus.STATE_FAULT, "the stepper is stuck")
     site.unit("u12", UnitStatus.STATE_DISCONNECTED, "the line is silent")
     heading = site.alarms().splitlines()[0]
-    assert "2 of 20 units need attention: u7 fault: the stepper is stuck, u12 disconnected: the line is si" in heading
+    assert "2 of 20 units need attention: u7: fault: the stepper is stuck / u12: disconnected: the line is" in heading
 
 
 def test_units_of_which_the_same_is_to_be_said_are_named_together(site: Site) -> None:
@@ -96,8 +96,17 @@ def test_units_of_which_the_same_is_to_be_said_are_named_together(site: Site) ->
         site.unit(f"u{number}", UnitStatus.STATE_DISCONNECTED, "the line is silent")
     site.unit("u2", UnitStatus.STATE_FAULT, "the stepper is stuck")
     heading = site.alarms().splitlines()[0]
-    told = "u1, u3, u4, u5, u6 and 14 more: disconnected: the line is silent, u2 fault: the stepper is stuck"
+    told = "u1, u3, u4, u5, u6 and 14 more: disconnected: the line is silent / u2: fault: the stepper is stuck"
     assert f"20 of 20 units need attention: {told}" in heading
+
+
+def test_where_many_things_are_wrong_the_units_that_are_not_named_are_counted(site: Site) -> None:
+    site.mapper()
+    for number in range(1, 10):
+        site.unit(f"u{number}", UnitStatus.STATE_FAULT, f"{min(number, 8)}")
+    heading = site.alarms().splitlines()[0]
+    told = " / ".join(f"u{number}: fault: {number}" for number in range(1, 6))
+    assert f"9 of 9 units need attention: {told} / 4 more units" in heading
 
 
 def test_a_mapper_that_falls_silent_is_told_however_lively_the_units_are(site: Site) -> None:

@@ -168,7 +168,7 @@ def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_g
             wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab")
             token.undeclare()
             publisher.close()
-            wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1 no gateway serves it")
+            wait_for_text(watching, rerun_paths.ALARMS, "1 of 1 unit needs attention: u1: no gateway serves it")
         running.end("viewer")
 
 
@@ -308,6 +308,7 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
         ),
         (("open", "--url", "foo"), "foo is no relay: give rerun+http://127.0.0.1:9876/proxy"),
         (("run", "--floor-plan-at", "1,2,90"), "a floor plan belongs to a site: give --site too"),
+        (("run", "--tls", "viewer"), "--tls is for the bus, on which a site is watched: give --site too"),
         (("days", "no_such_folder"), "there are no recordings in no_such_folder: noctule-viewer run --record"),
     ],
 )

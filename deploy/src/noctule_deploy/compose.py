@@ -42,6 +42,8 @@ def _service(program: Program, serial: list[str]) -> dict[str, Any]:
         # The image's program has the right to a port of root's by itself, which no-new-privileges would take from it.
         service |= {"cap_add": ["NET_BIND_SERVICE"], "security_opt": []}
         service["environment"] = {"XDG_DATA_HOME": f"/var/lib/noctule/{program.own}", "XDG_CONFIG_HOME": "/tmp"}
+    if program.role == "mapper":
+        service["init"] = True  # reaps what a killed process of a map leaves
     if program.role == "gateway" and serial:
         service["group_add"] = ["dialout"]
         service["devices"] = [f"{each}:{each}".replace("$", "$$") for each in serial]

@@ -43,6 +43,8 @@ _LINES: dict[str, tuple[str, ...]] = {
         "CacheDirectory=noctule/$subject",
         "CacheDirectoryMode=0700",
         "Environment=NUMBA_CACHE_DIR=/var/cache/noctule/$subject",
+        # Each map is made in a process of its own, which the mapper starts again when the kernel had no memory for it.
+        "OOMPolicy=continue",
     ),
     "viewer": (
         *_NOTIFIES,

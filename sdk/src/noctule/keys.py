@@ -142,7 +142,7 @@ def sweep(site: str, unit: str) -> str:
 
 
 def pose(site: str, unit: str) -> str:
-    """Key on which whoever tracks a moving unit publishes where it is (message Pose)."""
+    """Key on which a tracker publishes where a moving unit is (message Pose)."""
     return _key("pose", site=site, unit=unit)
 
 

@@ -46,7 +46,7 @@ class ReplayedUnit:
             session.declare_queryable(keys.rpc(site, unit, keys.ANY), self._answer_command, complete=True),
         ]
         self.publish_status()
-        # Last, so that whoever sees the unit finds its log.
+        # Last, so that a client that sees the unit finds its log.
         self._token = session.liveliness().declare_token(keys.alive(site, unit))
 
     def publish(self, sweep: Sweep) -> None:

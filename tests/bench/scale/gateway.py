@@ -44,9 +44,9 @@ class StreamedUnit:
         on_bus: UnitOnBus,
         seen: Sweep,
         rng: np.random.Generator,
-        note: Callable[[Sweep], None] = lambda _: None,
+        note: Callable[[str, int], None] | None = None,
     ) -> None:
-        """``note`` is called with each sweep as soon as it is in the log, before it is published."""
+        """``note`` gets unit and log_sequence of each sweep as soon as it is logged, before it is published."""
         self.name, self.log = f"{kept.site.name}/{kept.unit.name}", kept.log
         self._kept, self._on_bus, self._seen, self._rng = kept, on_bus, seen, rng
         self._note = note
@@ -83,7 +83,8 @@ class StreamedUnit:
 
     def _done(self, result: object) -> None:
         if isinstance(result, Committed):
-            self._note(Sweep.FromString(result.record))
+            if self._note is not None:
+                self._note(self._kept.unit.name, result.log_sequence)
             self._on_bus.publish(result.record)
 
 
@@ -93,7 +94,7 @@ def open_units(
     count: int,
     router: str,
     closing: contextlib.ExitStack,
-    note: Callable[[Sweep], None] = lambda _: None,
+    note: Callable[[str, int], None] | None = None,
 ) -> list[StreamedUnit]:
     """The units of one site, with the session, the outbox and the readers of a gateway."""
     rng = np.random.default_rng(41)
@@ -149,8 +150,8 @@ def run(told: Connection, data: Path, site_name: str, count: int, sweep_s: float
         place = Path(os.environ["BENCH_TIMES"]) / f"{site_name}.gateway"
         file = closing.enter_context(place.open("w", buffering=1))
 
-        def note(sweep: Sweep) -> None:
-            file.write(f"g {time.time_ns()} {sweep.unit} {sweep.log_sequence}\n")
+        def note(unit: str, log_sequence: int) -> None:
+            file.write(f"g {time.time_ns()} {unit} {log_sequence}\n")
 
         units = open_units(data, site_name, count, router, closing, note)
         workers = [

@@ -11,7 +11,7 @@ from system.histories.faults import UNITS, History, at, moments_s
 
 # On a quiet machine it takes at most a session's lease (10 s), a follower's and a line's longest back-off (10 s, 5 s)
 # and a start (5 s); these looks take 5 minutes there. Counted in looks and not in seconds, because on a starved machine
-# whoever looks is starved too.
+# the process that looks is starved too.
 SETTLED_WITHIN_LOOKS = 1000
 _LOOK_EVERY_S = 0.25
 

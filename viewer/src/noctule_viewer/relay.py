@@ -9,12 +9,12 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from types import FrameType
+from types import FrameType, MappingProxyType
 from typing import NoReturn
 
 import rerun_cli
@@ -34,9 +34,9 @@ RERUN = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32
 _SETTINGS = Path(__file__).with_name("rerun_settings")
 # The native viewer also asks for releases and examples, which no option prevents. Data from a relay need no proxy.
 _NOWHERE = "http://127.0.0.1:9"  # the discard port
-# Rerun's allocator (mimalloc) gives free pages back at once, for a quarter more processor time. If it keeps them for
-# a while, as it does by default, a relay with the least limit grows by a tenth while 400 MB pass through it.
-_GIVES_BACK = {"MIMALLOC_PURGE_DELAY": "0"}
+# Rerun's allocator (mimalloc) gives free pages back at once. If it keeps them for a while, as it does by default, a
+# full relay goes on growing: tests/bench/relay_memory.py.
+GIVES_BACK = {"MIMALLOC_PURGE_DELAY": "0"}
 _START_WITHIN_S = 30.0
 _LAYOUT_WITHIN_S = 60.0
 _END_WITHIN_S = 2.0
@@ -52,7 +52,7 @@ class RelayError(NoctuleError):
 
 @dataclass(frozen=True)
 class Relay:
-    """Where a relay listens. It knows no passwords: whoever reaches it can read and write, so keep it on loopback."""
+    """Where a relay listens. It has no passwords: who reaches it can read and write, so keep it on loopback."""
 
     bind: str
     port: int
@@ -157,18 +157,23 @@ def environment() -> dict[str, str]:
     return {"RUST_LOG": "warn"} | os.environ | quiet
 
 
-def start(command: list[str], stderr: int | None = None) -> subprocess.Popen[bytes]:
-    """A process that ends when this one is killed, where the system has ``setpriv``."""
+def start(
+    command: list[str], stderr: int | None = None, settings: Mapping[str, str] = MappingProxyType({})
+) -> subprocess.Popen[bytes]:
+    """A process that ends when this one is killed, where the system has ``setpriv``.
+
+    ``settings`` are for its environment, where that does not say otherwise.
+    """
     setpriv = shutil.which("setpriv")
     bound_to_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
-    given = _GIVES_BACK | environment()
+    given = {**settings, **environment()}
     return subprocess.Popen([*bound_to_us, *command], env=given, stdin=subprocess.DEVNULL, stderr=stderr)
 
 
 @contextmanager
 def _process(command: list[str]) -> Iterator[subprocess.Popen[bytes]]:
     """The relay's process, which ends with this one, however this one ends."""
-    process = start(command)
+    process = start(command, settings=GIVES_BACK)
     try:
         yield process
     finally:

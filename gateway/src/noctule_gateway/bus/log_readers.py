@@ -16,6 +16,7 @@ MAX_CLIENTS = 64  # that wait for answers at once
 MAX_WAITING = 64  # queries of one client
 CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
 REST = 9.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
+LONGEST_REST_S = 0.3  # an answer that took long mostly waited, for the disk or the client, and kept no unit waiting
 STALE_AFTER_S = 5.0  # a query that has waited so long is not answered: most clients have given up and ask again
 THREADS = 8
 LONGEST_NAME = 64
@@ -96,7 +97,8 @@ class LogReaders:
                 self._cut_off.pop(client, None)
                 self._full = False
                 return
-            rest_s = REST * (self._now() - begun_s) if len(self._waiting[client]) >= CROWD else 0.0
+            crowded = len(self._waiting[client]) >= CROWD
+            rest_s = min(REST * (self._now() - begun_s), LONGEST_REST_S) if crowded else 0.0
         if rest_s:
             later = threading.Timer(rest_s, self._go_on, (client,))
             later.daemon = True

@@ -1,4 +1,4 @@
-"""What a unit is asked of the gateway's own accord, and when; times are those that go into the link.
+"""What the gateway itself asks a unit, and when; times are those that go into the link.
 
 HELLO now and again, because a reset may show in nothing else, and when nothing at all has come for a while, because
 another unit may be there. After a HELLO that finds another boot, CLOCK exchanges in a row, until the unit's time can be

@@ -131,7 +131,7 @@ class UnitServer:
         return min(self._link.next_s if self._updater is None else self._updater.next_s, self._report_due_s)
 
     def opened(self, now_s: float) -> None:
-        """Greet whoever is there."""
+        """Greet the unit at the other end."""
         self._line_is_open = True
         self._hearing.opened(now_s)
         self._state = self._state.line_opened()

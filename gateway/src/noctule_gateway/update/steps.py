@@ -19,9 +19,11 @@ from noctule_gateway.update.outcome import Current, Step, Updated
 from noctule_gateway.wire.frames import (
     MAX_REQUEST,
     AskHello,
+    For,
     Hello,
     Install,
     Loader,
+    Order,
     Outcome,
     Program,
     Put,
@@ -52,14 +54,14 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class Attempt:
-    """A frame to be sent once, how long its answer is awaited, and who alone (serial number and life) is to obey it.
+    """What is asked once, how long its answer is awaited, and the frame to send: ``asked``, or For around it.
 
-    Without a frame it is a rest.
+    Without ``asked`` it is a rest.
     """
 
-    frame: Asked | None
+    asked: Asked | None
     within_s: float
-    addressee: tuple[int, int] | None = None
+    frame: Asked | For | None
 
 
 Talk = Generator[Attempt, Answer | None, _T]
@@ -131,7 +133,7 @@ class Steps:
                     self._entered = True
                     return
                 case Outcome.BUSY:
-                    yield Attempt(None, BUSY_RETRY_S)
+                    yield Attempt(None, BUSY_RETRY_S, None)
                 case Outcome.NOT_FOR_THIS_UNIT:
                     raise _another_unit(self._serial)
                 case result:
@@ -208,7 +210,7 @@ class Steps:
         """What became of a block; None if it did not get through, and smaller ones are to be tried."""
         numbered = self._numbered(put)
         for attempt in range(ATTEMPTS):
-            answer = yield Attempt(numbered, _timeout_s(attempt))
+            answer = yield Attempt(numbered, _timeout_s(attempt), numbered)
             if isinstance(answer, Result):
                 self._blocks.went_through(at_once=attempt == 0)
                 return answer.result
@@ -230,8 +232,9 @@ class Steps:
         It may need ``within_s``, if that is longer than usual.
         """
         numbered = self._numbered(frame)
+        sent = self._addressed(numbered)
         for attempt in range(ATTEMPTS):
-            answer = yield Attempt(numbered, max(within_s, _timeout_s(attempt)), self._addressee)
+            answer = yield Attempt(numbered, max(within_s, _timeout_s(attempt)), sent)
             if answer is not None:
                 return answer
         raise RestartedError
@@ -239,6 +242,12 @@ class Steps:
     def _numbered(self, frame: Asked) -> Asked:
         self._number = self._number % MAX_REQUEST + 1
         return replace(frame, request=self._number)
+
+    def _addressed(self, frame: Asked) -> Asked | For:
+        """An order to an application names the unit; those to a loader can't."""
+        if self._addressee is not None and isinstance(frame, Order):
+            return For(*self._addressee, frame)
+        return frame
 
 
 def _timeout_s(attempt: int) -> float:

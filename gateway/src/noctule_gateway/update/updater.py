@@ -5,9 +5,9 @@ from math import inf
 from noctule_gateway.errors import GatewayError, LineError, UnitGoneError
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Ending, Progress
-from noctule_gateway.update.steps import Answer, Asked, Attempt, RestartedError, Steps
+from noctule_gateway.update.steps import Answer, Attempt, RestartedError, Steps
 from noctule_gateway.wire.codec import FrameReader, encode
-from noctule_gateway.wire.frames import AskHello, For, Frame, Hello, Loader, Rejected, Result, Stop, Update
+from noctule_gateway.wire.frames import AskHello, Frame, Hello, Loader, Rejected, Result, Stop, Update
 
 GONE_AFTER_S = 20.0  # longer than a unit copies, or fails to start eight times
 REST_S = 0.02  # for what is still on its way to go by, before what was not understood is sent again
@@ -103,7 +103,8 @@ class Updater:
         )
 
     def _take(self, frame: Frame, now_s: float) -> None:
-        asked = self._attempt.frame if self._attempt else None
+        asked = self._attempt.asked if self._attempt else None
+        sent = self._attempt.frame if self._attempt else None
         match frame:
             case Hello() | Loader() if frame.request == 0:
                 self._overhear(frame, now_s)
@@ -111,15 +112,15 @@ class Updater:
                 self._go_on(frame, now_s)
             case Result() if asked is not None and (frame.request, frame.command) == (asked.request, asked.TYPE):
                 self._go_on(frame, now_s)
-            case Rejected(reason=reason, type=kind) if asked is not None:
+            case Rejected(reason=reason, type=kind) if sent is not None:
                 if reason == _UNREADABLE:
                     self._hasten(now_s)
-                elif kind == asked.TYPE:
+                elif kind == sent.TYPE:  # a FOR is rejected as such, whatever is in it
                     self._restart(now_s)  # the application knows no loader's frames, nor the loader its
 
     def _overhear(self, frame: Hello | Loader, now_s: float) -> None:
-        """What a unit says of its own accord: it has started, or is in its loader and waits."""
-        asked = self._attempt.frame if self._attempt else None
+        """What a unit says without being asked: it has started, or is in its loader and waits."""
+        asked = self._attempt.asked if self._attempt else None
         for_loader = asked is not None and not isinstance(asked, AskHello | Stop | Update)
         if isinstance(asked, AskHello) or (for_loader and isinstance(frame, Loader)):
             self._hasten(now_s)
@@ -150,12 +151,8 @@ class Updater:
         self._attempt = attempt
         self._due_s = now_s + attempt.within_s
         if attempt.frame is not None:
-            self._out += encode(_addressed(attempt.frame, attempt.addressee))
+            self._out += encode(attempt.frame)
 
     def _end(self, outcome: Ending) -> None:
         self.outcome = outcome
         self._attempt, self._due_s = None, inf
-
-
-def _addressed(frame: Asked, addressee: tuple[int, int] | None) -> Asked | For:
-    return For(*addressee, frame) if addressee is not None and isinstance(frame, Stop | Update) else frame

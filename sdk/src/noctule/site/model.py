@@ -56,7 +56,7 @@ class WaypointPath:
 
 @dataclass(frozen=True)
 class PoseKey:
-    """Whoever tracks the unit publishes its pose on the unit's pose key."""
+    """A tracker of the unit publishes its pose on the unit's pose key."""
 
 
 PoseSource = FixedPose | UnknownPose | WaypointPath | PoseKey

@@ -10,6 +10,7 @@ from noctule_viewer.board.words import age, counted, duration, hour, listed
 
 _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
 _LONGEST_WORDS = 90
+_MOST_GROUPS = 5  # of units with the same trouble
 
 
 def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequence[str] = ()) -> str:
@@ -78,11 +79,14 @@ def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
 
 
 def _named_units(unwell: Sequence[UnitHealth]) -> str:
-    """Those of which the same is to be said together."""
+    """``u1, u2: what is wrong with both / u3: something else / 2 more units``."""
     of_words: dict[str, list[str]] = {}
     for unit in unwell:
         of_words.setdefault(unit.words, []).append(unit.unit)
-    return listed([f"{listed(units)}{':' if units[1:] else ''} {words}" for words, units in of_words.items()])
+    told = list(of_words.items())[:_MOST_GROUPS]
+    more = len(unwell) - sum(len(units) for _, units in told)
+    rest = [counted(more, "more unit")] if more else []
+    return " / ".join([*(f"{listed(units)}: {words}" for words, units in told), *rest])
 
 
 def _no_mapper(mappers: Sequence[ServiceStatus], heard: Heard) -> list[str]:

@@ -6,11 +6,11 @@ from typing import Annotated
 
 import typer
 
-from noctule import logs
+from noctule import logs, tls
 from noctule.endpoints import LAST_PORT
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule.program_options import Format, Metrics, Tls
+from noctule.program_options import Format, Metrics
 from noctule_viewer import memory_limit as memory_limits
 from noctule_viewer.address import DEFAULT_BIND, DEFAULT_PORT, DEFAULT_WEB_PORT
 from noctule_viewer.cli.failing import fail
@@ -19,6 +19,7 @@ _log = logging.getLogger(__name__)
 
 
 def run(
+    context: typer.Context,
     bind: Annotated[
         str, typer.Option(help="Address to listen on. The relay has no passwords: keep it on loopback.")
     ] = DEFAULT_BIND,
@@ -58,7 +59,16 @@ def run(
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
     ] = None,
-    tls_folder: Tls = None,
+    tls_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--tls",
+            envvar=tls.FOLDER_VARIABLE,
+            metavar="FOLDER",
+            help="With --site: certificate and key, a folder that noctule-deploy render made. It also names the "
+            "routers.",
+        ),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(
@@ -75,6 +85,9 @@ def run(
     """Run the relay and print the address to open."""
     if (floor_plan or floor_plan_at) and not site:
         fail("a floor plan belongs to a site: give --site too", 2)
+    source = context.get_parameter_source("tls_folder")
+    if not site and source is not None and source.name == "COMMANDLINE":  # a variable may be for other programs too
+        fail("--tls is for the bus, on which a site is watched: give --site too", 2)
     from noctule.ending import Ending
     from noctule_viewer.board.site_plan import read
     from noctule_viewer.relay import Relay
