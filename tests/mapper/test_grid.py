@@ -1,6 +1,7 @@
 """The reliability grid: evidence that comes and goes, by every rule."""
 
 import tracemalloc
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -17,10 +18,13 @@ from noctule_mapper.fusion import fuse
 from noctule_mapper.fusion.sensor_model import arc_masses
 from noctule_mapper.grid import kernels
 from noctule_mapper.grid.grid import Grid
-from noctule_mapper.grid.regions import Cones, contact_regions, free_space
+from noctule_mapper.grid.polar_cells import cells_by_sector
+from noctule_mapper.grid.regions import Cones, beams_of, contact_regions, free_space
+from noctule_mapper.grid.tiles import Tiles
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import Echoes
+from noctule_mapper.readings.sweep import SweepReadings
 
 CONFIG = GridConfig()
 RULES = get_args(Rule)
@@ -207,6 +211,70 @@ def test_a_place_called_free_a_thousand_times_forgets_all_but_the_times_that_sta
     grid.add_free(Cones(table[:990]), sign=-1)
     left.add_free(Cones(table[990:]))
     assert_same_beliefs(grid, left, tolerance=0)
+
+
+def test_counts_of_sweeps_do_not_run_over_either():
+    # Here the kernels get arrays that were kept from sweep to sweep; 16 bits hold 65,535.
+    (sweep,) = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))
+    one, many = (Tiles(CONFIG.tile_cells, CONFIG.cell_m, np.zeros((1, 1), np.float32)) for _ in range(2))
+    _count(one, sweep, 1)
+    _count(many, sweep, 70_000)
+    slots = many.slots()
+    assert slots.keys() == one.slots().keys()
+    for key, slot in one.slots().items():
+        assert one.counts(slot).any()
+        np.testing.assert_array_equal(many.counts(slots[key]), 70_000 * one.counts(slot))
+
+
+def _count(tiles: Tiles, sweep: SweepReadings, times: int) -> None:
+    """Count the sweep's cones in so often."""
+    beams, sectors = beams_of(sweep, CONFIG), 256
+    for _ in range(times):
+        if not tiles.count_sweep(beams, len(sweep.range_m), sectors, 1):
+            tiles.count_cones(free_space(sweep, CONFIG).table, sectors, 1)
+
+
+def test_a_sweep_put_in_a_thousand_times_forgets_all_but_the_times_that_stay():
+    (sweep,) = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))
+    grid, left = Grid(CONFIG), Grid(CONFIG)
+    for _ in range(1000):
+        grid.add_sweep(sweep)
+    for _ in range(990):
+        grid.add_sweep(sweep, sign=-1)
+    for _ in range(10):
+        left.add_sweep(sweep)
+    assert_same_beliefs(grid, left, tolerance=0)
+
+
+def test_sweeps_of_sensors_of_many_widths_may_come_from_anywhere_in_turn():
+    # The window moves with the first sweep of each place; what was kept for the other widths is then out of date.
+    (here,) = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))
+    widths_rad = np.radians([6, 9, 15, 22.5, 45, 90])
+    sweeps = [
+        replace(here, x_m=here.x_m + 20.0 * place, beam_width_rad=float(width_rad))
+        for place in range(6)
+        for width_rad in widths_rad[:: (-1) ** place]
+    ]
+    one, other = Grid(CONFIG), Grid(CONFIG)
+    for sweep in [*sweeps, *sweeps[::-1]]:
+        one.add_sweep(sweep)
+        one.add(arcs((sweep.x_m + 10.0, sweep.y_m, 1, 0, 0.03)))
+        one.add_sweep(sweep)
+        for _ in range(2):
+            other.add_free(free_space(sweep, CONFIG))
+        other.add(arcs((sweep.x_m + 10.0, sweep.y_m, 1, 0, 0.03)))
+    assert len(one.tiles()) > 12
+    assert_same_beliefs(one, other, tolerance=0)
+
+
+def test_sensors_of_nearly_one_width_share_a_table():
+    (here,) = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))
+    grid = Grid(CONFIG)
+    grid.add_sweep(here)
+    made = cells_by_sector.cache_info().misses
+    for width_rad in np.radians(np.linspace(22.5, 30, 40)):
+        grid.add_sweep(replace(here, beam_width_rad=float(width_rad)))
+    assert cells_by_sector.cache_info().misses == made
 
 
 def test_all_evidence_of_a_long_walk_can_be_in_one_call_or_in_many():

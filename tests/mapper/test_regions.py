@@ -61,9 +61,10 @@ def test_a_cone_is_the_sensor_models_free_space():
 
 @pytest.mark.parametrize("width_deg", [180, 127, 22.5, 20, 0.5])
 def test_the_compiled_kernel_says_of_every_cell_of_a_cone_what_the_sensor_models_table_says(width_deg):
-    # As in module grid: sixteen sectors to a beam, an even number in all; a cell has the trust of its sector's middle.
+    # As in module grid: sixteen sectors to a beam or up to 32, in all a power of two; a cell has the trust of its
+    # sector's middle.
     width_rad, rng = np.radians(width_deg), np.random.default_rng(8)
-    sectors = 2 * int(np.ceil(np.pi / width_rad * 16))
+    sectors = {180: 32, 127: 64, 22.5: 256, 20: 512, 0.5: 16384}[width_deg]
     table = free_beliefs(CONFIG.most_free)[:, 1]
     along_a_middle = (np.array([0, 7, sectors // 2, sectors - 1]) + 0.5) * 2 * np.pi / sectors  # trust is 1 there
     for axis in [*along_a_middle, 0.0, np.pi / 2, np.pi, *rng.uniform(0, 2 * np.pi, 5)]:

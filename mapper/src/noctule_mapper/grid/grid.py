@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from noctule_mapper.readings.sweep import SweepReadings
 
 _SECTORS_PER_BEAM = 16
 _NARROWEST_BEAM_RAD = math.radians(0.1)  # that the sectors follow
+_ROUNDING = 0.01  # of the power: a width of just a sixteenth of a turn is one also where its last digit is not
 
 
 class CellState(IntEnum):
@@ -43,10 +43,10 @@ class GridTile:
     free: np.ndarray
 
 
-@lru_cache
 def _sectors(width_rad: float) -> int:
-    """Of a circle about a sensor; even, so that half a turn is whole ones."""
-    return 2 * math.ceil(math.pi / max(width_rad, _NARROWEST_BEAM_RAD) * _SECTORS_PER_BEAM)
+    """Of a circle about a sensor, a power of two: sensors of nearly one width share their table."""
+    needed = 2 * math.pi / max(width_rad, _NARROWEST_BEAM_RAD) * _SECTORS_PER_BEAM
+    return 1 << math.ceil(math.log2(needed) - _ROUNDING)
 
 
 def cell_states(occupied: np.ndarray, free: np.ndarray, config: GridConfig) -> np.ndarray:

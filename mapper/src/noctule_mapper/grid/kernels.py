@@ -28,7 +28,8 @@ _SUMS = f"f8, {_TILES}, i4[:,::1], i4[::1], i4[::1], f4[:,::1], f4[:,::1], i8, i
 _ARCS = f"b1(f8[:,::1], {_SUMS})"
 _CONTACTS = f"b1(i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8, {_SUMS})"
 
-CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS, FANS, STATES = range(6)  # what ``state`` holds; their number
+# What ``state`` holds, FANS the number of the newest fan; how many these are.
+CORNER_COLUMN, CORNER_ROW, SPARE_SLOTS, SPARE_ROWS, FANS, STATES = range(6)
 COLUMN, ROW, PIECES, STAMP, FAN, STROKES, FIELDS = range(7)  # what ``slots`` holds of a tile; their number
 LANE_BITS = 8  # of a level in a cell's fresh counts
 MOST_STROKES = 127  # that a lane can hold, either way

@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
+MOST_TABLES = 4  # that are kept
 _RINGS = 256
 
 
-@lru_cache(maxsize=4)  # a table takes 1.6 MB by default, and 16 times that at a quarter of the cells' size
+@lru_cache(MOST_TABLES)  # a table takes 1.6 MB by default, and 16 times that at a quarter of the cells' size
 def cells_by_sector(reach: int, sectors: int, wide: int) -> tuple[np.ndarray, np.ndarray]:
     """The cells within ``reach`` of the sensor's, sector by sector and in each by rising distance: int32 (2, cells),
     how far a cell lies from the sensor's in an array ``wide`` columns wide, and the square of its distance. And int32

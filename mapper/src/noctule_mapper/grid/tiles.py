@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from noctule_mapper.fusion.sensor_model import FREE_LEVELS
-from noctule_mapper.grid.polar_cells import cells_by_sector
+from noctule_mapper.grid.polar_cells import MOST_TABLES, cells_by_sector
 
 Key = tuple[int, int]
 Box = tuple[int, int, int, int, int]  # least column and row, greatest column and row, reach of one piece of evidence
@@ -41,14 +41,16 @@ class Tiles:
         self._asked = 0  # the newest that ``touched`` has told of
         self._told: set[Key] = set()  # tiles that it has told hold evidence
         self._gone: set[Key] = set()  # tiles that have lost their slot since
-        self._state = np.zeros(kernels.STATES, np.int64)  # the window's corner and what comes next
+        # The window's corner, how many slots and rows are spare, the number of the newest fan: the cones of a sweep.
+        self._state = np.zeros(kernels.STATES, np.int64)
         self._window = np.zeros((0, 0), np.int32)  # slots of the tiles from the corner on, -1 for none
         self._spare = np.zeros(0, np.int32)  # slots
-        # Of each slot the tile's column and row, the pieces of evidence that have settled in it, the newest stroke and
-        # the newest sweep's fan of cones that may have touched it, and how many strokes its fresh counts may hold.
+        # Of each slot the tile's column and row, the pieces of evidence that have settled in it, the numbers of the
+        # newest stroke and of the newest fan of cones that may have touched it, and how many strokes its fresh counts
+        # may hold.
         self._slots = np.zeros((0, kernels.FIELDS), np.int64)
         self._reach_of: dict[int, int] = {}  # of the table in use for so many sectors
-        self._arrays_of: dict[int, tuple[object, ...]] = {}  # with which cones are counted, for so many sectors
+        self._arrays_of: dict[int, tuple[object, ...]] = {}  # with which cones of so many sectors are counted lately
         # How often a cell was called free is the sum of ``counts`` and of the lanes of ``fresh``, eight bits for each
         # level: all levels of a cell take one addition.
         self._fresh = np.zeros((0, 0), np.uint64)
@@ -79,7 +81,6 @@ class Tiles:
                 self._make_room(box, len(part))
                 least = max(_LEAST_REACH, 1 << box[4].bit_length())
                 self._reach_of[sectors] = max(least, self._reach_of.get(sectors, 0))
-                self._arrays_of.clear()
                 self._stroke_cones(part, sectors, sign)
 
     def _stroke_cones(self, cones: np.ndarray, sectors: int, sign: int) -> bool:
@@ -88,12 +89,19 @@ class Tiles:
         return self._kernels.CONES_OF_COUNTS[self._counts.dtype](cones, *arrays, sign, self._stamp)
 
     def _arrays_to_count(self, sectors: int) -> tuple[object, ...]:
-        """What the kernels count cones with, kept in ``_arrays_of`` until one of the arrays is replaced."""
+        """What the kernels count cones with, kept until one of the arrays is replaced."""
+        self._arrays_of.pop(sectors, None)
+        if len(self._arrays_of) == MOST_TABLES:
+            del self._arrays_of[next(iter(self._arrays_of))]
         reach = self._reach_of.get(sectors, _LEAST_REACH)
         cells, rings = cells_by_sector(reach, sectors, self._fresh.shape[1])
         tiles = self._state, self._window, self._slots, self._spare
         self._arrays_of[sectors] = cells, rings, reach, *tiles, self._fresh, self._counts, self._side
         return self._arrays_of[sectors]
+
+    def _replaced(self) -> None:
+        """Forget what cones were counted with. After an array is replaced the kernels must not get the old one."""
+        self._arrays_of.clear()
 
     def add_contacts(self, contacts: tuple[object, ...], sign: int) -> bool:
         """Add (``sign`` 1) or take off (-1) the arcs of contacts: the arguments of ``geometry.contact_arcs`` but for
@@ -173,7 +181,6 @@ class Tiles:
             self._add_slots(needed)
         least, most = (np.array(cells) // self._side for cells in (box[:2], box[2:4]))
         self._look_at(least - _MARGIN_TILES, most + _MARGIN_TILES)
-        self._arrays_of.clear()
 
     def _collect(self) -> None:
         """Make slots spare whose tiles hold nothing any more."""
@@ -191,6 +198,7 @@ class Tiles:
             _grown(array, used, length) for array in (self._slots, self._counts, self._rows)
         )
         self._spare = np.zeros(length, np.int32)
+        self._replaced()
         self._collect()
 
     def _look_at(self, least: np.ndarray, most: np.ndarray) -> None:
@@ -200,6 +208,7 @@ class Tiles:
         self._window = np.full(size[::-1], -1, np.int32)
         columns, rows = (size * self._side).tolist()
         self._fresh = np.zeros((rows, columns + _BESIDE_CELLS), np.uint64)
+        self._replaced()
         place = self._slots[:, [kernels.COLUMN, kernels.ROW]] - least
         slots = np.flatnonzero((self._pieces() > 0) & np.all((place >= 0) & (place < size), axis=1))
         self._window[place[slots, 1], place[slots, 0]] = slots
@@ -211,7 +220,7 @@ class Tiles:
             self._highest = int(self._counts.max(initial=0)) + self._kernels.MOST_STROKES + more
             if self._highest > _MOST_COUNT:
                 self._counts = self._counts.astype(np.uint32)
-                self._arrays_of.clear()
+                self._replaced()
 
     def _reserve_rows(self, needed: int) -> None:
         left = int(self._state[self._kernels.SPARE_ROWS])

@@ -132,6 +132,10 @@ class Scene:
         price += sum(silence_of_link(crossing(objects, link), self.data, self.config, objects) for link in links)
         return float(explanation.gain.sum()) - price
 
+    def worth_of(self, objects: Sequence[Reflector], links: Sequence[Link]) -> float:
+        """What the objects are worth where each echo is explained by them and the corners of ``links``, in nats."""
+        return self.worth(objects, links, self.explain(self.claims(objects, links)))
+
     def _worked_out_row(self, maker: "_Maker") -> _Row:
         data, config = self.data, self.config
         chance = answering(maker.model, data, config)

@@ -23,7 +23,7 @@ from noctule_mapper.refinement.model_selection import add_objects, is_heard_enou
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
 from noctule_mapper.refinement.state import State
-from noctule_mapper.refinement.whole_map import sure_map
+from noctule_mapper.refinement.whole_map import MOST_FITTED, sure_map
 
 
 def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
@@ -46,13 +46,10 @@ def _met(state: State, config: MapperConfig) -> State:
     """The state after walls are turned to meet, two at a time, until that is worth nothing more."""
     for _ in range(_MOST_EXCHANGES):
         scene = state.scene
-        tries = []
-        for objects in _meetings(state.objects, list(range(len(state.objects))), scene, config):
-            links = links_of(objects, scene, config)
-            worth = scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
-            tries.append((worth, objects))
+        met = _meetings(state.objects, list(range(len(state.objects))), scene, config)
+        tries = [(_rough_worth(objects, state, config), objects) for objects in met]
         better = state
-        for worth, objects in sorted(tries, key=lambda one: -one[0])[:_MOST_FITTED]:
+        for worth, objects in sorted(tries, key=lambda one: -one[0])[:MOST_FITTED]:
             if worth > state.worth - _NEAR_NATS:
                 tried = _state(objects, scene, config)
                 better = tried if tried.worth > better.worth + _LEAST_GAIN_NATS else better
@@ -151,13 +148,16 @@ def _exchanged(state: State, library: Sequence[Candidates], config: MapperConfig
             rest, scene = [one for one in state.objects if one is not old], state.scene
             unexplained = scene.explain(scene.claims(rest, links_of(rest, scene, config))).unexplained
             added = add_objects(rest, unexplained < 0.5, instead, scene.data, config)
-            if len(rest) < len(state.objects) and len(added) > len(rest):
-                links = links_of(added, scene, config)
-                worth = scene.worth(added, links, scene.explain(scene.claims(added, links)))
-                if worth + state.of_poses > state.worth - _HOPE_NATS:
-                    tried = _state(added, scene, config)
-                    state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
+            is_exchange = len(rest) < len(state.objects) and len(added) > len(rest)
+            if is_exchange and _rough_worth(added, state, config) > state.worth - _HOPE_NATS:
+                tried = _state(added, scene, config)
+                state = tried if tried.worth > state.worth + _LEAST_RISE_NATS else state
     return state
+
+
+def _rough_worth(objects: Sequence[Reflector], state: State, config: MapperConfig) -> float:
+    """What the objects would be worth in place of the state's before they are fitted, the poses as they are."""
+    return state.scene.worth_of(objects, links_of(objects, state.scene, config)) + state.of_poses
 
 
 _HOPE_NATS = 40.0  # that fitting an exchange once more may bring at most
@@ -175,19 +175,15 @@ def _improved(state: State, library: Sequence[Candidates], config: MapperConfig)
 
 
 _MOST_EXCHANGES = 10
-_MOST_FITTED = 3  # of the maps with two walls turned, the best
 _LEAST_GAIN_NATS = 0.1
 _NEAR_NATS = 12.0  # that fitting an exchange, or a corner of the wall that came with it, may bring
 
 
 def _tries(state: State, library: Sequence[Candidates], config: MapperConfig) -> Iterator[State]:
     """What becomes of the state by one exchange, a new wall's corner with it, where that is worth a fit."""
-    scene = state.scene
     for objects in _exchanges(state, library, config):
-        links = links_of(objects, scene, config)
-        worth = scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
-        if worth + state.of_poses > state.worth - _NEAR_NATS:
-            yield _state(objects, scene, config)
+        if _rough_worth(objects, state, config) > state.worth - _NEAR_NATS:
+            yield _state(objects, state.scene, config)
 
 
 def _exchanges(state: State, library: Sequence[Candidates], config: MapperConfig) -> Iterator[list[Reflector]]:
@@ -245,8 +241,7 @@ def _without_one(
     alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))
     for number in np.argsort(alone[: len(objects)])[:_SUSPECTS]:
         fewer = [one for other, one in enumerate(objects) if other != number]
-        left = links_of(fewer, scene, config)
-        if scene.worth(fewer, left, scene.explain(scene.claims(fewer, left))) > worth:
+        if scene.worth_of(fewer, links_of(fewer, scene, config)) > worth:
             return fewer
     return None
 

@@ -23,7 +23,7 @@ from noctule_mapper.refinement.model_selection import add_objects, trimmed
 from noctule_mapper.refinement.state import State
 
 _MOST_TRIED = 40  # lines of a round, of each kind of candidates
-_FITTED = 3  # of these the maps that are fitted, the best
+MOST_FITTED = 3  # of the maps that are one step away, the best
 _LEAST_PLACES = 2
 _LEAST_LINE_NATS = 1.0  # that a line gains from what no object explains, roughly
 _LEAST_RISE_NATS = 1.0
@@ -116,12 +116,15 @@ def _completed(
 ) -> State:
     """The state with more walls, none of them ``barred``, as long as the whole map is worth more with one."""
     while True:
-        best = state
-        for worth, objects in _with_one_wall_more(state, library, scene, linked, config, barred)[:_FITTED]:
-            if worth < best.worth - _HOPE_NATS:
+        best, before = state, [_likes(state.objects, wall, scene, config) for wall in barred]
+        for worth, objects in _with_one_wall_more(state, library, scene, linked, config, barred)[:MOST_FITTED]:
+            if worth + state.of_poses < best.worth - _HOPE_NATS:
                 break
             tried = fitted(objects)
-            best = tried if tried.worth > best.worth and not _has_any(tried.objects, barred, scene, config) else best
+            after = [_likes(tried.objects, wall, scene, config) for wall in barred]
+            # Those that were there before may stay: the rest has other walls near a barred one.
+            is_barred = any(now > then for now, then in zip(after, before, strict=True))
+            best = tried if tried.worth > best.worth and not is_barred else best
         if best.worth < state.worth + _LEAST_RISE_NATS:
             return _with_points(state, library, scene, fitted, config)
         state = best
@@ -154,7 +157,7 @@ def _with_one_wall_more(
     found = [one.promising(free, _LEAST_LINE_NATS) for one in library if one.kind is Line]
     turned = line_candidates(corner_lines(walls, free, scene.data.echoes, config.refinement), scene.data, config)
     lines = [one for of in (*found, turned) for one in _lines(of, solid, free, scene, config)]
-    allowed = [one for one in lines if not _has_any([one], barred, scene, config)]
+    allowed = [line for line in lines if not any(_likes([line], wall, scene, config) for wall in barred)]
     tried = [_without_needless_points([*state.objects, line], scene, linked) for line in allowed]
     return sorted(tried, key=lambda one: -one[0])
 
@@ -182,17 +185,12 @@ def _lines(
 
 def _without_needless_points(objects: list[Reflector], scene: Scene, linked: Linked) -> tuple[float, list[Reflector]]:
     """The objects less the points without which they are worth more, and their worth."""
-    worth = _worth(objects, scene, linked)
+    worth = scene.worth_of(objects, linked(objects))
     for point in [one for one in objects if isinstance(one, Spot)]:
         fewer = [one for one in objects if one is not point]
-        if (other := _worth(fewer, scene, linked)) > worth:
+        if (other := scene.worth_of(fewer, linked(fewer))) > worth:
             objects, worth = fewer, other
     return worth, objects
-
-
-def _worth(objects: Sequence[Reflector], scene: Scene, linked: Linked) -> float:
-    links = linked(objects)
-    return scene.worth(objects, links, scene.explain(scene.claims(objects, links)))
 
 
 def _weakest(state: State, judged: Container[int], scene: Scene, most_echoes: float) -> int | None:
@@ -209,17 +207,17 @@ def _weakest(state: State, judged: Container[int], scene: Scene, most_echoes: fl
     return min(left)[1] if left else None
 
 
-def _has_any(objects: Sequence[Reflector], walls: Sequence[Line], scene: Scene, config: MapperConfig) -> bool:
-    """Whether one of the objects is one of the walls, or one of them turned: it lies nearly where the wall does, or
-    explains no echo that the wall does not explain.
+def _likes(objects: Sequence[Reflector], wall: Line, scene: Scene, config: MapperConfig) -> int:
+    """How many of the objects are the wall, or the wall turned: they lie nearly where the wall does, or explain no echo
+    that the wall does not explain.
     """
-    lines = [one for one in objects if isinstance(one, Line)] if walls else []
-    heard = [gains(wall, scene.data, config.refinement, config.refinement.linking.growth_m) > 0 for wall in walls]
-    return any(
-        _are_alike(one, wall) or not np.any((gains(one, scene.data, config.refinement) > 0) & ~echoes)
-        for one in lines
-        for wall, echoes in zip(walls, heard, strict=True)
-    )
+    data, refinement = scene.data, config.refinement
+    of_wall = gains(wall, data, refinement, refinement.linking.growth_m) > 0
+
+    def is_like(one: Line) -> bool:
+        return _are_alike(one, wall) or not np.any((gains(one, data, refinement) > 0) & ~of_wall)
+
+    return sum(isinstance(one, Line) and is_like(one) for one in objects)
 
 
 def _are_alike(one: Line, wall: Line) -> bool:
