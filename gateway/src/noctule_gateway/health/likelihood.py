@@ -15,7 +15,7 @@ from noctule_gateway.health.readings import Readings
 _WINDOW_M = 0.025
 _OUTLIERS = 0.15
 _REACH_M = 4.0
-_UNSEEN = 0.5 / _REACH_M, 0.5  # likelihood of a range, and of silence, where the past never looked
+_UNSEEN_SHARE = 0.5  # that answers where the past never looked
 
 
 def stay_fit(sweep: Readings, past: Past) -> float:
@@ -34,7 +34,7 @@ def shifted_nats(sweep: Readings, past: Past, longer_m: Sequence[float]) -> floa
 def likelihood(past: Past, bearing: int, range_m: float) -> float:
     """Of a range, or of silence (NaN), at a bearing of the past; of any, where it has none such."""
     if not 0 <= bearing < len(past.heard):
-        return _UNSEEN[math.isnan(range_m)]
+        return likelihood_anywhere(_UNSEEN_SHARE, range_m)
     share = past.heard_share[bearing]
     if math.isnan(range_m):
         return 1 - share
@@ -44,3 +44,8 @@ def likelihood(past: Past, bearing: int, range_m: float) -> float:
         near = bisect_right(known, range_m + _WINDOW_M) - bisect_left(known, range_m - _WINDOW_M)
         density += (1 - _OUTLIERS) * near / ((len(known) + 1) * 2 * _WINDOW_M)
     return share * density
+
+
+def likelihood_anywhere(share: float, range_m: float) -> float:
+    """Of a range, or of silence (NaN), where that share of readings is heard, at any range."""
+    return 1 - share if math.isnan(range_m) else share / _REACH_M
