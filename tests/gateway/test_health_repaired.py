@@ -1,5 +1,7 @@
 """A unit that was repaired is as sound as any other: someone in the room does not bring its old fault back."""
 
+import math
+
 import numpy as np
 import pytest
 from gateway.health_faults import Make, moved, ranges
@@ -7,6 +9,8 @@ from gateway.health_rooms import Noise, Stand, marks_in, noisy, stand_of, sweep_
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.judge import Judge
+from noctule_gateway.health.likelihood import shifted_nats, stay_fit
+from noctule_gateway.health.past import Past
 
 POSE = (0.0, 0.0, 0.0)
 LEARNT_AFTER, FAULTY, SOUND, CROWDED = 16, 6, 8, 12  # sweeps
@@ -46,3 +50,10 @@ def test_someone_in_the_room_does_not_bring_a_repaired_fault_back(make: Make, ki
             alarms += [(seed, number, one.words) for one in judge.findings]
     assert named >= 10  # of the eleven rooms with marks enough
     assert alarms == []
+
+
+def test_ranges_that_are_longer_by_nothing_explain_nothing_even_where_the_past_heard_nothing() -> None:
+    past = Past((0.0, 0.1), rows=[(1.0, math.nan)] * 8)
+    sweep = sweep_of(np.array([1.0, 2.0]), 0, np.array([0.0, 0.1]))
+    nothing = shifted_nats(sweep, past, lambda _direction_rad, range_m: 0.0 * range_m)
+    assert nothing == pytest.approx(stay_fit(sweep, past) * 2)

@@ -2,7 +2,7 @@
 
 Of all readings 4 % are false, anywhere within 4 m: one falls within 2.5 cm of the place that a slip leads to with
 0.0005 at the most. How many do by chance is a Poisson number; its tail (Chernoff's bound) is the evidence. Each bearing
-counts once. It takes slips at three bearings in three sweeps where eleven answer, and at four where twenty do.
+counts once. It takes slips at three bearings in three sweeps where fourteen answer, and at four where more do.
 """
 
 import math
@@ -18,7 +18,7 @@ _NEAR_M = 0.025
 _CHANCE = 0.0005  # of a reading
 _SWEEPS = 3
 _REPEATED = 2  # echoes at the range of a slip, neither as before nor off by a turn: a value that the sensor makes up
-_LEAST_NATS = 12.5
+_LEAST_NATS = 11.8  # by chance at most once in 130,000 sweeps
 _FITTING_SHARE = 0.6  # of the echoes that have not slipped
 
 

@@ -7,10 +7,12 @@ whatever its range, and a door that opens changes the likelihood at all offsets 
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable
 
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
+
+Longer = Callable[[float, float], float]  # by direction and range, in metres
 
 _WINDOW_M = 0.025
 _OUTLIERS = 0.15
@@ -23,11 +25,17 @@ def stay_fit(sweep: Readings, past: Past) -> float:
     return sum(math.log(likelihood(past, n, range_m)) for n, range_m in enumerate(sweep.range_m)) / len(sweep.range_m)
 
 
-def shifted_nats(sweep: Readings, past: Past, longer_m: Sequence[float]) -> float:
-    """Log likelihood of the sweep if the range at each bearing has become longer by so much."""
+def shifted_nats(sweep: Readings, past: Past, longer: Longer) -> float:
+    """Log likelihood of the sweep if the past's ranges have become ``longer``. Where the past heard nothing, there is
+    nothing to become so.
+    """
+    longer_m = (
+        0.0 if math.isnan(median_m) else longer(bearing_rad, median_m)
+        for bearing_rad, median_m in zip(sweep.bearing_rad, past.median_m, strict=True)
+    )
     return sum(
-        math.log(likelihood(past, n, range_m - longer))
-        for n, (range_m, longer) in enumerate(zip(sweep.range_m, longer_m, strict=True))
+        math.log(likelihood(past, n, range_m - by_m))
+        for n, (range_m, by_m) in enumerate(zip(sweep.range_m, longer_m, strict=True))
     )
 
 

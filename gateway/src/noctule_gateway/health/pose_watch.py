@@ -5,7 +5,6 @@ named once it leads by enough. A sweep is looked at closely only where it, or th
 usual. What explains the sweeps must then fit about as well as usual, which no change of the room does.
 """
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -119,7 +118,7 @@ class PoseWatch:
         """Of the last sweeps, as the gains of bearings that are off."""
         gain = 0.0
         for seen in self._last:
-            shifted = shifted_nats(seen.sweep, past, _longer_m(seen.sweep, past, shift))
+            shifted = shifted_nats(seen.sweep, past, shift.longer)
             gain += max(0.0, shifted - stay_fit(seen.sweep, past) * len(seen.sweep.range_m))
         return gain
 
@@ -130,7 +129,7 @@ class PoseWatch:
         if self._known is None:
             return None
         readings = len(sweep.range_m)
-        shifted = shifted_nats(sweep, past, _longer_m(sweep, past, self._known))
+        shifted = shifted_nats(sweep, past, self._known.longer)
         gain = shifted - stay_fit(sweep, past) * readings
         if gain < _LEAST_SHIFT_GAIN or shifted / readings < median(self.usual) - _BAD:
             return None
@@ -168,11 +167,3 @@ class PoseWatch:
         self.strange = True
         words = f"ranges scatter by {100 * scatter:.0f} cm and do not repeat themselves"
         return Suspicion(messages.FAULT_KIND_TOO_NOISY, 15.0, words)
-
-
-def _longer_m(sweep: Readings, past: Past, shift: Shift) -> list[float]:
-    """By bearing; 0 where the past never heard anything, so that an echo there stays one."""
-    return [
-        0.0 if math.isnan(range_m) else shift.longer(bearing_rad, range_m)
-        for bearing_rad, range_m in zip(sweep.bearing_rad, past.median_m, strict=True)
-    ]
