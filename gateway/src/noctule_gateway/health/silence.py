@@ -26,7 +26,6 @@ _USUAL_SHARE = 0.7
 _MOST_FALSE = 0.04  # of readings: a deaf sensor may still pick up noise
 _LEAST_READINGS = 4
 _AS_BEFORE_M = 0.025
-_OR_MOVED = "; or it was moved to where nothing answers, which sounds the same"
 
 
 def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
@@ -45,7 +44,10 @@ def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
     # A false echo falls into the past's range by chance once in eighty: such echoes are true ones, beside a silent arc.
     deaf = echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not _hears_a_reflector(sweep)
     if deaf and not (arc and _as_before(sweep, past)):
-        words = f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer{_OR_MOVED}"
+        words = (
+            f"{_echoes(echoes)} at {len(listened)} bearings, where {usual} used to answer; "
+            "or it was moved to where nothing answers, which sounds the same"
+        )
         return [Suspicion(messages.FAULT_KIND_SILENT, nats, words)]
     if not echoes:
         words = f"no echo at any of {len(listened)} bearings"
