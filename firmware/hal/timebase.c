@@ -96,14 +96,14 @@ uint32_t timebase_edge(uint8_t edge)
 
 void timebase_isr(void) __interrupt(IRQ_PCA0)
 {
-    uint8_t before, captured = PCA0CPL0;
+    uint8_t before, low = PCA0CPL0, high = PCA0CPH0; // as captured
     READ_HIGH(before);
     if (CCF0) {
         CCF0 = 0;
-        captured = PCA0CPL0;
+        low = PCA0CPL0;
+        high = PCA0CPH0;
         if (edges < 2) {
-            uint8_t high = PCA0CPH0;
-            edge_ticks[edges].parts.low = captured;
+            edge_ticks[edges].parts.low = low;
             edge_ticks[edges].parts.high = high;
             edge_ticks[edges].parts.wraps = timebase_wraps + (CF && high < 0x80);
             edges++;
@@ -119,6 +119,6 @@ void timebase_isr(void) __interrupt(IRQ_PCA0)
         if (after < before)
             CF = 1;
     }
-    if (PCA0CPL0 != captured)
+    if (PCA0CPL0 != low || PCA0CPH0 != high)
         CCF0 = 1;
 }

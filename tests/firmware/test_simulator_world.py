@@ -432,6 +432,13 @@ echo "${{COMPREPLY[*]}}"
     assert done.stdout.split() == ["--firmware"]
 
 
+@pytest.mark.parametrize("option", [["--completion", "bash"], ["--registers"]], ids=lambda option: option[0])
+def test_what_is_printed_to_a_full_disk_ends_without_a_panic(option):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(["noctule-sim", *option], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 def test_a_terminal_is_told_how_far_the_run_has_got():
     leader, follower = pty.openpty()
     command = ["noctule-sim", "--firmware", str(IMAGE), "--tcp", "127.0.0.1:0", "--duration", "1.5"]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from gateway.health_rooms import Noise, Stand, marks_in, noisy, shifted, stand_of
+from gateway.health_rooms import Noise, Stand, noisy, shifted, stand_of
 
 from noctule import messages_pb2 as messages
 from noctule.air import speed_of_sound_m_s
@@ -61,7 +61,7 @@ def moved(distance_m: float, degrees: float = 0.0) -> Make:
 
     def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
         wrong = None
-        while wrong is None or not marks_in(wrong):
+        while wrong is None or not answers_at_all(wrong):
             way = rng.uniform(0, 2 * math.pi)
             wrong = stand.moved(distance_m * math.cos(way), distance_m * math.sin(way)).turned(degrees)
         return lambda _number: wrong.hears(rng)
@@ -71,9 +71,13 @@ def moved(distance_m: float, degrees: float = 0.0) -> Make:
 
 def elsewhere(_stand: Stand, rng: np.random.Generator) -> Sweeps:
     other = None
-    while other is None or not marks_in(other):
+    while other is None or not answers_at_all(other):
         other = stand_of(5000 + int(rng.integers(100)))
     return lambda _number: other.hears(rng)
+
+
+def answers_at_all(stand: Stand) -> bool:
+    return bool(np.isfinite(stand.clear_m).any())
 
 
 def slips(probability: float) -> Make:

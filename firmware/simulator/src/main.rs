@@ -75,7 +75,9 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
         return Ok(());
     }
     if let Some(shell) = arguments.completion {
-        clap_complete::generate(shell, &mut Arguments::command(), "noctule-sim", &mut io::stdout());
+        let mut script = Vec::new(); // the generator panics where what it writes to is closed or full
+        clap_complete::generate(shell, &mut Arguments::command(), "noctule-sim", &mut script);
+        say(&[String::from_utf8_lossy(&script).trim_end().to_owned()]);
         return Ok(());
     }
     let room = Room::load(&arguments.room)?;

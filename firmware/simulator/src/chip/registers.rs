@@ -26,8 +26,8 @@ fn check_bits(address: u8, value: u8) -> Result<(), Violation> {
 }
 
 impl Chip {
-    /// Tells what the instruction under way, of so many clocks, is about to access, before it does: counters are brought
-    /// up to date. It `modifies` what it reads, or writes or reads only.
+    /// Announces the access of the current instruction, which takes `clocks`; counters are brought up to date before it.
+    /// The instruction `modifies` what it reads, or it only reads or only writes.
     pub fn prepare_access(&mut self, address: u8, modifies: bool, clocks: u8) {
         self.reads_latch = modifies;
         match sfr::OWNERS[address as usize] {

@@ -47,7 +47,8 @@ def with_play(tables: Sequence[Table]) -> Aligned:
     none, ends, gain, since = tables[0].none, {}, 0.0, len(tables)
     for sense in (True, False):
         gains, starts = _since_any_reading(tables, sense)
-        # That it is one of so many angles costs their logarithm: of one sweep alone some angle often gains a little.
+        # Only to choose: of one sweep alone one of so many angles often gains a little by chance. What is then compared
+        # with other explanations is the gain itself.
         choice = math.log(len(gains) / 2)
         ends[sense] = at = max(
             range(none % 2, len(gains), 2), key=lambda at: (gains[at] - choice * (at != none), -abs(at - none))

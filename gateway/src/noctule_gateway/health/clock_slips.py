@@ -1,8 +1,8 @@
 """Echoes that are off by one turn of the chip's counter: 2^16 ticks of 0.25 us, 16.384 ms, 2.81 m there and back.
 
-Of a reading 4 % are false, anywhere within 4 m, so that one falls within 2 cm of either place that a slip leads to with
-0.0004 at the most. So many by chance are a Poisson number; its tail (Chernoff's bound) is the evidence. It takes three
-slips in three sweeps where thirteen bearings answer, and four where twenty do.
+Of all readings 4 % are false, anywhere within 4 m: one falls within 2.5 cm of the place that a slip leads to with
+0.0005 at the most. How many do by chance is a Poisson number; its tail (Chernoff's bound) is the evidence. Each bearing
+counts once. It takes slips at three bearings in three sweeps where fourteen answer, and at four where more do.
 """
 
 import math
@@ -15,10 +15,10 @@ from noctule_gateway.health.suspicion import Suspicion
 
 _SLIP_S = 16.384e-3
 _NEAR_M = 0.025
-_CHANCE = 0.0004  # of a reading
+_CHANCE = 0.0005  # of a reading
 _SWEEPS = 3
-_REPEATED = 2  # other echoes at one range, neither as before nor off by a turn: the sensor says a value of its own
-_LEAST_NATS = 12.5
+_REPEATED = 2  # echoes at the range of a slip, neither as before nor off by a turn: a value that the sensor makes up
+_LEAST_NATS = 11.8  # by chance at most once in 130,000 sweeps
 _FITTING_SHARE = 0.6  # of the echoes that have not slipped
 
 

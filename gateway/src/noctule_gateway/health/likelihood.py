@@ -7,15 +7,17 @@ whatever its range, and a door that opens changes the likelihood at all offsets 
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable
 
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
+Longer = Callable[[float, float], float]  # by direction and range, in metres
+
 _WINDOW_M = 0.025
 _OUTLIERS = 0.15
 _REACH_M = 4.0
-_UNSEEN = 0.5 / _REACH_M, 0.5  # likelihood of a range, and of silence, where the past never looked
+_UNSEEN_SHARE = 0.5  # that answers where the past never looked
 
 
 def stay_fit(sweep: Readings, past: Past) -> float:
@@ -23,18 +25,24 @@ def stay_fit(sweep: Readings, past: Past) -> float:
     return sum(math.log(likelihood(past, n, range_m)) for n, range_m in enumerate(sweep.range_m)) / len(sweep.range_m)
 
 
-def shifted_nats(sweep: Readings, past: Past, longer_m: Sequence[float]) -> float:
-    """Log likelihood of the sweep if the range at each bearing has become longer by so much."""
+def shifted_nats(sweep: Readings, past: Past, longer: Longer) -> float:
+    """Log likelihood of the sweep if the past's ranges have become ``longer``. Where the past heard nothing, there is
+    nothing to become so.
+    """
+    longer_m = (
+        0.0 if math.isnan(median_m) else longer(bearing_rad, median_m)
+        for bearing_rad, median_m in zip(sweep.bearing_rad, past.median_m, strict=True)
+    )
     return sum(
-        math.log(likelihood(past, n, range_m - longer))
-        for n, (range_m, longer) in enumerate(zip(sweep.range_m, longer_m, strict=True))
+        math.log(likelihood(past, n, range_m - by_m))
+        for n, (range_m, by_m) in enumerate(zip(sweep.range_m, longer_m, strict=True))
     )
 
 
 def likelihood(past: Past, bearing: int, range_m: float) -> float:
     """Of a range, or of silence (NaN), at a bearing of the past; of any, where it has none such."""
     if not 0 <= bearing < len(past.heard):
-        return _UNSEEN[math.isnan(range_m)]
+        return likelihood_anywhere(_UNSEEN_SHARE, range_m)
     share = past.heard_share[bearing]
     if math.isnan(range_m):
         return 1 - share
@@ -44,3 +52,8 @@ def likelihood(past: Past, bearing: int, range_m: float) -> float:
         near = bisect_right(known, range_m + _WINDOW_M) - bisect_left(known, range_m - _WINDOW_M)
         density += (1 - _OUTLIERS) * near / ((len(known) + 1) * 2 * _WINDOW_M)
     return share * density
+
+
+def likelihood_anywhere(share: float, range_m: float) -> float:
+    """Of a range, or of silence (NaN), where that share of readings is heard, at any range."""
+    return 1 - share if math.isnan(range_m) else share / _REACH_M

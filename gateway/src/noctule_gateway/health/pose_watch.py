@@ -7,7 +7,7 @@ usual. What explains the sweeps must then fit about as well as usual, which no c
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 from noctule import messages_pb2 as messages
@@ -29,6 +29,7 @@ _ASKED, _TO_SHIFT = 4, 2  # sweeps together
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
 _LEAST_STABLE = 8  # bearings: fewer tell too little
 _LEAST_REPEATED = 2  # echoes: of two false ones both come again by chance in one sweep of a million
+_FORGOTTEN_AFTER = 3  # sweeps in a row that fit as usual: what was shown before is over
 _LEAST_ENTRIES = 4  # of a past, from which on a fit to it is a usual one
 
 
@@ -45,7 +46,8 @@ class PoseWatch:
     def __init__(self, usual: Sequence[float] = ()) -> None:
         self.usual: deque[float] = deque(usual, _KEPT_USUAL)
         self.strange = False
-        self._known: Shift | None = None  # the last one that was shown
+        self._known: Shift | None = None  # the last one that was shown, until it is over
+        self._well = 0  # sweeps in a row that fit as usual and show nothing
         self._last: deque[_Seen] = deque(maxlen=_ASKED)
 
     def take(self, sweep: Readings, past: Past) -> bool:
@@ -63,7 +65,8 @@ class PoseWatch:
         self.strange = fits[-1] < -_BAD
         shift = self._shift(past)
         if fits[-1] >= -_WORSE and sum(fits) >= -_WORSE_OF_THREE * 3:
-            return self._shifted(shift) if shift is not None and not shift.moved_m else []
+            return self._shifted(shift) if shift is not None and not shift.moved_m else self._as_usual()
+        self._well = 0
         off = self._bearings_off(past, shift)
         if off is not None:
             return off
@@ -71,8 +74,9 @@ class PoseWatch:
             return [noisy]
         if shift is not None:
             return self._shifted(shift)
-        if self._known is not None and self._fits_shifted(sweep, past, self._known):
-            return self._shifted(self._known)
+        known = self._still_shifted(sweep, past)
+        if known is not None:
+            return self._shifted(known)
         return self._elsewhere(sweep)
 
     def learn_from(self, sweep: Readings, past: Past) -> None:
@@ -114,17 +118,31 @@ class PoseWatch:
         """Of the last sweeps, as the gains of bearings that are off."""
         gain = 0.0
         for seen in self._last:
-            longer_m = [shift.longer(b, r) for b, r in zip(seen.sweep.bearing_rad, past.median_m, strict=True)]
-            gain += max(0.0, shifted_nats(seen.sweep, past, longer_m) - stay_fit(seen.sweep, past) * len(longer_m))
+            shifted = shifted_nats(seen.sweep, past, shift.longer)
+            gain += max(0.0, shifted - stay_fit(seen.sweep, past) * len(seen.sweep.range_m))
         return gain
 
-    def _fits_shifted(self, sweep: Readings, past: Past, shift: Shift) -> bool:
-        """With ranges as much longer as that the sweep fits about as well as usual."""
-        longer_m = [shift.longer(b, r) for b, r in zip(sweep.bearing_rad, past.median_m, strict=True)]
-        return shifted_nats(sweep, past, longer_m) / len(longer_m) >= median(self.usual) - _BAD
+    def _still_shifted(self, sweep: Readings, past: Past) -> Shift | None:
+        """The one shown last, with what it gains in this sweep alone, if the sweep fits it about as well as usual and
+        better than the past by enough: someone in a room at rest spoils the fit to both alike.
+        """
+        if self._known is None:
+            return None
+        readings = len(sweep.range_m)
+        shifted = shifted_nats(sweep, past, self._known.longer)
+        gain = shifted - stay_fit(sweep, past) * readings
+        if gain < _LEAST_SHIFT_GAIN or shifted / readings < median(self.usual) - _BAD:
+            return None
+        return replace(self._known, gain=gain)
+
+    def _as_usual(self) -> list[Suspicion]:
+        self._well += 1
+        if self._well == _FORGOTTEN_AFTER:
+            self._known = None
+        return []
 
     def _shifted(self, shift: Shift) -> list[Suspicion]:
-        self.strange, self._known = True, shift
+        self.strange, self._known, self._well = True, shift, 0
         kind = messages.FAULT_KIND_MOVED if shift.moved_m else messages.FAULT_KIND_RANGES_JUMPED
         words = f"{shift.words}: {shift.fitting} marks fit that" if shift.moved_m else shift.words
         return [Suspicion(kind, shift.gain, words)]

@@ -9,10 +9,11 @@ scatter by 4 mm about what the explanation says. An explanation pays for what it
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from noctule_gateway.health.likelihood import Longer
 from noctule_gateway.health.marks import Mark
 
 _SIGMA_M = 0.004  # of a mark's median: half a cycle of 40 kHz
@@ -26,8 +27,6 @@ _LEAST_M = 0.03
 _MOTION_NATS, _JUMP_NATS, _AIR_NATS = 8.0, 4.0, 2.0  # two figures within 60 cm, one, and one that is small
 _FITS_M = 3 * _SIGMA_M
 _LEAST_MARKS = 3
-
-Longer = Callable[[float, float], float]  # by the direction and the range of a mark, in metres
 
 
 @dataclass(frozen=True)
