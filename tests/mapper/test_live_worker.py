@@ -94,17 +94,13 @@ class LiveMap:
 
 
 @pytest.fixture
-def watch() -> Iterator[Callable[..., Watched]]:
-    """Makes workers, and ends them."""
-    made: list[Watched] = []
+def watch() -> Callable[..., Watched]:
+    """Makes workers."""
 
     def make(pace: Pace | None = None, show: Callable[[MapState], None] | None = None) -> Watched:
-        made.append(Watched(pace or Pace(shortest_interval_s=0.0), show))
-        return made[-1]
+        return Watched(pace or Pace(shortest_interval_s=0.0), show)
 
-    yield make
-    for each in made:
-        each.worker.close()
+    return make
 
 
 @pytest.fixture
@@ -251,7 +247,6 @@ def test_sweeps_that_leave_before_their_turn_came_are_never_put_on_the_map(surve
     assert worker.counters()["sweeps_waiting"] == 10
     worker.start()
     assert states.get(timeout=PATIENCE_S).contour.sweeps == 10
-    worker.close()
 
 
 def test_a_backlog_of_many_windows_waits_as_one_window(tmp_path: Path) -> None:
@@ -282,7 +277,6 @@ def test_a_fit_that_waited_for_its_turn_rests_on_the_sweeps_that_came_meanwhile(
     worker.take([survey[0].identity], survey[6:8])
     has_turn.set()
     assert states.get(timeout=PATIENCE_S).contour.sweeps == 7
-    worker.close()
 
 
 def test_contours_come_no_faster_than_the_pace_allows(
