@@ -7,6 +7,7 @@ import queue
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -171,3 +172,23 @@ def test_what_a_process_of_the_map_fails_with_is_in_the_log_and_a_nursery_that_i
     assert done.stdout.splitlines() == ["70", "the process that the map's is forked from is gone"]
     assert "attic: a process of the map has failed" in done.stderr
     assert done.stderr.rstrip().endswith("ValueError: no map today")
+
+
+def test_what_fails_because_it_is_closed_under_a_state_that_is_being_shown_fails_nobody(
+    watch: Callable[..., Watched], survey: list[SweepReadings], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watched, closed, failed = watch(), threading.Event(), list[object]()
+
+    def show(_: MapState) -> None:
+        closed.wait()
+        raise RuntimeError("the session is closed")
+
+    monkeypatch.setattr(watched.map, "_show", show)
+    monkeypatch.setattr(threading, "excepthook", failed.append)  # where a mapper would end with 70
+    watched.map.start(survey[:3])
+    wait_until(lambda: watched.map._shows, "nothing is shown")
+    watched.map.close()
+    closed.set()
+    watched.map._thread.join(PATIENCE_S)
+    assert not watched.map._thread.is_alive()
+    assert not failed
