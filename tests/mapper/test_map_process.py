@@ -70,6 +70,7 @@ def test_a_map_process_that_is_killed_or_hangs_is_named_and_started_again_and_no
         assert statuses[-1].counters["map_restarts"] == restarts
     assert statuses[-1].counters["contours"] >= 3
     assert statuses[-1].counters["map_memory_bytes"] > 1e6
+    assert statuses[-1].counters["map_cpu_ms"] > 0
     assert site.running.log("mapper").count("the map's process hangs: it is killed") == 1
     assert site.running.end("mapper") == 0
 

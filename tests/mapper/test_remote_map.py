@@ -128,8 +128,7 @@ def test_a_process_is_killed_for_its_silence_and_not_for_a_pause_of_all(
     for _ in range(3):
         watched.map.watch()
     assert process.status() == psutil.STATUS_STOPPED
-    watched.map.watch()
-    wait_until(lambda: "ended with -9" in watched.troubles.detail(), "it is not killed")
+    wait_until(lambda: watched.map.watch() or "ended with -9" in watched.troubles.detail(), "it is not killed")
 
 
 def test_a_state_that_is_on_its_way_for_ten_minutes_is_no_progress_and_nobody_is_killed_for_it(
