@@ -2,13 +2,11 @@
 
 import socket
 import threading
-from functools import partial
 from pathlib import Path
 
 from system.processes import free_ports, wait_until
 
 from noctule import bus
-from noctule.logs import LogFormat
 from noctule.systemd import SOCKET_VARIABLE, ServiceManager
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.map_process import run_map
@@ -48,7 +46,7 @@ class NoSecondPasses(threading.Event):
 
 def test_a_site_is_seen_to_be_mapped_before_the_second_in_which_statuses_come(tmp_path: Path) -> None:
     (port,) = free_ports(1)
-    nursery = Nursery(partial(run_map, LogFormat.TEXT, ""))  # before there is a session
+    nursery = Nursery(run_map)  # before there is a session
     with bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as router:
         stop = NoSecondPasses()
         settings = LiveSettings("room", "mapper", tmp_path, [f"tcp/127.0.0.1:{port}"], None, LiveConfig())

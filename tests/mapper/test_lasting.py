@@ -49,7 +49,7 @@ def window_after(
 
 @pytest.mark.parametrize("first_seed", range(0, 60, 20))
 def test_the_window_is_the_same_as_if_each_sweep_had_entered(tmp_path: Path, first_seed: int) -> None:
-    entered, asked = [0, 0], 0
+    entered = [0, 0]
     for seed in range(first_seed, first_seed + 20):
         rng = np.random.default_rng(seed)
         log, window = drawn_log(rng), Window(sweeps_per_place=int(rng.integers(1, 9)), max_sweeps=25, max_age_s=90.0)
@@ -71,8 +71,6 @@ def test_the_window_is_the_same_as_if_each_sweep_had_entered(tmp_path: Path, fir
             found = suspects(batch)
 
             def is_usable(one: Sweep) -> bool:
-                nonlocal asked
-                asked += 1
                 return one.log_sequence not in unusable and not any(s.has(one) for s in found)
 
             kept = lasting(batch, is_usable, most)
@@ -86,7 +84,6 @@ def test_the_window_is_the_same_as_if_each_sweep_had_entered(tmp_path: Path, fir
         assert found == wanted, seed
         assert wanted
     assert entered[1] < 0.8 * entered[0]
-    assert asked < 1.3 * entered[0]
 
 
 def test_of_a_unit_that_stands_still_few_sweeps_are_looked_at() -> None:

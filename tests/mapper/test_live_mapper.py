@@ -12,7 +12,7 @@ from mapper.rerun_relay import relay
 from system.processes import wait_until
 
 from mapper import room
-from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus
+from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
@@ -107,6 +107,36 @@ def test_a_sweep_without_a_pose_is_counted_and_passed_over_and_the_status_says_w
     assert "has no pose" in statuses[-1].detail
     assert [cursor.log_sequence for cursor in statuses[-1].cursors] == [6]
     assert site.running.log("mapper").count("has no pose") == 1
+
+
+def test_the_last_sweep_left_out_is_the_newest_though_it_is_looked_at_first_and_a_new_map_does_not_clear_it(
+    site: LiveSite, tmp_path: Path
+) -> None:
+    config = tmp_path / "mapper.toml"
+    config.write_text("[window]\nsweeps_per_place = 12\n")
+    (first, *_), stay = paper_survey(), list[Sweep]()
+    for number in range(1, 17):
+        stay.append(Sweep())
+        stay[-1].CopyFrom(first)
+        stay[-1].sequence = number
+        stay[-1].start.FromNanoseconds(first.start.ToNanoseconds() + number * 10**9)
+    for sweep in (stay[13], stay[15]):
+        for reading in sweep.readings:
+            reading.time_of_flight_s = 0.005  # a stuck sensor
+    site.play(stay)
+    statuses: list[ServiceStatus] = []
+    site.client.on_service_status(statuses.append)
+    site.start_mapper("--config", str(config))
+    wait_until(lambda: statuses and statuses[-1].counters["sweeps_unusable"] == 2, "no sweep is left out")
+    told = "2 sweeps of u1 left out, the last: sweep 16 of"
+    assert told in statuses[-1].detail
+    site.contour_of(12)
+    _, map_process = psutil.Process(site.running.pid("mapper")).children(recursive=True)
+    map_process.kill()
+    wait_until(
+        lambda: statuses[-1].counters["map_restarts"] == 1 and "process" not in statuses[-1].detail, "no new map"
+    )
+    assert told in statuses[-1].detail
 
 
 def test_sweeps_that_leave_the_window_leave_the_map(site: LiveSite, tmp_path: Path) -> None:

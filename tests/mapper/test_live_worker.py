@@ -94,17 +94,13 @@ class LiveMap:
 
 
 @pytest.fixture
-def watch() -> Iterator[Callable[..., Watched]]:
-    """Makes workers, and ends them."""
-    made: list[Watched] = []
+def watch() -> Callable[..., Watched]:
+    """Makes workers."""
 
     def make(pace: Pace | None = None, show: Callable[[MapState], None] | None = None) -> Watched:
-        made.append(Watched(pace or Pace(shortest_interval_s=0.0), show))
-        return made[-1]
+        return Watched(pace or Pace(shortest_interval_s=0.0), show)
 
-    yield make
-    for each in made:
-        each.worker.close()
+    return make
 
 
 @pytest.fixture
@@ -251,7 +247,6 @@ def test_sweeps_that_leave_before_their_turn_came_are_never_put_on_the_map(surve
     assert worker.counters()["sweeps_waiting"] == 10
     worker.start()
     assert states.get(timeout=PATIENCE_S).contour.sweeps == 10
-    worker.close()
 
 
 def test_a_backlog_of_many_windows_waits_as_one_window(tmp_path: Path) -> None:
@@ -282,7 +277,32 @@ def test_a_fit_that_waited_for_its_turn_rests_on_the_sweeps_that_came_meanwhile(
     worker.take([survey[0].identity], survey[6:8])
     has_turn.set()
     assert states.get(timeout=PATIENCE_S).contour.sweeps == 7
-    worker.close()
+
+
+def test_the_delay_of_a_contour_begins_when_its_oldest_sweep_came_to_the_service(survey: list[SweepReadings]) -> None:
+    worker = made_worker(lambda _: None)
+    worker.take((), survey[:3], monotonic() - 1000.0)
+    worker.take((), survey[3:6])
+    worker.start()
+    wait_until(lambda: worker.counters()["contour_delay_ms"] >= 1e6, "the delay is that of a later sweep")
+
+
+def test_a_worker_that_is_at_one_fit_for_ten_minutes_makes_no_progress(survey: list[SweepReadings]) -> None:
+    fits, goes_on = threading.Event(), threading.Event()
+
+    def show(_: MapState) -> None:
+        fits.set()
+        goes_on.wait()
+
+    worker = made_worker(show)
+    worker.start()
+    assert all(worker.makes_progress() for _ in range(1000))  # it waits
+    worker.take((), survey[:3])
+    assert fits.wait(PATIENCE_S)
+    looks = [worker.makes_progress() for _ in range(601)]
+    assert looks == [True] * 600 + [False]
+    goes_on.set()
+    wait_until(worker.makes_progress, "it does not go on")
 
 
 def test_contours_come_no_faster_than_the_pace_allows(

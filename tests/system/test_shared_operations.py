@@ -42,6 +42,12 @@ def test_one_page_has_the_figures_of_every_site_and_a_site_that_hangs_does_not_d
         memory = {labels["site"]: value for labels, value in found["noctule_site_process_resident_memory_bytes"]}
         assert memory.keys() == set(SITES)
         assert min(memory.values()) > 1e6
+
+        def maps_with_cpu() -> set[str]:
+            found = scrape(address).get("noctule_mapper_map_cpu_seconds", [])
+            return {labels["site"] for labels, value in found if value > 0}
+
+        wait_until(lambda: maps_with_cpu() == set(SITES), "not each map's process has a figure")
         # Frozen as by a disk that hangs: it hears no SIGTERM.
         (hung, _) = [each for each in tree(running) if maps_a_site(each)]
         hung.suspend()

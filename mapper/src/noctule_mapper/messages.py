@@ -26,12 +26,11 @@ _POSE_STATES = {
 }
 
 
-def contour_message(contour: Contour, site: str, mapper: str = "", version: int = 0) -> messages_pb2.Contour:
+def contour_message(contour: Contour, site: str, mapper: str = "") -> messages_pb2.Contour:
     """``contour`` as the message that goes on the bus and into files."""
     return messages_pb2.Contour(
         site=site,
         mapper=mapper,
-        version=version,
         time=timestamp(contour.time_s),
         method=contour.method,
         sweeps=contour.sweeps,
@@ -111,13 +110,12 @@ def _unit_pose(pose: UnitPose) -> messages_pb2.UnitPose:
 
 
 def features_message(
-    points: "FeaturePoints", site: str, mapper: str = "", version: int = 0, time_s: float = 0.0
+    points: "FeaturePoints", site: str, mapper: str = "", time_s: float = 0.0
 ) -> messages_pb2.Features:
     """Feature points as the message that goes on the bus."""
     return messages_pb2.Features(
         site=site,
         mapper=mapper,
-        version=version,
         time=timestamp(time_s),
         points=[
             messages_pb2.FeaturePoint(x_m=x, y_m=y, reliability=reliability, kind=_KINDS[Kind(kind)])

@@ -1,7 +1,6 @@
 """The command ``run``: map a site live."""
 
 import threading
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -34,7 +33,7 @@ def run(
     from noctule_mapper.live.nursery import Nursery
     from noctule_mapper.live.process import run_process
 
-    nursery = Nursery(partial(run_map, log_format, ""))
+    nursery = Nursery(run_map, log_format)
 
     def serve(stop: threading.Event) -> None:
         named = name or service_name(tls, "mapper")

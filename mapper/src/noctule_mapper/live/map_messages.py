@@ -1,4 +1,4 @@
-"""What a mapper's service and the process of its map say to one another, pickled over a pipe."""
+"""The messages between a mapper's service and the process of its map, pickled over a pipe."""
 
 import traceback
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ class MapProcessError(Exception):
         return f"in the map's process\n{self.trace}"
 
 
-def told(error: BaseException) -> MapProcessError:
-    """``error`` as the other process can show it: exceptions lose their traceback on the way."""
+def as_message(error: BaseException) -> MapProcessError:
+    """``error`` as the other process can show it: exceptions lose their traceback when they are pickled."""
     return MapProcessError(f"{type(error).__name__}: {error}", "".join(traceback.format_exception(error)))
 
 
@@ -42,10 +42,13 @@ class MapSettings:
 
 @dataclass(frozen=True)
 class Changed:
-    """Sweeps to be taken off the map, and then sweeps to be put on it."""
+    """Sweeps to be taken off the map, and then sweeps to be put on it; the first of them came at ``since_s``
+    (monotonic, the same clock in both processes).
+    """
 
     left: Sequence[Identity]
     entered: Sequence[SweepReadings]
+    since_s: float
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,9 @@ class MapState:
 
 @dataclass(frozen=True)
 class PackedState:
-    """A MapState on its way: messages of Protocol Buffers can't be pickled."""
+    """A MapState that can be pickled, which the messages of noctule.messages_pb2 can't: they name a module noctule.v1
+    as theirs.
+    """
 
     contour: bytes
     features: bytes

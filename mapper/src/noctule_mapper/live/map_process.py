@@ -1,4 +1,4 @@
-"""The process of a map: it holds the map, fits it, and tells the mapper's service of it."""
+"""The process of a map: it holds the map, fits it, and sends what it finds to the mapper's service."""
 
 import os
 import queue
@@ -6,10 +6,9 @@ import resource
 import threading
 from multiprocessing.connection import Connection
 from pathlib import Path
-from time import sleep
+from time import process_time, sleep
 from typing import NoReturn
 
-from noctule import logs
 from noctule.threads import end_process_when_one_fails
 from noctule_mapper.live.fit_turn import FitTurn
 from noctule_mapper.live.map_messages import (
@@ -21,7 +20,7 @@ from noctule_mapper.live.map_messages import (
     PackedState,
     Shown,
     Trouble,
-    told,
+    as_message,
 )
 from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.readings.sweep import SweepReadings
@@ -29,16 +28,13 @@ from noctule_mapper.readings.sweep import SweepReadings
 _BEAT_S = 1.0
 
 
-def run_map(log_format: logs.LogFormat, prefix: str, connection: Connection) -> NoReturn:
-    """Keep a map as the service at the other end of ``connection`` says, until that end is closed. The log is as in
-    run_process().
-    """
-    logs.set_up(log_format, prefix)
+def run_map(connection: Connection) -> NoReturn:
+    """Keep a map as the service at the other end of ``connection`` says, until that end is closed."""
     end_process_when_one_fails()
     service = _Service(connection)
     # Before the map: where its kernels are not compiled yet, that takes long.
     threading.Thread(target=service.beat, name="map-beat", daemon=True).start()
-    settings = service.hear()
+    settings = service.receive()
     assert isinstance(settings, MapSettings)
     worker = MapWorker(
         settings.config,
@@ -50,9 +46,9 @@ def run_map(log_format: logs.LogFormat, prefix: str, connection: Connection) -> 
         FitTurn(settings.fit_turn) if settings.fit_turn else None,
     )
     while True:
-        match service.hear():
-            case Changed(left, entered):
-                worker.take(left, entered)
+        match service.receive():
+            case Changed(left, entered, since_s):
+                worker.take(left, entered, since_s)
                 if service.worker is None:  # what the map begins with is there
                     worker.start()
                     service.worker = worker
@@ -68,7 +64,7 @@ class _Service:
         self.worker: MapWorker | None = None
         self._connection, self._sending = connection, threading.Lock()
 
-    def hear(self) -> object:
+    def receive(self) -> object:
         """The next message."""
         try:
             return self._connection.recv()
@@ -76,14 +72,14 @@ class _Service:
             os._exit(0)
 
     def beat(self) -> None:
-        """Tell how the map fares, for ever. Raises what has ended the worker."""
+        """Send the map's figures and whether it makes progress, for ever. Raises what has ended the worker."""
         while True:
             if self.worker is None:
                 self._send(Beat({}, makes_progress=True))
             else:
                 self.worker.check()
-                figures = self.worker.counters() | {"map_memory_bytes": _resident_bytes()}
-                self._send(Beat(figures, self.worker.makes_progress))
+                own = {"map_memory_bytes": _resident_bytes(), "map_cpu_ms": round(1e3 * process_time())}
+                self._send(Beat(self.worker.counters() | own, self.worker.makes_progress()))
             sleep(_BEAT_S)
 
     def show(self, state: MapState) -> None:
@@ -93,12 +89,12 @@ class _Service:
             raise error
 
     def set_aside(self, readings: SweepReadings, error: Exception) -> None:
-        """Tell of a sweep that broke the map."""
-        self._send(Broke(readings, told(error)))
+        """Name a sweep that broke the map."""
+        self._send(Broke(readings, as_message(error)))
 
     def begin(self, kind: str, text: str, error: BaseException | None = None) -> None:
         """As Troubles.begin()."""
-        self._send(Trouble(kind, text, over=False, error=told(error) if error else None))
+        self._send(Trouble(kind, text, over=False, error=as_message(error) if error else None))
 
     def end(self, kind: str, text: str) -> None:
         """As Troubles.end()."""

@@ -8,6 +8,7 @@ from time import monotonic
 from typing import Protocol
 
 from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.looks import STUCK_AFTER, Looks
 from noctule_mapper.live.map_messages import MapState
 from noctule_mapper.live.waiting import Waiting
 from noctule_mapper.mapper import Mapper
@@ -17,8 +18,6 @@ from noctule_mapper.window import Identity
 
 _log = logging.getLogger(__name__)
 _FIT = "fit"
-_STUCK_AFTER_S = 600.0  # at one sweep or fit; the longest fits take seconds
-_CLOSE_WITHIN_S = 1.0
 
 
 class HearsTroubles(Protocol):
@@ -59,11 +58,11 @@ class MapWorker:
         self._fit_turn = fit_turn or nullcontext()
         self._changed = threading.Condition()
         self._waiting = Waiting()
-        self._closing = False
         self._failure: BaseException | None = None
         self._oldest_unfitted_s: float | None = None
         self._next_fit_s = monotonic()
-        self._stepped_s: float | None = None  # when the step that it is at began; None while it waits
+        self._steps, self._waits = 0, True  # sweeps and fits begun; whether it has nothing to do
+        self._looks = Looks()
         self._figures = {"contours": 0, "contour_failures": 0, "contour_fit_ms": 0, "contour_delay_ms": 0}
         self._thread = threading.Thread(target=self._run, name="map-worker", daemon=True)
 
@@ -71,10 +70,12 @@ class MapWorker:
         """Begin with what has been taken so far."""
         self._thread.start()
 
-    def take(self, left: Sequence[Identity], entered: Sequence[SweepReadings]) -> None:
-        """Have sweeps taken off the map and put on it. Never waits."""
+    def take(self, left: Sequence[Identity], entered: Sequence[SweepReadings], since_s: float | None = None) -> None:
+        """Have sweeps taken off the map and put on it. The first of them came at ``since_s`` (monotonic), now if left
+        out. Never waits.
+        """
         with self._changed:
-            self._waiting.add(left, entered, monotonic())
+            self._waiting.add(left, entered, monotonic() if since_s is None else since_s)
             self._changed.notify_all()
 
     def check(self) -> None:
@@ -82,69 +83,55 @@ class MapWorker:
         if self._failure is not None:
             raise self._failure
 
-    @property
     def makes_progress(self) -> bool:
-        """It waits, or has not been at one sweep or fit for ten minutes."""
-        began_s = self._stepped_s
-        return began_s is None or monotonic() - began_s < _STUCK_AFTER_S
+        """It waits, or has not been at one sweep or fit for ten minutes. Called each second."""
+        return self._looks.unchanged((self._steps, self._waits)) < STUCK_AFTER or self._waits
 
     def counters(self) -> dict[str, int]:
         """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait."""
         return self._figures | {"sweeps_waiting": len(self._waiting)}
 
-    def close(self) -> None:
-        """End the worker, after the sweep or fit that it is at. One that takes over a second is left behind."""
-        self._refuse_more()
-        if self._thread.is_alive():
-            self._thread.join(_CLOSE_WITHIN_S)
-
-    def _refuse_more(self) -> None:
-        with self._changed:
-            self._closing = True
-            self._changed.notify_all()
-
     def _run(self) -> None:
         try:
-            while not self._closing:
+            while True:
                 self._apply(self._next())
-                if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s and not self._closing:
-                    self._stepped_s = None
+                if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s:
+                    self._waits = True
                     with self._fit_turn:
                         self._apply(self._take())  # what has come while it waited for its turn
-                        if not self._closing:
-                            self._fit_and_show(self._oldest_unfitted_s)
+                        self._fit_and_show(self._oldest_unfitted_s)
         except BaseException as error:  # what comes out of Zenoh may be no Exception
             self._failure = error
-            self._refuse_more()
 
     def _next(self) -> Waiting:
         """All that waits; nothing when it is time for a fit."""
-        self._stepped_s = None
+        self._waits = True
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting.since_s is not None or self._closing, until_fit_s)
+            self._changed.wait_for(lambda: self._waiting.since_s is not None, until_fit_s)
         return self._take()
 
     def _take(self) -> Waiting:
         """All that waits now."""
         with self._changed:
             waiting, self._waiting = self._waiting, Waiting()
-        self._stepped_s = monotonic()
+        self._step()
         return waiting
 
+    def _step(self) -> None:
+        self._steps, self._waits = self._steps + 1, False
+
     def _apply(self, waiting: Waiting) -> None:
-        """Change the map; a long rebuild stops when the worker closes, and starts again next time."""
+        """Change the map."""
         for identity in waiting.left:
-            if not self._closing:
-                self._take_off(identity)
+            self._take_off(identity)
         for readings in waiting.entered.values():
-            if not self._closing:
-                self._put_on(readings)
+            self._put_on(readings)
         if self._oldest_unfitted_s is None:
             self._oldest_unfitted_s = waiting.since_s
 
     def _take_off(self, identity: Identity) -> None:
-        self._stepped_s = monotonic()
+        self._step()
         try:
             self._mapper.remove_sweep(identity)
         except Exception:
@@ -152,7 +139,7 @@ class MapWorker:
             self._make_again([sweep for sweep in self._mapper.sweeps() if sweep.identity != identity])
 
     def _put_on(self, readings: SweepReadings) -> None:
-        self._stepped_s = monotonic()
+        self._step()
         try:
             self._mapper.register_sweep(readings)
         except Exception as error:
@@ -169,8 +156,7 @@ class MapWorker:
         """Make the map of ``sweeps``; the place of the first one that breaks it, None where it has come to its end."""
         self._mapper = self._empty_map()
         for number, readings in enumerate(sweeps):
-            if self._closing:
-                return None
+            self._step()
             try:
                 self._mapper.register_sweep(readings)
             except Exception as error:
@@ -185,7 +171,8 @@ class MapWorker:
         return mapper
 
     def _fit_and_show(self, oldest_s: float) -> None:
-        self._stepped_s = began_s = monotonic()
+        self._step()
+        began_s = monotonic()
         self._oldest_unfitted_s = None
         try:
             self._show(self._fit())
@@ -205,7 +192,7 @@ class MapWorker:
         estimate = self._mapper.contour()
         contour = contour_message(estimate, self._site, self._service)
         points = self._mapper.feature_points()
-        features = features_message(points, self._site, self._service, contour.version, estimate.time_s)
+        features = features_message(points, self._site, self._service, time_s=estimate.time_s)
         changed = self._mapper.grid.changed()
         tiles = [tile_message(tile, self._site, self._service, estimate.time_s) for tile in changed]
         return MapState(contour, features, tiles)

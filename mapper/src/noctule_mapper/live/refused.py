@@ -52,7 +52,7 @@ class RefusedSweeps:
                     del self._units[unit]
 
     def count(self) -> int:
-        """All sweeps that were refused."""
+        """All sweeps that were read and refused."""
         with self._lock:
             return self._count
 

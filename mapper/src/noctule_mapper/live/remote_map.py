@@ -14,6 +14,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from time import monotonic
 
+from noctule_mapper.live.looks import STUCK_AFTER, Looks
 from noctule_mapper.live.map_messages import (
     Beat,
     Broke,
@@ -35,10 +36,11 @@ from noctule_mapper.window import Identity
 
 _log = logging.getLogger(__name__)
 _ENDED = "map process"
-_SILENT_AFTER_S = 30.0  # a beat comes each second
-_STUCK_AFTER_S = 600.0  # in showing a state, which may wait for the bus
+_SILENT_AFTER = 30  # looks, one each second, as the beats
 _CLOSE_WITHIN_S = 1.0
-_FIGURES = ("contour_fit_ms", "contour_delay_ms", "sweeps_waiting", "map_memory_bytes")
+_FIGURES = ("contour_fit_ms", "contour_delay_ms", "sweeps_waiting", "map_memory_bytes", "map_cpu_ms")
+
+_Change = tuple[Sequence[Identity], Sequence[SweepReadings], float]
 
 
 class RemoteMap:
@@ -56,6 +58,7 @@ class RemoteMap:
         troubles: Troubles,
     ) -> None:
         """``held`` gives what a further process begins with, and holds all changes that were taken before it is called.
+        Where it raises StoreError, it is called again later.
 
         ``show`` is called with each new state, ``set_aside`` with each sweep that broke the map, on one thread. Where
         ``show`` raises StoreError, the fit counts as failed.
@@ -64,13 +67,15 @@ class RemoteMap:
         self._held, self._show, self._set_aside, self._troubles = held, show, set_aside, troubles
         self._changed = threading.Condition()
         self._waiting = Waiting()
+        self._meanwhile: list[_Change] | None = None  # what is taken while it is read what is held
         self._connection: Connection | None = None
         self._sending = threading.Lock()
         self._closing = threading.Event()
         self._pid: int | None = None
-        self._heard_s = 0.0
-        self._showing_since_s: float | None = None
-        self._makes_progress = True  # as its process says
+        self._received, self._shows = 0, False  # messages so far; whether a state is being shown
+        self._looks = Looks()
+        self._process_makes_progress = True  # as it says
+        self.makes_progress = True
         self._figures = dict[str, int]()
         self._counts = Counter(contours=0, contour_failures=0, map_restarts=0)  # of all processes
         self._thread = threading.Thread(target=self._run, name="map-process", daemon=True)
@@ -83,33 +88,35 @@ class RemoteMap:
     def take(self, left: Sequence[Identity], entered: Sequence[SweepReadings]) -> None:
         """Have sweeps taken off the map and put on it. Never waits."""
         with self._changed:
-            self._waiting.add(left, entered, monotonic())
-            self._changed.notify_all()
+            if self._meanwhile is None:
+                self._waiting.add(left, entered, monotonic())
+                self._changed.notify_all()
+            else:
+                self._meanwhile.append((left, entered, monotonic()))
 
     def watch(self) -> None:
-        """Kill a process that hangs; called each second."""
-        pid, silent_s = self._pid, monotonic() - self._heard_s
-        if pid is None or self._showing_since_s is not None:
+        """Kill a process that hangs; called each second. ``makes_progress`` is False from when a state has been on its
+        way to those who see it for ten minutes.
+        """
+        pid, shows = self._pid, self._shows
+        unchanged = self._looks.unchanged((pid, shows, self._received))
+        self.makes_progress = not shows or unchanged < STUCK_AFTER
+        if shows or pid is None:
             return
-        if silent_s >= _SILENT_AFTER_S or not self._makes_progress:
+        if unchanged >= _SILENT_AFTER or not self._process_makes_progress:
             self._pid = None
             _log.error("the map's process hangs: it is killed")
-            os.kill(pid, signal.SIGKILL)
-
-    @property
-    def makes_progress(self) -> bool:
-        """No state has been on its way to those who see it for ten minutes."""
-        since_s = self._showing_since_s
-        return since_s is None or monotonic() - since_s < _STUCK_AFTER_S
+            with suppress(ProcessLookupError):  # it has just ended
+                os.kill(pid, signal.SIGKILL)
 
     def counters(self) -> dict[str, int]:
-        """As a MapWorker's, the memory of the process, and how often it was started again."""
+        """As a MapWorker's, memory and CPU of the process, and how often it was started again."""
         figures = dict.fromkeys(_FIGURES, 0) | self._figures
         figures["sweeps_waiting"] += len(self._waiting)
         return figures | self._counts
 
     def close(self) -> None:
-        """End the process, whatever it is at: it holds nothing that is not in the store."""
+        """End the process at once: it holds nothing that is not in the store."""
         self._closing.set()
         self._nursery.close()
         if self._thread.is_alive():
@@ -121,8 +128,12 @@ class RemoteMap:
             began_s = monotonic()
             try:
                 code = self._live(again=self._counts["map_restarts"] > 0)
-            except (RuntimeError, OSError):
-                if self._closing.is_set():
+            except StoreError as error:
+                self._troubles.begin(_ENDED, f"{error}; the map's process starts again when it can be read")
+                self._closing.wait(rest.after(0.0))
+                continue
+            except BaseException:
+                if self._closing.is_set():  # what it works with is being closed
                     return
                 raise
             if self._closing.is_set():
@@ -141,20 +152,18 @@ class RemoteMap:
         """One process, from its beginning to its end: its exit code. The first one gets what waits, each one that is
         begun ``again`` what is held.
         """
+        if again:
+            self._wait_with_all()
         connection, pid = self._nursery.begin()
-        self._heard_s, self._makes_progress = monotonic(), True
+        self._process_makes_progress = True
         with self._changed:
             self._connection = connection
-            if again:
-                self._waiting = Waiting()
-        if again:
-            self.take((), self._held())
         sender = threading.Thread(target=self._send_changes, args=(connection,), name="map-changes", daemon=True)
         sender.start()
         self._pid = pid
-        while (message := _next(connection)) is not None:
-            self._hear(connection, message)
-            self._heard_s = monotonic()
+        while (message := _receive(connection)) is not None:
+            self._received += 1
+            self._react(connection, message)
         self._pid = None
         with self._changed:
             self._connection = None
@@ -162,6 +171,21 @@ class RemoteMap:
         sender.join()
         connection.close()
         return self._nursery.ended()
+
+    def _wait_with_all(self) -> None:
+        """Have all that is held wait. What is taken while it is read may be in it or not: in both cases these changes
+        apply to it. Raises what ``held`` raises.
+        """
+        waiting, meanwhile = Waiting(), list[_Change]()
+        with self._changed:
+            self._meanwhile = meanwhile
+        try:
+            waiting.add((), self._held(), monotonic())
+        finally:
+            with self._changed:
+                for change in meanwhile:
+                    waiting.add(*change)
+                self._waiting, self._meanwhile = waiting, None
 
     def _send_changes(self, connection: Connection) -> None:
         self._send(connection, self._settings)
@@ -171,18 +195,17 @@ class RemoteMap:
                 if self._connection is not connection:
                     return
                 waiting, self._waiting = self._waiting, Waiting()
-            self._send(connection, Changed(waiting.left, list(waiting.entered.values())))
+                assert waiting.since_s is not None
+            self._send(connection, Changed(waiting.left, list(waiting.entered.values()), waiting.since_s))
 
     def _send(self, connection: Connection, message: object) -> None:
         with suppress(OSError), self._sending:  # a process that has ended is seen where it is read
             connection.send(message)
 
-    def _hear(self, connection: Connection, message: object) -> None:
+    def _react(self, connection: Connection, message: object) -> None:
         match message:
             case Beat(figures, makes_progress):
-                self._figures, self._makes_progress = figures, makes_progress
-                if figures.get("sweeps_waiting") == 0:  # all that is held is on its map
-                    self._troubles.end(_ENDED, "the map is there again, in a new process")
+                self._figures, self._process_makes_progress = figures, makes_progress
             case PackedState():
                 self._send(connection, self._shown(message.unpacked()))
             case Broke(readings, error):
@@ -194,19 +217,19 @@ class RemoteMap:
                 self._troubles.begin(kind, text, error)
 
     def _shown(self, state: MapState) -> Shown:
-        self._showing_since_s = monotonic()
+        self._shows = True
         try:
             self._show(state)
         except StoreError as error:
             return Shown(error)
-        else:
-            self._counts["contours"] += 1
         finally:
-            self._showing_since_s = None
+            self._received, self._shows = self._received + 1, False
+        self._counts["contours"] += 1
+        self._troubles.end(_ENDED, "the map is there again, in a new process")
         return Shown()
 
 
-def _next(connection: Connection) -> object | None:
+def _receive(connection: Connection) -> object | None:
     """The next message; None at the process's end."""
     try:
         return connection.recv()

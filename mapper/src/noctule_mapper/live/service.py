@@ -155,7 +155,10 @@ class LiveMapper:
             self._troubles.begin("store", self._store.damage)
         for unit, identity, reason in self._store.sweeps_set_aside()[-1:]:
             self._tell_set_aside(unit, identity, reason)
-        held = self._held()
+        read = [(sweep.unit, self._read(sweep)) for sweep in self._store.sweeps()]
+        for unit, found in read:
+            self._note(unit, found)
+        held = [found for _, found in read if isinstance(found, SweepReadings)]
         for readings in held:
             self._log.recall_sweep(readings)
         self._map.start(held)
@@ -183,22 +186,26 @@ class LiveMapper:
         self, sweeps: Sequence[Sweep], suspects: Sequence[Suspect]
     ) -> dict[Identity, tuple[Sweep, SweepReadings]]:
         """Those that can be mapped, with their readings, without those that the window would let go of at once: where
-        much has gathered in a log, that is nearly all, and to read them costs most of the time.
+        much has gathered in a log, that is nearly all, and to read them costs most of the time. So sweeps that can't be
+        mapped are noted where they were read, and not among the others.
         """
-        asked = dict[Identity, SweepReadings | None]()
+        asked = dict[Identity, SweepReadings | SweepError | None]()
 
         def is_usable(sweep: Sweep) -> bool:
             identity = identity_of(sweep)
             if identity not in asked:
                 left_out = identity in self._aside or any(suspect.has(sweep) for suspect in suspects)
-                asked[identity] = None if left_out else self._readings(sweep)
-            return asked[identity] is not None
+                asked[identity] = None if left_out else self._read(sweep)
+            return isinstance(asked[identity], SweepReadings)
 
         kept = lasting(sweeps, is_usable, self._settings.config.window.sweeps_per_place)
+        for sweep in sweeps:  # in the log's order, which is not the one in which they were asked for
+            if (found := asked.get(identity_of(sweep))) is not None:
+                self._note(sweep.unit, found)
         return {
             identity: (sweep, readings)
             for sweep in kept
-            if (readings := asked[identity := identity_of(sweep)]) is not None
+            if isinstance(readings := asked[identity := identity_of(sweep)], SweepReadings)
         }
 
     def _tell_suspects(self, unit: str, suspects: Sequence[Suspect], change: Change) -> None:
@@ -283,18 +290,23 @@ class LiveMapper:
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
 
     def _held(self) -> list[SweepReadings]:
-        """What the store holds."""
-        return [readings for sweep in self._store.sweeps() if (readings := self._readings(sweep)) is not None]
+        """What the store holds and can be mapped."""
+        read = map(self._read, self._store.sweeps())
+        return [found for found in read if isinstance(found, SweepReadings)]
 
-    def _readings(self, sweep: Sweep) -> SweepReadings | None:
-        """The sweep's readings; None if it can't be mapped."""
+    def _read(self, sweep: Sweep) -> SweepReadings | SweepError:
+        """The sweep's readings, or why it can't be mapped."""
         try:
-            readings = from_message(sweep, self._settings.config.mapper.sensor)
+            return from_message(sweep, self._settings.config.mapper.sensor)
         except SweepError as error:
-            self._refused.refuse(sweep.unit, error)
-            return None
-        self._refused.accept(sweep.unit)
-        return readings
+            return error
+
+    def _note(self, unit: str, found: SweepReadings | SweepError) -> None:
+        """Note for the status whether a sweep of ``unit`` can be mapped."""
+        if isinstance(found, SweepError):
+            self._refused.refuse(unit, found)
+        else:
+            self._refused.accept(unit)
 
     def _set_aside(self, readings: SweepReadings, error: MapProcessError) -> None:
         """Keep a sweep that broke the map off it, after a restart too."""

@@ -18,7 +18,7 @@ class Waiting:
     since_s: float | None = None
 
     def add(self, left: Sequence[Identity], entered: Sequence[SweepReadings], now_s: float) -> None:
-        """Have more wait."""
+        """Add changes that came at ``now_s`` (monotonic)."""
         self.left += [identity for identity in left if self.entered.pop(identity, None) is None]
         self.entered.update((readings.identity, readings) for readings in entered)
         self.since_s = now_s if self.since_s is None else self.since_s

@@ -137,7 +137,7 @@ def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str)
     """
     os.environ[systemd.SOCKET_VARIABLE] = heartbeat
     prefix = f"{settings.site}: "
-    nursery = Nursery(partial(run_map, log_format, prefix))
+    nursery = Nursery(run_map, log_format, prefix)
     ending = Ending()
     threading.Thread(target=_end_with_parent, args=(ending,), name="parent", daemon=True).start()
     run_process(partial(service.run, settings, nursery=nursery), log_format, ending, prefix)
