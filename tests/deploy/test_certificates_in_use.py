@@ -1,11 +1,11 @@
 """docs/pages/years.md rehearsed: certificates are renewed and revoked while the programs that use them run."""
 
-import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
+from deploy.mapper_store import stored_sweeps
 from deploy.secured_fleet import SecuredFleet, rendered
 from deploy.test_years import ran
 from system.processes import programs, wait_until
@@ -40,7 +40,7 @@ def test_certificates_of_running_programs_are_renewed_and_revoked_and_no_sweep_i
         def wait_for_stored(count: int) -> None:
             def enough() -> bool:
                 running.check()
-                return stored(maps) >= count
+                return stored_sweeps(maps / "house.sqlite3") >= count
 
             wait_until(enough, f"fewer than {count} sweeps are stored")
 
@@ -77,7 +77,7 @@ def test_certificates_of_running_programs_are_renewed_and_revoked_and_no_sweep_i
     assert len({sweep.log_id for sweep in log.sweeps}) == 1
     assert [sweep.log_sequence for sweep in log.sweeps] == list(range(1, SWEEPS + 1))
     assert [sweep.sequence for sweep in log.sweeps] == list(range(SWEEPS))
-    assert stored(maps) == SWEEPS
+    assert stored_sweeps(maps / "house.sqlite3") == SWEEPS
     assert (len(contour.walls), len(contour.corners), len(contour.cylinders)) == (5, 5, 1)
     ran("noctule-deploy", "check", fleet.file, "--out", fleet.place.out, "--ca", fleet.place.ca)
 
@@ -100,15 +100,3 @@ def routers(fleet: SecuredFleet) -> Iterator[Callable[[], None]]:
 def whole(contour: Contour | None) -> Contour | None:
     """The contour, if it rests on all sweeps."""
     return contour if contour is not None and contour.sweeps >= SWEEPS else None
-
-
-def stored(maps: Path) -> int:
-    """How many sweeps the mapper's store holds."""
-    store = maps / "house.sqlite3"
-    if not store.exists():
-        return 0
-    with closing(sqlite3.connect(f"file:{store}?mode=ro", uri=True)) as database:
-        try:
-            return database.execute("SELECT count(*) FROM sweep").fetchone()[0]
-        except sqlite3.OperationalError:  # the mapper is making it
-            return 0

@@ -3,13 +3,13 @@
 import base64
 import http.client
 import re
-import sqlite3
 import ssl
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from deploy.mapper_store import stored_sweeps
 from deploy.rendered_host import RenderedHost
 from mapper.rerun_relay import viewer
 from system.processes import PATIENCE_S, ROOT, free_ports, listens, programs, wait_until
@@ -122,18 +122,6 @@ def streams(port: int, wanted: bytes) -> bool:
     return True
 
 
-def stored(folder: Path) -> int:
-    """How many sweeps the mapper's store in ``folder`` holds."""
-    store = folder / "paper-room.sqlite3"
-    if not store.exists():
-        return 0
-    with closing(sqlite3.connect(f"file:{store}?mode=ro", uri=True)) as database:
-        try:
-            return database.execute("SELECT count(*) FROM sweep").fetchone()[0]
-        except sqlite3.OperationalError:  # the mapper is making it
-            return 0
-
-
 def refused(host: RenderedHost) -> set[str]:
     """The system calls that the units' filters have refused."""
     logs = (host.calls(service).read_text() for service in host.services())
@@ -163,7 +151,8 @@ def test_a_rendered_host_maps_its_site_and_serves_the_map_to_those_who_log_in(
 
         def up() -> bool:
             running.check()
-            return stored(data) >= 10 and listens(ports["page"]) and listens(ports["files"])
+            store = data / "paper-room.sqlite3"
+            return stored_sweeps(store) >= 10 and listens(ports["page"]) and listens(ports["files"])
 
         wait_until(up, "no sweeps are stored, or there is no page")
         check_page(ports["page"])

@@ -1,4 +1,4 @@
-"""No disk keeps a command from its unit, nor a gateway from its end: what can't be recorded is told."""
+"""No disk keeps a command from its unit, nor a gateway from its end: what can't be recorded is said in the status."""
 
 import os
 import resource

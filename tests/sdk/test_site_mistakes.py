@@ -1,4 +1,4 @@
-"""Mistakes in a site file: each is told by file, line, table and field, and all at once."""
+"""Mistakes in a site file: each is named by file, line, table and field, and all at once."""
 
 import pytest
 from hypothesis import given

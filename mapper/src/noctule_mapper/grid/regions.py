@@ -57,7 +57,7 @@ def contact_regions(echoes: Echoes, found: Contacts, config: GridConfig) -> Arcs
 
 
 def touched_by(echoes: Echoes, found: Contacts, config: GridConfig) -> tuple[object, ...]:
-    """What ``geometry.contact_arcs`` is told of the echoes."""
+    """The arguments of ``geometry.contact_arcs`` for the echoes."""
     at = echoes.x_m, echoes.y_m, echoes.range_m
     return found.kind, *at, found.direction_rad, echoes.sigma_m, config.epsilon_sigmas
 
@@ -73,7 +73,7 @@ def free_space(sweep: SweepReadings, config: GridConfig) -> Cones:
 
 
 def beams_of(sweep: SweepReadings, config: GridConfig) -> tuple[object, ...]:
-    """What ``geometry.beams`` is told of the sweep."""
+    """The arguments of ``geometry.beams`` for the sweep."""
     pose = sweep.x_m, sweep.y_m, sweep.heading_rad
     readings = np.ascontiguousarray(sweep.bearing_rad, float), np.ascontiguousarray(sweep.range_m, float)
     sensor = sweep.beam_width_rad, sweep.range_sigma_m or 0.0
