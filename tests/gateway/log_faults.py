@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from noctule_gateway.log.sweep_log import SweepLog
 SWEEPS = 90
 NAME = "u1.sqlite"
 _PATIENCE_S = 120.0
+_IN_MEMORY = Path("/dev/shm")
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,16 @@ def what_broke(left: KilledLog, folder: Path, random: Random) -> str:
     return f"{wrong} ({done})" if wrong else ""
 
 
-def faults(left: KilledLog, folder: Path, trials: int, seed: int) -> tuple[Counter[str], list[str]]:
-    """How often each kind of outcome came in ``trials`` with the seeds from ``seed`` on, and what was wrong."""
-    wrong = [what_broke(left, folder / "trial", Random(seed + trial)) for trial in range(trials)]
+def faults(trials: range) -> tuple[Counter[str], list[str]]:
+    """How often each kind of outcome came in the trials of these seeds, and what was wrong.
+
+    The files are in memory where the machine has such a folder: what a trial spoils has reached the disk, and on a disk
+    it would mostly wait.
+    """
+    with tempfile.TemporaryDirectory(dir=_IN_MEMORY if _IN_MEMORY.is_dir() else None) as name:
+        folder = Path(name)
+        left = killed_log(folder / "log")
+        wrong = [what_broke(left, folder / "trial", Random(seed)) for seed in trials]
     return Counter(text.partition(":")[0] or "right" for text in wrong), [text for text in wrong if text]
 
 

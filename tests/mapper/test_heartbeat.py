@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 
 from noctule.systemd import ServiceManager
-from noctule_mapper.sharing.heartbeat import Heartbeat
+from noctule_mapper.sharing.heartbeat import LONGEST_LOOK_S, Heartbeat
 
 
 @pytest.fixture
@@ -27,9 +27,17 @@ def test_a_mapper_that_makes_no_progress_is_silent_from_its_last_ping_on(heartbe
     manager.serving("all is well")
     assert heartbeat.silent_s(1000.0) == 0.0
     manager.serving("hangs", progress=False)
-    assert heartbeat.silent_s(1031.0) == 31.0
+    assert [heartbeat.silent_s(1000.0 + 0.5 * look) for look in range(1, 63)][-1] == 31.0
     manager.serving("all is well")
     assert heartbeat.silent_s(1032.0) == 0.0
+
+
+def test_a_pause_of_both_processes_counts_once_and_not_in_full(heartbeat: Heartbeat) -> None:
+    ServiceManager().serving("all is well")
+    heartbeat.silent_s(1000.0)
+    assert heartbeat.silent_s(1000.5) == 0.5
+    assert heartbeat.silent_s(9000.0) == 0.5 + LONGEST_LOOK_S
+    assert heartbeat.silent_s(9000.5) == 1.0 + LONGEST_LOOK_S
 
 
 def test_what_the_process_before_has_sent_is_forgotten(heartbeat: Heartbeat) -> None:

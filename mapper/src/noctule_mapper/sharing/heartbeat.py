@@ -4,6 +4,9 @@ import socket
 from contextlib import suppress
 
 _LONGEST = 4096  # bytes of a message
+# The most of the time between two looks that counts. Where it was longer, this process itself was kept from running, by
+# a pause of the whole host or of all its processes, and then nobody is late.
+LONGEST_LOOK_S = 1.0
 
 
 class Heartbeat:
@@ -13,18 +16,25 @@ class Heartbeat:
         self._receiver = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._receiver.bind("")  # the kernel chooses an abstract address, which begins with a zero byte
         self.address = "@" + self._receiver.getsockname()[1:].decode()
-        self._pinged_at_s: float | None = None
+        self._silent_s: float | None = None
+        self._looked_at_s = 0.0
 
     def begin(self) -> None:
         """Forget the process before."""
         self._messages()
-        self._pinged_at_s = None
+        self._silent_s = None
 
     def silent_s(self, now_s: float) -> float:
-        """How long ago the process last made progress; 0 until it is ready, which takes as long as its router does."""
+        """For how long the process has made no progress; 0 until it is ready, which takes as long as its router does.
+
+        Of the time between two calls LONGEST_LOOK_S counts at most.
+        """
         if any("WATCHDOG=1" in message.splitlines() for message in self._messages()):
-            self._pinged_at_s = now_s
-        return 0.0 if self._pinged_at_s is None else now_s - self._pinged_at_s
+            self._silent_s = 0.0
+        elif self._silent_s is not None:
+            self._silent_s += min(now_s - self._looked_at_s, LONGEST_LOOK_S)
+        self._looked_at_s = now_s
+        return self._silent_s or 0.0
 
     def close(self) -> None:
         """Listen no more."""

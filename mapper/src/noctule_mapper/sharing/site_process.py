@@ -25,7 +25,7 @@ from noctule_mapper.live.service import LiveSettings
 from noctule_mapper.sharing.heartbeat import Heartbeat
 
 _ASK_AGAIN_S = 0.5
-HANGS_AFTER_S = 30.0  # without progress
+HANGS_AFTER_S = 30.0  # without progress, while this process ran
 
 _log = logging.getLogger(__name__)
 
