@@ -1,9 +1,10 @@
-"""A process that is asked to end has ended within 5 s, whatever of it hangs."""
+"""A process that is asked to end has ended within 5 s, whatever of it hangs, and a program whatever its threads do."""
 
 import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import entry_points
 
 import pytest
 
@@ -75,3 +76,72 @@ def test_what_did_not_close_is_said_in_the_log() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1
     assert done.stderr == "not closed within 4 s: ended as it is; nothing stored is lost\n"
+
+
+# Zenoh's threads call Python for each sample, and never let it rest: without end_with() the interpreter's end waits for
+# them without end.
+SAMPLES_COME = """
+import threading, time, zenoh
+alone = '{mode: "peer", scouting: {multicast: {enabled: false}}, listen: {endpoints: []}}'
+session = zenoh.open(zenoh.Config.from_json5(alone))
+came = threading.Event()
+subscriber = session.declare_subscriber("noise", lambda _: came.set())
+def flood():
+    while True:
+        session.put("noise", b"x")
+threading.Thread(target=flood, daemon=True).start()
+came.wait()
+"""
+PROGRAMS = ("noctule", "noctule-deploy", "noctule-gateway", "noctule-mapper", "noctule-viewer")
+
+
+def run(program: str) -> subprocess.CompletedProcess[str]:
+    """A process that never ends is killed, which raises."""
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_a_program_ends_though_native_threads_want_the_interpreter(name: str) -> None:
+    (script,) = entry_points(group="console_scripts", name=name)
+    module, function = script.value.split(":")
+    call = f"import sys\nfrom {module} import {function}\nsys.argv = ['{name}', '--version']\n{function}()"
+    done = run(SAMPLES_COME + call)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"{name} ")
+
+
+@pytest.mark.parametrize(
+    ("program", "status", "said"),
+    [
+        ("pass", 0, ""),
+        ("sys.exit()", 0, ""),
+        ("sys.exit(3)", 3, ""),
+        ("sys.exit('it is broken')", 1, "it is broken\n"),
+        ("raise KeyboardInterrupt", 130, "KeyboardInterrupt"),
+        ("raise ValueError('no number')", 1, "ValueError: no number"),
+    ],
+)
+def test_a_program_has_the_status_that_python_gives_and_loses_no_output(program: str, status: int, said: str) -> None:
+    done = run(
+        "import atexit, logging, logging.handlers, sys\n"
+        "from noctule.ending import end_with\n"
+        "atexit.register(print, 'at exit')\n"
+        "late = logging.handlers.MemoryHandler(100, target=logging.StreamHandler())\n"
+        "logging.basicConfig(level='INFO', handlers=[late])\n"
+        "logging.info('a line that is still held')\n"
+        "print('printed')\n"
+        f"def program():\n    {program}\n"
+        "end_with(program)"
+    )
+    assert done.returncode == status
+    assert said in done.stderr and done.stderr.count("a line that is still held") == 1
+    assert done.stdout == "printed\nat exit\n"
+
+
+def test_output_for_which_the_disk_has_no_room_is_no_success() -> None:
+    done = run(
+        "import sys; from noctule.ending import end_with\n"
+        "sys.stdout = open('/dev/full', 'w')\n"
+        "end_with(lambda: print('lost'))"
+    )
+    assert done.returncode == 120

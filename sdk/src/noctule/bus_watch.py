@@ -6,7 +6,7 @@ connection to a router and every ten minutes, and takes a second or two; in betw
 
 import logging
 import threading
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +26,7 @@ AGAIN_S, AGAIN_WHILE_WRONG_S = 600.0, 20.0
 LOST_AFTER_S = 3.0  # a router that is started again is back by then
 _COMPARE_EVERY_S = 0.1  # so that no state that is published each second is passed over
 _LISTED = 5
+_MOST_STATES = 100_000  # of a key, in the seconds of a look: its own service publishes ten
 
 _log = logging.getLogger(__name__)
 
@@ -123,17 +124,16 @@ class BusWatch:
         """The keys on which something was published and did not come back; None where too little was to say."""
         publishers = {each.key: each for each in self._publishers() if each.last is not None}
         before = {key: each.last for key, each in publishers.items()}
-        published: defaultdict[str, set[bytes]] = defaultdict(set)
-        received: defaultdict[str, set[bytes]] = defaultdict(set)
+        # Hashes, and of these keys alone: whatever others publish meanwhile is not kept.
+        published: dict[str, set[int]] = {key: set() for key in publishers}
+        received: dict[str, set[int]] = {key: set() for key in publishers}
         waited: Counter[str] = Counter()
         for expression in sorted({keys.of_all(key) for key in publishers}):
-            reader.declare_subscriber(
-                expression, lambda sample: received[str(sample.key_expr)].add(sample.payload.to_bytes())
-            )
+            reader.declare_subscriber(expression, lambda sample: _note(sample, received))
         for _ in range(_LOOKS):
             for key, each in list(publishers.items()):
                 if each.last != before[key]:  # what was put before the reader came says nothing
-                    published[key].add(each.last or b"")
+                    published[key].add(hash(each.last or b""))
                     waited[key] += 1
                 if published[key] & received[key].copy():
                     del publishers[key]
@@ -159,3 +159,9 @@ class BusWatch:
             _log.info("what is published is read again")
         self._said = self._said | {trouble} if trouble else set()
         self._trouble = trouble
+
+
+def _note(sample: zenoh.Sample, received: dict[str, set[int]]) -> None:
+    hashes = received.get(str(sample.key_expr))
+    if hashes is not None and len(hashes) < _MOST_STATES:
+        hashes.add(hash(sample.payload.to_bytes()))

@@ -254,7 +254,7 @@ class Client:
         subscriber = self._declare_subscriber(key, state.on_published)
         try:
             for sample in self._ask(key):
-                self._delivery.put(partial(state.on_present, sample))
+                self._put(state.on_present, sample)
         except BusError as error:
             _log.warning("the present of %s is not known until it is next published: %s", key, error)
         # A state that was published during an outage comes by no subscription. Its publisher, which answers for it,
@@ -271,7 +271,7 @@ class Client:
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                self._delivery.put(partial(state.on_present, reply.ok))
+                self._put(state.on_present, reply.ok)
 
         self.session.get(key, on_reply, timeout=QUERY_TIMEOUT_S, consolidation=zenoh.ConsolidationMode.NONE)
         return False  # nothing was delivered yet
@@ -294,7 +294,10 @@ class Client:
         return self._keep(self._declare_subscriber(key, deliver))
 
     def _declare_subscriber(self, key: str, deliver: Callable[[zenoh.Sample], bool]) -> zenoh.Subscriber:
-        return self.session.declare_subscriber(key, lambda sample: self._delivery.put(partial(deliver, sample)))
+        return self.session.declare_subscriber(key, lambda sample: self._put(deliver, sample))
+
+    def _put(self, deliver: Callable[[zenoh.Sample], bool], sample: zenoh.Sample) -> None:
+        self._delivery.put(partial(deliver, sample), len(sample.payload))
 
     def _keep(self, *parts: Declared) -> Subscription:
         subscription = Subscription(*parts, forget=lambda ended: self._subscriptions.pop(ended, None))

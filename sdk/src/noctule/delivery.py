@@ -7,23 +7,37 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 
+HELD_BYTES = 2**28  # of messages that wait; the largest grid that rooms have is a tenth of it
+
 _log = logging.getLogger(__name__)
 
 
 class Delivery:
-    """Runs what it is given, in order, on one thread; what finds the queue full is dropped and counted."""
+    """Runs what it is given, in order, on one thread; what finds the queue full is dropped and counted.
 
-    def __init__(self, name: str, capacity: int) -> None:
-        self._queue: queue.Queue[Callable[[], bool] | None] = queue.Queue(capacity)
+    It is full with ``capacity`` calls, or where their messages have ``most_bytes`` together.
+    """
+
+    def __init__(self, name: str, capacity: int, most_bytes: int = HELD_BYTES) -> None:
+        self._queue: queue.Queue[tuple[Callable[[], bool], int] | None] = queue.Queue(capacity)
+        self._most_bytes, self._bytes = most_bytes, 0
+        self._counting = threading.Lock()
         self._counts: Counter[str] = Counter(delivered=0, dropped=0, failed=0)
         self._closed = False
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def put(self, call: Callable[[], bool]) -> None:
-        """Have ``call`` made soon, which returns whether it delivered anything; never waits."""
+    def put(self, call: Callable[[], bool], size_bytes: int = 0) -> None:
+        """Have ``call`` made soon, which returns whether it delivered anything; never waits.
+
+        ``size_bytes`` is that of its message. One message always has room: who is called says whether it is too large.
+        """
         try:
-            self._queue.put_nowait(call)
+            with self._counting:
+                if self._bytes and self._bytes + size_bytes > self._most_bytes:
+                    raise queue.Full
+                self._queue.put_nowait((call, size_bytes))
+                self._bytes += size_bytes
         except queue.Full:
             self._counts["dropped"] += 1
             if self._counts["dropped"] == 1:
@@ -45,7 +59,10 @@ class Delivery:
         self._thread.join()
 
     def _run(self) -> None:
-        while (call := self._queue.get()) is not None and not self._closed:
+        while (waiting := self._queue.get()) is not None and not self._closed:
+            call, size_bytes = waiting
+            with self._counting:
+                self._bytes -= size_bytes
             try:
                 self._counts["delivered"] += call()
             except Exception:  # a panic of Zenoh is none, breaks the session for good, and so ends the thread

@@ -1,15 +1,26 @@
-"""Ends a service within 5 s of SIGTERM or SIGINT, whatever of it hangs: a router, a disk, a line, its own log."""
+"""How a process of Noctule ends: a service within 5 s of SIGTERM or SIGINT, whatever of it hangs (a router, a disk, a
+line, its own log), and every program without the end of the interpreter.
 
+That end is no place for threads of native code (Zenoh, Rerun). One that wants the interpreter meanwhile is ended by it
+in the midst of Rust's frames, and the process aborts ("FATAL: exception not rethrown") or never ends.
+"""
+
+import atexit
 import faulthandler
 import logging
 import os
 import signal
+import sys
 import threading
+from collections.abc import Callable
+from typing import NoReturn
 
 CLOSE_WITHIN_S = 4.0  # for the service to close what it has open
 _LOG_WITHIN_S = 0.5  # and then to say that it did not manage to
 _KILLED_AFTER_S = 4.8
 NOT_CLOSED = 1  # the exit status then
+_STOPPED = 130  # by Ctrl-C
+_OUTPUT_LOST = 120  # as Python has it
 
 _log = logging.getLogger(__name__)
 
@@ -51,6 +62,43 @@ class Ending:
         while os.read(woken, 1)[0] not in (signal.SIGTERM, signal.SIGINT):
             pass
         self.begin()
+
+
+def end_with(program: Callable[[], object]) -> NoReturn:
+    """Run ``program`` and end the process with the status that Python would give it, 130 after Ctrl-C.
+
+    For the function that a command's script calls. What Python does at its end is done, but the end of the interpreter
+    and the wait for threads: what a program has begun it closes itself.
+    """
+    status = _status_of(program)
+    atexit._run_exitfuncs()
+    leave(status)
+
+
+def leave(status: int) -> NoReturn:
+    """End this process, when all that matters is closed. What was logged and printed is written out."""
+    logging.shutdown()
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None and not stream.closed:
+            try:
+                stream.flush()
+            except OSError:
+                status = status or _OUTPUT_LOST
+    os._exit(status)
+
+
+def _status_of(program: Callable[[], object]) -> int:
+    try:
+        program()
+    except SystemExit as end:
+        if end.code is None or isinstance(end.code, int):
+            return end.code or 0
+        print(end.code, file=sys.stderr)
+        return 1
+    except BaseException as error:
+        sys.excepthook(type(error), error, error.__traceback__)
+        return _STOPPED if isinstance(error, KeyboardInterrupt) else 1
+    return 0
 
 
 def _give_up() -> None:

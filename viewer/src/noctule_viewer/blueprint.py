@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from noctule import rerun_paths
+from noctule.ending import end_with
 
 # Rerun's own time of logging: in it a site, a simulated one that runs faster and a replayed survey are all live.
 _WATCHED = "log_time"
@@ -82,5 +83,9 @@ def _recent() -> rrb.VisibleTimeRange:
     )
 
 
+def _send(url: str) -> None:
+    blueprint().connect_grpc(rerun_paths.APPLICATION_ID, url=url, make_active=True, make_default=True)
+
+
 if __name__ == "__main__":
-    blueprint().connect_grpc(rerun_paths.APPLICATION_ID, url=sys.argv[1], make_active=True, make_default=True)
+    end_with(lambda: _send(sys.argv[1]))

@@ -5,10 +5,11 @@ for that.
 """
 
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
+from noctule.ending import end_with
 from noctule.errors import NoctuleError
 from noctule.program_options import version_option
 from noctule_deploy.cli.certificates import render, renew, revoke
@@ -19,6 +20,11 @@ from noctule_deploy.cli.status import status
 from noctule_deploy.errors import FleetFileError
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+
+
+def program() -> NoReturn:
+    """The whole process."""
+    end_with(main)
 
 
 def main() -> None:

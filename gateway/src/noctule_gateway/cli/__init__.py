@@ -4,10 +4,11 @@ A command loads what it works with when it is called, in its own function, so th
 for that.
 """
 
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
+from noctule.ending import end_with
 from noctule.program_options import version_option
 from noctule_gateway.cli.data import backup, check, repair
 from noctule_gateway.cli.router import router
@@ -24,3 +25,8 @@ def main(_version: Annotated[bool, version_option("noctule-gateway")] = False) -
 
 for _command in (run, router, update, repair, check, backup):
     app.command()(_command)
+
+
+def program() -> NoReturn:
+    """The whole process."""
+    end_with(app)

@@ -72,7 +72,6 @@ def serve(site_file: Path, data: Path, name: str, retention: Retention, access: 
         gateway.close()
         if session is not None:
             session.close()
-        # Python's own end can say nothing any more, and is cut off too where it takes long.
         _log.info("stopped")
 
 

@@ -1,13 +1,12 @@
 """The live mapper as a process: its signals, its log, and how it ends. It never goes on with a part of it dead."""
 
 import logging
-import os
 import threading
 from collections.abc import Callable
 from typing import NoReturn
 
 from noctule import logs
-from noctule.ending import Ending
+from noctule.ending import Ending, leave
 from noctule.errors import NoctuleError
 from noctule.threads import FAILED, end_process_when_one_fails
 
@@ -37,6 +36,6 @@ def run_process(
     except BaseException:  # Zenoh's PanicException is no Exception
         _log.critical("the mapper has failed; a new start checks its store and goes on from it", exc_info=True)
         status = FAILED
-    # All that matters is closed. On its way out Rerun's SDK would wait without end for a relay that takes nothing.
-    logging.shutdown()
-    os._exit(status)
+    # All that matters is closed. What Rerun's SDK has registered with atexit would wait without end for a relay that
+    # takes nothing.
+    leave(status)

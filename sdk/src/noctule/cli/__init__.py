@@ -12,6 +12,7 @@ except ModuleNotFoundError as error:
 
 from noctule import threads
 from noctule.cli import ask, command, doctor, import_scan, record, replay, show, unit_report, update
+from noctule.ending import end_with
 from noctule.errors import NoctuleError, SiteFileError
 from noctule.logs import StderrHandler, TextFormatter
 from noctule.plain_text import plain
@@ -31,6 +32,11 @@ commands.add_typer(command.rpc, name="rpc")
 @commands.callback()
 def _noctule(_version: Annotated[bool, version_option("noctule")] = False) -> None:
     """Look at a Noctule site, record and replay it, ask its units."""
+
+
+def program() -> NoReturn:
+    """The whole process."""
+    end_with(app)
 
 
 def app() -> None:

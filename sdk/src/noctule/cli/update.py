@@ -1,7 +1,5 @@
 """The command that gives a site's units new firmware, group by group."""
 
-import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +7,7 @@ import typer
 
 from noctule.campaign.campaign import Campaign, Rules
 from noctule.cli.options import DEFAULT_CONNECT, Connect
+from noctule.ending import leave
 from noctule.program_options import Tls
 
 SOME_LACK_IT, HALTED, STOPPED = 1, 3, 130  # exit status
@@ -55,8 +54,7 @@ def update(
         print_results(campaign, as_json)
         if stopped:
             # Threads still wait for gateways over the session, which can't be closed under them.
-            sys.stdout.flush()
-            os._exit(STOPPED)
+            leave(STOPPED)
     if campaign.halted:
         raise typer.Exit(HALTED)
     if not all(each.runs_the_image for each in campaign.results()):

@@ -4,10 +4,11 @@ A command loads what it works with when it is called, in its own function, so th
 for that.
 """
 
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
+from noctule.ending import end_with
 from noctule.program_options import version_option
 from noctule_viewer.cli.recordings import days, open_
 from noctule_viewer.cli.run import run
@@ -23,3 +24,8 @@ def main(_version: Annotated[bool, version_option("noctule-viewer")] = False) ->
 app.command()(run)
 app.command("open")(open_)
 app.command()(days)
+
+
+def program() -> NoReturn:
+    """The whole process."""
+    end_with(app)

@@ -14,6 +14,7 @@ import pyarrow
 import rerun as rr
 from rerun.chunk import Chunk, RrdReader
 
+from noctule.ending import end_with
 from noctule_viewer.recordings import rrd_file
 
 _TIME = "log_time"
@@ -59,4 +60,4 @@ def _end_ns(batch: pyarrow.RecordBatch) -> int:
 
 
 if __name__ == "__main__":
-    restore(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]))
+    end_with(lambda: restore(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])))
