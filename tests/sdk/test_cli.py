@@ -193,7 +193,8 @@ def test_units_are_json_lines_on_demand(noctule):
 def test_without_a_router_a_command_says_so_and_fails(noctule, endpoint):
     code, _, err = finish(noctule("units", "room"))
     assert code == 1
-    assert err == f"noctule: no router answers at {endpoint}: start one, or name another endpoint\n"
+    start_one = "start one, such as noctule-gateway run SITE.toml --data FOLDER, or name another endpoint"
+    assert err == f"noctule: no router answers at {endpoint}: {start_one}\n"
 
 
 @pytest.mark.usefixtures("site")
