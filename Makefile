@@ -70,7 +70,7 @@ packages-run packages-test:
 
 # The demo needs a third of what the tests need; what is there already stays.
 setup-demo: SYNC := --inexact --no-default-groups --group demo
-setup-demo: export SIZE := 450 MB
+setup-demo: export SIZE := 390 MB
 
 # The lock file decides every version; the simulator is built again when its sources change.
 setup setup-demo: $(UV)
@@ -79,7 +79,7 @@ setup setup-demo: $(UV)
 firmware: setup
 firmware-demo: setup-demo
 firmware firmware-demo:
-	@$(MAKE) --no-print-directory -C firmware
+	@$(MAKE) --no-print-directory --silent -C firmware
 
 .tools/bin/uv:
 	@echo "Fetching uv, which fetches the packages (25 MB)"

@@ -1,5 +1,6 @@
 #!/bin/sh
-# sync.sh UV ARGUMENT...: install what the lock file says into .venv, the simulator as simulator.sh finds it.
+# sync.sh UV ARGUMENT...: install what the lock file says into .venv, the simulator as simulator.sh finds it. Says what
+# it does where there is anything to do. SIZE is what all of it is.
 set -eu
 
 uv=$1
@@ -12,12 +13,12 @@ if [ "$simulator" != build ]; then
     esac
     set -- --no-install-package noctule-sim "$@"
 fi
-if [ -d .venv ]; then
+if [ -e .venv/simulator-sources ] && "$uv" sync --locked --quiet --check "$@" >/dev/null 2>&1; then
     set -- --quiet "$@"
 elif [ "$simulator" = build ]; then
-    echo "Fetching Python packages (${SIZE:-900 MB}) and building the simulator: two to three minutes"
+    echo "Fetching Python packages (${SIZE:-900 MB} where none is here yet) and building the simulator: up to three minutes"
 else
-    echo "Fetching Python packages (${SIZE:-900 MB}): one to two minutes"
+    echo "Fetching Python packages (${SIZE:-900 MB} where none is here yet): up to two minutes"
 fi
 "$uv" sync --locked "$@"
 case $simulator in

@@ -167,6 +167,26 @@ def test_a_simulator_that_is_not_built_is_not_removed_with_what_the_lock_file_do
     assert "--inexact" not in synced(project, without_rust)
 
 
+def test_the_set_up_says_what_it_fetches_unless_all_is_there(project: Path, without_rust: dict[str, str]) -> None:
+    uv = project / "uv"
+    uv.write_text("#!/bin/sh\n[ -e whole ] && exit\ncase $* in *--check*) exit 1 ;; esac\n")
+    uv.chmod(0o755)
+    environment = without_rust | {"SIZE": "387 MB"}
+    install(project, sources(project))
+    (project / ".venv/simulator-sources").unlink()  # the first set-up was cut off
+
+    def said() -> str:
+        ended = run(project, environment, "sh", "deploy/sync.sh", "./uv")
+        assert ended.returncode == 0, ended.stderr
+        return ended.stdout
+
+    cargo(without_rust, "echo cargo 1.88.0 today")
+    assert said().startswith("Fetching Python packages (387 MB where none is here yet) and building the simulator")
+    assert said().startswith("Fetching Python packages")  # those of the tests are missing, after those of the demo
+    (project / "whole").touch()
+    assert said() == ""
+
+
 @pytest.mark.soak
 def test_the_set_up_of_the_demo_installs_the_wheel(tmp_path: Path, without_rust: dict[str, str]) -> None:
     """With all else from uv's cache, which holds what the project's own environment has."""

@@ -1,15 +1,16 @@
 """What the mapper shows, read back as a viewer is sent it."""
 
+import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
 
-import cv2
 import numpy as np
 import pytest
 from mapper.rerun_relay import Viewer, relay, viewer
+from PIL import Image
 
 from noctule import rerun_paths
 from noctule.messages_pb2 import (
@@ -170,9 +171,7 @@ def test_a_tile_is_an_image_that_stands_where_the_tile_is(shown: tuple[RerunLog,
     log.show_tiles([tile])
     assert watching.values(path, "Transform3D:translation") == [[pytest.approx([-1.28, 2.56, 0.0])]]
     ((png,),) = watching.values(path, "EncodedImage:blob")
-    image = cv2.imdecode(np.array(png, np.uint8), cv2.IMREAD_UNCHANGED)
-    assert image is not None
-    occupied_alpha, unknown_alpha = image[0, :, 3]
+    occupied_alpha, unknown_alpha = alphas([png])
     assert occupied_alpha == 240
     assert unknown_alpha == 0
 
@@ -195,9 +194,7 @@ def test_free_space_beyond_a_wall_is_dark_once_the_wall_is_found_and_occupied_ce
 
 
 def alphas(blob: list) -> list[int]:
-    image = cv2.imdecode(np.array(blob[0], np.uint8), cv2.IMREAD_UNCHANGED)
-    assert image is not None
-    return image[0, :, 3].tolist()
+    return np.array(Image.open(io.BytesIO(bytes(blob[0]))))[0, :, 3].tolist()
 
 
 def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(shown: tuple[RerunLog, Viewer]) -> None:

@@ -7,7 +7,9 @@ import re
 import signal
 import subprocess
 import sys
+import termios
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -33,6 +35,7 @@ from noctule.replay import Replay
 
 EXAMPLE = Path(__file__).parents[2] / "sdk" / "examples" / "watch_walls.py"
 TIMEOUT_S = 120.0
+NOCTULE = (sys.executable, "-c", "from noctule.cli import app; app()")
 
 
 def sweeps(count=3):
@@ -72,10 +75,10 @@ def start(endpoint):
     """Starts the command; whatever still runs at the end is killed."""
     running = []
 
-    def start(*command):
+    def start(*command, stdin=None, stdout=subprocess.PIPE):
         environment = os.environ | {"NOCTULE_CONNECT": endpoint, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
         running.append(
-            subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            subprocess.Popen(command, env=environment, stdin=stdin, stdout=stdout, stderr=subprocess.PIPE, text=True)
         )
         return running[-1]
 
@@ -87,7 +90,7 @@ def start(endpoint):
 
 @pytest.fixture
 def noctule(start):
-    return lambda *arguments: start(sys.executable, "-c", "from noctule.cli import app; app()", *map(str, arguments))
+    return lambda *arguments: start(*NOCTULE, *map(str, arguments))
 
 
 def finish(process):
@@ -145,6 +148,24 @@ def test_units_of_a_site_file_shows_those_that_nobody_serves(noctule, tmp_path):
     assert "none" in missing and "not served" in missing
 
 
+@pytest.mark.usefixtures("site")
+def test_units_cuts_no_word_on_a_narrow_terminal(start):
+    ours, theirs = os.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    process = start("env", "--unset=COLUMNS", *NOCTULE, "units", "room", stdin=theirs, stdout=theirs)
+    os.close(theirs)
+    shown = b""
+    with suppress(OSError):  # so Linux says that nobody holds the other end any more
+        while more := os.read(ours, 65536):
+            shown += more
+    os.close(ours)
+    assert finish(process)[0] == 0
+    words = re.sub(r"\x1b\[[\d;]*m", "", shown.decode())
+    assert "sweeping" in words and "replay" in words and time.strftime("%Y-%m-%d %H:%M") in words
+    assert "\u2026" not in words and max(map(len, words.splitlines())) <= 80
+    assert "A wider terminal, or --json, shows also: " in words
+
+
 @pytest.mark.usefixtures("router")
 def test_units_of_an_empty_site_asks_for_the_gateway(noctule):
     code, _, err = finish(noctule("units", "hall"))
@@ -172,7 +193,8 @@ def test_units_are_json_lines_on_demand(noctule):
 def test_without_a_router_a_command_says_so_and_fails(noctule, endpoint):
     code, _, err = finish(noctule("units", "room"))
     assert code == 1
-    assert err == f"noctule: no router answers at {endpoint}: start one, or name another endpoint\n"
+    start_one = "start one, such as noctule-gateway run SITE.toml --data FOLDER, or name another endpoint"
+    assert err == f"noctule: no router answers at {endpoint}: {start_one}\n"
 
 
 @pytest.mark.usefixtures("site")

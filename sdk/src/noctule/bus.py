@@ -1,6 +1,7 @@
 """The bus as Noctule uses it: sessions, states that a late joiner can ask for, and the messages' schemas."""
 
 import logging
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -12,7 +13,17 @@ import zenoh
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
-from noctule import bus_config, endpoints, keys, messages_pb2, own_addresses, reachability, silent_ends, tls
+from noctule import (
+    bus_config,
+    endpoints,
+    keys,
+    messages_pb2,
+    own_addresses,
+    port_holder,
+    reachability,
+    silent_ends,
+    tls,
+)
 from noctule.bus_config import CONFIG_VARIABLE, DEFAULT_ROUTER
 from noctule.errors import BusError
 
@@ -77,8 +88,15 @@ def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.S
         return zenoh.open(config)
     except zenoh.ZError as error:
         name = f" as {identity.common_name}" if identity else ""
-        reason = str(error).split(" at /")[0]  # what follows is a place in Zenoh's source
-        raise BusError(f"can't be a router on {endpoints.shown(listen)}{name}: {reason}") from error
+        raise BusError(f"can't be a router on {endpoints.shown(listen)}{name}: {_why_no_listener(error)}") from error
+
+
+def _why_no_listener(error: zenoh.ZError) -> str:
+    reason = str(error).split(" at /")[0]  # what follows is a place in Zenoh's source
+    if taken := re.search(r":(\d+): Address already in use", reason):
+        holder = port_holder.holder_of(int(taken[1]))
+        return f"port {taken[1]} is in use by {holder}: stop that, or name another port"
+    return reason
 
 
 def _open_client(

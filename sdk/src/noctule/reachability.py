@@ -9,7 +9,7 @@ from noctule import endpoints, tls
 
 _KNOCK_S = 1.0
 _REFUSAL_S = 0.5  # TLS 1.3 refuses a client's certificate only after the handshake
-_NOTHING_THERE = "start one, or name another endpoint"
+_NOTHING_THERE = "start one, such as noctule-gateway run SITE.toml --data FOLDER, or name another endpoint"
 
 
 def why_no_router(connect: Sequence[str], identity: tls.Identity | None) -> str:

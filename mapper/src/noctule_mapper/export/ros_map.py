@@ -4,8 +4,8 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
+from scipy import ndimage
 
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Contour
@@ -142,7 +142,7 @@ def _solid(contour: Contour, canvas: OccupancyMap) -> np.ndarray:
 
 def _open_to(places_m: np.ndarray, solid: np.ndarray, canvas: OccupancyMap) -> np.ndarray:
     """Which cells can be got to from ``places_m`` and not through a ``solid`` one; all where no place is on the map."""
-    _, region = cv2.connectedComponents((~solid).astype(np.uint8), connectivity=4)
+    region = ndimage.label(~solid)[0]  # cells that share a side are of one region
     column, row = np.floor((places_m - (canvas.x_m, canvas.y_m)) / canvas.cell_m).astype(int).T
     on_map = (row >= 0) & (row < solid.shape[0]) & (column >= 0) & (column < solid.shape[1])
     regions = np.setdiff1d(region[row[on_map], column[on_map]], 0)  # 0 is the solid cells

@@ -6,11 +6,13 @@ import numpy as np
 from numba import f8, i8, njit, types
 
 from noctule_mapper.contacts.voting import Kind
-from noctule_mapper.grid import regions
+from noctule_mapper.grid import compiling, regions
 
 _NO_CONTACT = int(Kind.NONE)
 _READ, _KINDS = (types.Array(of, 1, "A", readonly=True) for of in (f8, i8))
 TIE_CELLS = 1e-6  # a cell so near the edge of a cone is inside
+
+compiling.announce()
 
 
 _epsilon_m = njit("f8(f8, f8, f8)", cache=True)(regions.bounded_epsilon_m)

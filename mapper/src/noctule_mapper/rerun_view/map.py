@@ -1,11 +1,12 @@
 """How the map looks in the viewer, on a dark background: readings and messages to entity paths and archetypes."""
 
+import io
 from collections.abc import Mapping, Sequence
 from math import cos, sin
 
-import cv2
 import numpy as np
 import rerun as rr
+from PIL import Image
 
 from noctule import keys, poses, rerun_paths
 from noctule.messages_pb2 import (
@@ -236,5 +237,6 @@ def _png(tile: GridTile, seen: Sight | None) -> bytes:
     colour = (free[..., None] * _FREE + occupied[..., None] * _OCCUPIED) / known[..., None]
     alpha = 255.0 * np.clip(0.55 * free + occupied, 0.0, 1.0)
     rgba = np.dstack([colour, alpha]).astype(np.uint8)
-    _, png = cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA))
-    return png.tobytes()
+    png = io.BytesIO()
+    Image.fromarray(rgba).save(png, "PNG", compress_level=1)
+    return png.getvalue()

@@ -6,8 +6,8 @@ The grid itself stays as it was fused. Only the picture of its free space ends a
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
+from PIL import Image, ImageDraw
 
 from noctule.messages_pb2 import Contour, GridTile
 
@@ -17,7 +17,6 @@ _WALL_ENDS_M = 0.03  # walls that meet leave gaps as wide as their errors
 _BEYOND_CELLS = 0.5  # the cell in which a wall lies is part of the room
 _PLACES_APART_M = 0.1
 _MOST_PLACES = 60
-_SUBPIXEL_BITS = 4
 
 
 @dataclass(frozen=True)
@@ -36,10 +35,11 @@ class Sight:
         """(rows, columns) bool: the tile's cells whose centres are seen from somewhere."""
         corner_m = np.array([tile.x_m, tile.y_m])
         pixels = (self.outlines_m - corner_m) / tile.cell_m - 0.5
-        image = np.zeros((tile.rows, tile.columns), np.uint8)
-        for outline in np.rint(pixels * 2**_SUBPIXEL_BITS).astype(np.int32):
-            cv2.fillPoly(image, [outline], 1, shift=_SUBPIXEL_BITS)
-        return image.astype(bool)
+        image = Image.new("1", (tile.columns, tile.rows))
+        draw = ImageDraw.Draw(image)
+        for outline in pixels:
+            draw.polygon(outline.ravel().tolist(), fill=1)
+        return np.array(image)
 
 
 def sight(contour: Contour, places_m: Iterable[tuple[float, float]], cell_m: float) -> Sight | None:

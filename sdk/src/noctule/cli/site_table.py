@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import typer
 from google.protobuf.message import Message
+from rich.cells import cell_len
 from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
@@ -28,6 +29,20 @@ from noctule.unit_list import UnitRow
 
 M = TypeVar("M", bound=Message)
 _WIDEST = 1000
+_COLUMNS: tuple[str, ...] = (
+    "unit",
+    "gateway",
+    "state",
+    "since",
+    "log",
+    "firmware",
+    "serial",
+    "boot",
+    "clock error",
+    "detail",
+)
+_NEEDED_LEAST: tuple[str, ...] = ("boot", "serial", "clock error", "firmware", "log", "gateway", "since")
+_LEAST_DETAIL = 24
 _LOOK_EVERY_S = 1.0
 _UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
 
@@ -44,12 +59,15 @@ def show_site(site: str, connect: list[str], tls: Path | None, json: bool, goes_
             for row in seen.rows:
                 typer.echo(_json(row))
         elif goes_on:
-            with awake.told_to_end() as over, Live(seen.unwell_first().shown(), auto_refresh=False) as live:
+            console = Console()
+            first = seen.unwell_first().shown(console.width)
+            with awake.told_to_end() as over, Live(first, console=console, auto_refresh=False) as live:
                 while not over.wait(_LOOK_EVERY_S):
-                    live.update(_Seen.of(client, file, pool).unwell_first().shown(), refresh=True)
+                    live.update(_Seen.of(client, file, pool).unwell_first().shown(console.width), refresh=True)
         else:
             # A reader that is no terminal gets whole lines.
-            Console(width=None if sys.stdout.isatty() else _WIDEST).print(seen.shown())
+            console = Console(width=None if sys.stdout.isatty() else _WIDEST)
+            console.print(seen.shown(console.width))
 
 
 @dataclass(frozen=True)
@@ -71,9 +89,9 @@ class _Seen:
         """A terminal that is too small cuts off the end."""
         return _Seen(sorted(self.rows, key=_is_well), self.services)
 
-    def shown(self) -> Group:
-        """The table of units, and that of services where there are any."""
-        return Group(_table(self.rows), *([_service_table(self.services)] if self.services else []))
+    def shown(self, width: int) -> Group:
+        """The table of units, and that of services where there are any, in ``width`` columns of a terminal."""
+        return Group(*_unit_table(self.rows, width), *([_service_table(self.services)] if self.services else []))
 
 
 def _told(ask: Callable[[], list[M]]) -> list[M]:
@@ -88,14 +106,32 @@ def _is_well(row: UnitRow) -> bool:
     return row.status is not None and row.status.state not in _UNWELL and not row.status.faults
 
 
-def _table(rows: list[UnitRow]) -> Table:
-    table = Table("unit", "gateway", "state", "since", "log", "firmware", "serial", "boot", "clock error", "detail")
-    for row in rows:
-        gateway, *others = _cells(row)
+def _unit_table(rows: list[UnitRow], width: int) -> list[Table | str]:
+    """The table, and a line that names the columns for which ``width`` has no room: words are not cut."""
+    cells = [dict(zip(_COLUMNS, map(plain, (row.unit, *_cells(row), row.detail)), strict=True)) for row in rows]
+    columns = fitting(cells, width)
+    table = Table()
+    for column in columns:
+        table.add_column(column, no_wrap=column != _COLUMNS[-1], overflow="fold")
+    for row, words in zip(rows, cells, strict=True):
         style = "" if _is_well(row) else "red"
-        cells = [Text(plain(cell), style=style) for cell in (row.unit, gateway, *others, row.detail)]
-        table.add_row(*cells)
-    return table
+        table.add_row(*(Text(words[column], style=style) for column in columns))
+    missing = [column for column in _COLUMNS if column not in columns]
+    return [table, f"A wider terminal, or --json, shows also: {', '.join(missing)}"] if missing else [table]
+
+
+def fitting(cells: list[dict[str, str]], width: int) -> list[str]:
+    """The columns of _COLUMNS whose whole words ``width`` has room for, those that are needed least left out first.
+
+    ``cells`` are the words of each row by column. The last column may be broken into lines.
+    """
+    widths = {column: 3 + max(cell_len(column), *(cell_len(row[column]) for row in cells)) for column in _COLUMNS}
+    widths[_COLUMNS[-1]] = min(widths[_COLUMNS[-1]], 3 + _LEAST_DETAIL)
+    for column in _NEEDED_LEAST:
+        if 1 + sum(widths.values()) <= width:
+            break
+        del widths[column]
+    return list(widths)
 
 
 def _service_table(services: list[ServiceStatus]) -> Table:
