@@ -15,7 +15,7 @@ def _numbers() -> list[str]:
         ("20 simulated units in one process, against real time", simulator.speed(20, 180.0)),
         ("a sweep's cost on a map of 12 rooms, against a map of one", large_map.cost_growth(12)),
     ]
-    return [f"{number:12.1f} {what}" for what, number in rows + large_map.fit_rows(64)]
+    return [f"{number:12.2f} {what}" for what, number in rows + large_map.fit_rows(64)]
 
 
 def _live() -> list[str]:
