@@ -8,13 +8,15 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 
 from noctule import elapsed
 from noctule.messages_pb2 import Reading, Sweep
 from noctule_gateway.errors import LogError
+from noctule_gateway.log import head_file
+from noctule_gateway.log.head_file import HeadFile
 from noctule_gateway.log.log_file import Arrival, Committed, Retention
 from noctule_gateway.log.sweep_log import SweepLog
 
@@ -65,6 +67,21 @@ def killed_log(folder: Path) -> KilledLog:
     return KilledLog(left, log.state.log_id, committed, arrivals)
 
 
+def copied_unnoticed(source: Path, folder: Path) -> None:
+    """Copy a log's folder, and let its head file know the copy as it knew the log."""
+    shutil.copytree(source, folder)
+    known_to_head_file(folder / NAME)
+
+
+def known_to_head_file(path: Path) -> None:
+    """Let the head file of a log that was copied know it for the log itself."""
+    head = Path(f"{path}-head")
+    heads, file = head_file.read(head, ""), HeadFile(head)
+    assert heads.newest is not None and heads.reserved is not None
+    file.begin(replace(heads.newest, file=head_file.file_identity(path)), heads.reserved.reserved)
+    file.close()
+
+
 def spoil(folder: Path, random: Random) -> str:
     """Flip a bit or cut a file at a place drawn at random; what was done."""
     path = random.choice([each for each in sorted(folder.iterdir()) if each.is_file() and each.stat().st_size])
@@ -80,7 +97,7 @@ def spoil(folder: Path, random: Random) -> str:
 
 def what_broke(left: KilledLog, folder: Path, random: Random) -> str:
     """Spoil a copy of the log in ``folder``, and use it; what went wrong, empty if nothing."""
-    shutil.copytree(left.folder, folder)
+    copied_unnoticed(left.folder, folder)
     done = spoil(folder, random)
     try:
         log = SweepLog(folder / NAME, Retention(), elapsed.now)

@@ -14,7 +14,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from gateway.log_faults import SWEEPS, KilledLog, faults, killed_log
+from gateway.log_faults import SWEEPS, KilledLog, copied_unnoticed, faults, killed_log, known_to_head_file
 from gateway.test_sweep_log import append, arrival, opened, read
 
 from noctule import bounds, elapsed
@@ -22,6 +22,7 @@ from noctule.elapsed import Instant
 from noctule.messages_pb2 import LogRecords
 from noctule_gateway.bus.log_reply import read_records
 from noctule_gateway.errors import LogError
+from noctule_gateway.log.head_file import file_identity
 from noctule_gateway.log.log_file import Committed, Retention
 from noctule_gateway.log.log_reader import LogSlice
 from noctule_gateway.log.sweep_log import SweepLog
@@ -126,6 +127,7 @@ def test_a_row_that_is_sound_by_itself_and_not_the_one_that_was_logged_there_is_
     written(path, 3)
     for suffix in ("", "-head"):
         shutil.copy(f"{path}{suffix}", f"{other}{suffix}")
+    known_to_head_file(other)
     with opened(path) as log:
         append(log, *map(arrival, range(3, 8)))
     with opened(other) as log:  # the same log goes on elsewhere: its sweep 4 is sealed with the same log_id
@@ -168,7 +170,7 @@ def test_commits_that_the_wal_has_lost_leave_a_gap_and_their_sequences_are_not_u
     tmp_path: Path, left: KilledLog
 ) -> None:
     folder = tmp_path / "data"
-    shutil.copytree(left.folder, folder)
+    copied_unnoticed(left.folder, folder)
     wal = folder / "u1.sqlite-wal"
     wal.write_bytes(wal.read_bytes()[: wal.stat().st_size // 10])
     with opened(folder / "u1.sqlite", now=elapsed.now) as log:  # the same boot of the kernel
@@ -187,11 +189,11 @@ def test_after_a_power_cut_no_sequence_is_used_that_a_lying_disk_may_have_lost_a
     tmp_path: Path, left: KilledLog
 ) -> None:
     folder = tmp_path / "data"
-    shutil.copytree(left.folder, folder)
+    copied_unnoticed(left.folder, folder)
     copy = tmp_path / "copy"
     with opened(folder / "u1.sqlite", now=lambda: Instant(0.0, "the next boot", 0.0)) as log:
         found = log.read(1, 10_000, 2**30)
-        shutil.copytree(folder, copy)
+        copied_unnoticed(folder, copy)
     assert len(found.records) == SWEEPS
     (gap,) = found.gaps
     assert (gap.first, gap.damaged) == (SWEEPS + 1, False)
@@ -216,6 +218,46 @@ def test_a_log_that_its_head_file_does_not_know_keeps_its_sweeps_under_a_new_id(
         assert [sweep.sequence for sweep in read(log)] == list(range(10))
         assert {sweep.log_id for sweep in read(log)} == {log.state.log_id}
         assert "its head file does not know it" in log.state.damage
+
+
+@pytest.mark.parametrize("how", ["copied elsewhere", "put back", "closed and put back"])
+def test_a_copy_of_a_logs_files_goes_on_under_a_new_id_and_a_log_that_was_moved_does_not(
+    tmp_path: Path, how: str
+) -> None:
+    """As rsync, tar or cp copy them. Numbers that the log has used since would else be used again."""
+    data, copy = tmp_path / "data", tmp_path / "copy"
+    data.mkdir()
+    if not file_identity(_touched(data)):
+        pytest.skip("this file system gives files no identity")
+    with opened(data / "u1.sqlite") as log:
+        append(log, *map(arrival, range(10)))
+        if how != "closed and put back":
+            shutil.copytree(data, copy)
+        log_id = log.state.log_id
+    if not copy.exists():
+        shutil.copytree(data, copy)
+    data.rename(tmp_path / "moved")
+    with opened(tmp_path / "moved" / "u1.sqlite") as log:
+        append(log, arrival(10))
+        assert (log.state.log_id, log.state.head) == (log_id, 11)
+    if how != "copied elsewhere":
+        shutil.rmtree(tmp_path / "moved")
+        shutil.copytree(copy, data)
+        copy = data
+    with opened(copy / "u1.sqlite") as log:
+        append(log, arrival(30))
+        assert log.state.log_id != log_id
+        assert [sweep.sequence for sweep in read(log)] == [*range(10), 30]
+        assert "the log was copied here" in log.state.damage
+        copy_id = log.state.log_id
+    with opened(copy / "u1.sqlite") as log:
+        assert log.state.log_id == copy_id
+
+
+def _touched(folder: Path) -> Path:
+    path = folder / "file"
+    path.write_bytes(b"")
+    return path
 
 
 @pytest.mark.parametrize("size_bytes", [0, 1, 99])  # SQLite's header has 100 bytes

@@ -195,7 +195,7 @@ class LogFile:
 
     def _refuse_lost(self) -> None:
         """Make no new log where there was one. SQLite would, and delete its -wal."""
-        heads = head_file.read(head_path(self._path))
+        heads = head_file.read(head_path(self._path), "")
         size_bytes = _size_bytes(self._path)
         held = size_bytes or heads.newest or heads.reserved or _size_bytes(self._written[1])
         if size_bytes < HEADER_BYTES and held:
@@ -220,7 +220,8 @@ class LogFile:
 
     def _agree_with_head_file(self, now: Instant) -> None:
         """Go on above every sequence that may have been used."""
-        heads, log = head_file.read(head_path(self._path)), self._log
+        self._file = head_file.file_identity(self._path)
+        heads, log = head_file.read(head_path(self._path), self._file), self._log
         if not log.adopted and not heads.copied and (heads.newest is None or heads.newest.log_id != log.log_id):
             self._head_file.begin(self._newest(closed=False), reserved=0)
             self._note_adopted(log)
@@ -259,7 +260,7 @@ class LogFile:
 
     def _newest(self, closed: bool) -> Newest:
         log = self._log
-        return Newest(log.log_id, log.head, log.newest.hex(), log.elapsed.kernel_boot, closed)
+        return Newest(log.log_id, log.head, log.newest.hex(), log.elapsed.kernel_boot, closed, self._file)
 
     # ---- In one transaction ---------------------------------------------------------------------------------------
 

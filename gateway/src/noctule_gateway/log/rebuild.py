@@ -73,7 +73,7 @@ class _Copy:
         self._new_gaps: list[Gap] = []
         known = source.log if source else None
         elapsed = known.elapsed if known else Elapsed(0.0, "", 0.0)
-        heads = head_file.read(head_path(path))
+        heads = head_file.read(head_path(path), head_file.file_identity(path))
         of_heads = heads.newest.log_id if heads.newest else ""  # all that is known where nothing can be read
         self._old_id = source.log_id if source else of_heads
         self._earlier = source is not None and source.version < log_schema.VERSION
