@@ -1,21 +1,38 @@
-"""What goes wrong with a fixed unit, as its sweeps show it: one function a fault, each giving the ranges of a sweep."""
+"""What goes wrong with a fixed unit, as its sweeps show it: one function a fault, each giving the ranges of a sweep.
+
+A fault that begins without changing what the unit hears can't be told by any detector. So where the physics of a room
+leaves nothing to hear of a fault, None is given in place of its sweeps: an arc that looks at too few reflectors, a
+motion that changes ranges no more than warmer air does. The rules are of the room and the fault alone.
+"""
 
 import math
 from collections.abc import Callable
 
 import numpy as np
-from gateway.health_rooms import Noise, Stand, noisy, shifted, stand_of
+from gateway.health_rooms import Noise, Stand, always_heard, noisy, reflectors_of, shifted, stand_of
 
 from noctule import messages_pb2 as messages
 from noctule.air import speed_of_sound_m_s
 
 Sweeps = Callable[[int], np.ndarray]  # the n-th sweep with the fault: ranges (61,)
 Make = Callable[[Stand, np.random.Generator], Sweeps]
+MakeIfShown = Callable[[Stand, np.random.Generator], Sweeps | None]  # None: it does not show in this room
 
 PERIOD_DEG = 8 * 360 / 4075.77  # a half step that is lost costs a magnetic period (firmware/simulator/README.md)
 HALF_STEPS_PER_BEARING = 51  # 4.5 degrees
 COUNTER_TURN_S = 2**16 * 0.25e-6
-LEAST_BESIDE_AN_ARC = 3  # bearings that answer
+THREE, FIVE = 3, 5  # sweeps
+# gateway/README.md, "Health": an arc of 90 degrees, or 60 with three reflectors. One bearing more at each end, since
+# one that answers may have been lost too often to count as usual; and five beside it that answer: of these, 8 % lost
+# and 4 % false, all fail in one sweep of 40,000.
+LEAST_ARC_DEG, LEAST_ARC_OF_MARKS_DEG, LEAST_IN_AN_ARC, LEAST_BESIDE_AN_ARC = 99.0, 69.0, 10, 5
+# Ranges change by up to 1.2 % with air that is warmer than was measured. What a motion does to two reflectors beyond
+# that must be 3.5 times the scatter of a mark, 4 mm.
+MOST_WARMER, LEAST_BEYOND_M, LEAST_BEYOND = 0.012, 0.014, 2
+LEAST_ANGLE_DEG = 25.0  # between two reflectors, or what a motion does across them does not show
+NEAR_M, MOST_NEAR = 0.25, 8  # readings: nearer to more the unit is blocked, too
+WAYS = 20  # of a motion that are tried
+LEAST_SLIPS = 4  # bearings, in the two whole sweeps: of fewer some are false echoes
 
 
 def repeats(*values_m: float) -> Make:
@@ -62,11 +79,45 @@ def moved(distance_m: float, degrees: float = 0.0) -> Make:
     def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
         wrong = None
         while wrong is None or not answers_at_all(wrong):
-            way = rng.uniform(0, 2 * math.pi)
-            wrong = stand.moved(distance_m * math.cos(way), distance_m * math.sin(way)).turned(degrees)
+            wrong = moved_somewhere(stand, rng, distance_m).turned(degrees)
         return lambda _number: wrong.hears(rng)
 
     return make
+
+
+def moved_that_shows(distance_m: float, degrees: float = 0.0) -> MakeIfShown:
+    """To where it hears reflectors of before, farther or nearer, and is not blocked."""
+
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps | None:
+        for _ in range(WAYS):
+            wrong = moved_somewhere(stand, rng, distance_m)
+            if motion_shows(stand, wrong) and (wrong.clear_m < NEAR_M).any(axis=0).sum() <= MOST_NEAR:
+                there = wrong.turned(degrees)
+                return lambda _number: there.hears(rng)
+        return None
+
+    return make
+
+
+def moved_somewhere(stand: Stand, rng: np.random.Generator, distance_m: float) -> Stand:
+    way = rng.uniform(0, 2 * math.pi)
+    return stand.moved(distance_m * math.cos(way), distance_m * math.sin(way))
+
+
+def motion_shows(before: Stand, after: Stand) -> bool:
+    """Three reflectors that are heard before and after tell the motion from air that is warmer or colder."""
+    heard = always_heard(after)
+    kept = [(run, [n for n in run if heard[n]]) for run in reflectors_of(before)]
+    kept = [(run, still) for run, still in kept if 2 * len(still) >= len(run) and len(still) >= 2]
+    if len(kept) < 3:
+        return False
+    way = np.array([2 * before.bearings_rad[run].mean() for run, _ in kept])  # doubled: opposite ones tell the same
+    if np.abs(np.angle(np.exp(1j * (way[:, None] - way)))).max() < 2 * math.radians(LEAST_ANGLE_DEG):
+        return False
+    range_m = np.array([before.clear_m[0, run].mean() for run, _ in kept])
+    longer_m = np.array([(after.clear_m[0, still] - before.clear_m[0, still]).mean() for _, still in kept])
+    beyond_m = np.abs(longer_m - np.linspace(-MOST_WARMER, MOST_WARMER, 25)[:, None] * range_m)
+    return bool(((beyond_m >= LEAST_BEYOND_M).sum(axis=1) >= LEAST_BEYOND).all())
 
 
 def elsewhere(_stand: Stand, rng: np.random.Generator) -> Sweeps:
@@ -118,25 +169,32 @@ def noise(sigma_m: float = 0.0032, false: float = 0.04) -> Make:
 def clock_slips(air_c: float) -> Make:
     turn_m = COUNTER_TURN_S * speed_of_sound_m_s(air_c) / 2
 
-    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
-        def sweep(_number: int) -> np.ndarray:
-            range_m = stand.hears(rng)
-            slipped = np.where(range_m > turn_m, range_m - turn_m, range_m + turn_m)
-            return np.where(rng.random(len(range_m)) < 0.25, slipped, range_m)
+    def sweep(stand: Stand, rng: np.random.Generator) -> tuple[np.ndarray, set[int]]:
+        """Ranges, and at which bearings that always answer an echo has slipped."""
+        range_m, slips = stand.hears(rng), rng.random(len(stand.bearings_rad)) < 0.25
+        true = np.abs(range_m - stand.clear_m[0]) < 0.02  # no false echo
+        slipped = np.where(range_m > turn_m, range_m - turn_m, range_m + turn_m)
+        return np.where(slips, slipped, range_m), set(np.nonzero(slips & true & always_heard(stand))[0].tolist())
 
-        return sweep
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
+        drawn = [sweep(stand, rng) for _ in range(THREE)]
+        while len(drawn[-1][1] | drawn[-2][1]) < LEAST_SLIPS:
+            drawn = [sweep(stand, rng) for _ in range(THREE)]
+        return lambda number: drawn[number][0] if number < THREE else sweep(stand, rng)[0]
 
     return make
 
 
-def arc_silent(degrees: float) -> Make:
-    """The arc in which the most bearings answer, of those beside which enough do to tell it from a deaf sensor."""
+def arc_silent(degrees: float) -> MakeIfShown:
+    """The arc in which the most bearings answer, of those that show."""
     readings = round(degrees / 4.5) + 1
 
-    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
-        heard = np.array(np.isfinite(stand.clear_m).all(axis=0))
-        within = np.convolve(heard, np.ones(readings), "valid")
-        first = int(np.where(heard.sum() - within >= LEAST_BESIDE_AN_ARC, within, 0).argmax())
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps | None:
+        heard = always_heard(stand)
+        shown = [first for first in range(len(heard) - readings + 1) if arc_shows(stand, first, first + readings)]
+        if not shown:
+            return None
+        first = max(shown, key=lambda first: heard[first : first + readings].sum())
 
         def sweep(_number: int) -> np.ndarray:
             range_m = stand.hears(rng)
@@ -146,6 +204,17 @@ def arc_silent(degrees: float) -> Make:
         return sweep
 
     return make
+
+
+def arc_shows(stand: Stand, first: int, end: int) -> bool:
+    """The arc held so much, and so much beside it answers, that its silence is neither a door's nor a deaf sensor's."""
+    heard = np.nonzero(always_heard(stand))[0]
+    within = heard[(heard >= first) & (heard < end)]
+    if len(within) < LEAST_IN_AN_ARC or len(heard) - len(within) < LEAST_BESIDE_AN_ARC:
+        return False
+    reflectors = sum(first <= run[0] and run[-1] < end for run in reflectors_of(stand))
+    wide_deg = math.degrees(stand.bearings_rad[within[-1]] - stand.bearings_rad[within[0]])
+    return wide_deg >= (LEAST_ARC_OF_MARKS_DEG if reflectors >= 3 else LEAST_ARC_DEG)
 
 
 def beside_a_dead_bearing(make: Make) -> Make:
@@ -174,10 +243,8 @@ def between_alike(stand: Stand) -> int:
     )
 
 
-THREE, FIVE = 3, 5  # sweeps
-
 # name: what happens, its name, and by which sweep it must be named
-FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
+FAULTS: dict[str, tuple[MakeIfShown, messages.FaultKind, int]] = {
     "deaf": (silent, messages.FAULT_KIND_SILENT, THREE),
     "repeats one value": (repeats(1.234), messages.FAULT_KIND_REPEATS, THREE),
     "repeats zero": (repeats(0.0), messages.FAULT_KIND_REPEATS, THREE),
@@ -206,9 +273,9 @@ FAULTS: dict[str, tuple[Make, messages.FaultKind, int]] = {
     "turned 25 degrees": (turned(25.0), messages.FAULT_KIND_TURNED, FIVE),
     "turned 60 degrees back": (turned(-60.0), messages.FAULT_KIND_TURNED, FIVE),
     "carried into another room": (elsewhere, messages.FAULT_KIND_MOVED, FIVE),
-    "moved 5 cm": (moved(0.05), messages.FAULT_KIND_MOVED, FIVE),
-    "moved 20 cm": (moved(0.2), messages.FAULT_KIND_MOVED, FIVE),
-    "moved 20 cm and turned 20 degrees": (moved(0.2, 20.0), messages.FAULT_KIND_MOVED, FIVE),
+    "moved 5 cm": (moved_that_shows(0.05), messages.FAULT_KIND_MOVED, FIVE),
+    "moved 20 cm": (moved_that_shows(0.2), messages.FAULT_KIND_MOVED, FIVE),
+    "moved 20 cm and turned 20 degrees": (moved_that_shows(0.2, 20.0), messages.FAULT_KIND_MOVED, FIVE),
 }
 AIR_C = {"clock slips at 5 degrees C": 5.0, "clock slips at 30 degrees C": 30.0}  # the others: 20
 WITH_A_DEAD_BEARING: dict[str, tuple[Make, messages.FaultKind, int]] = {

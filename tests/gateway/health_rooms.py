@@ -96,14 +96,25 @@ def stand_of(seed: int) -> Stand:
 
 
 def marks_in(stand: Stand) -> int:
-    """How many reflectors the unit can tell apart: runs of two bearings or more that always hear one range."""
-    count, run = 0, 0
-    always = np.ptp(stand.clear_m, axis=0) < 0.01  # NaN compares as False
-    for number in range(len(always)):
-        joined = run and abs(stand.clear_m[0, number] - stand.clear_m[0, number - 1]) < 0.03
-        run = (run + 1 if joined else 1) if always[number] else 0
-        count += run == 2
-    return count
+    """How many reflectors the unit can tell apart."""
+    return len(reflectors_of(stand))
+
+
+def reflectors_of(stand: Stand) -> list[list[int]]:
+    """Runs of two bearings or more that always hear one range."""
+    runs: list[list[int]] = []
+    for number in np.nonzero(always_heard(stand))[0]:
+        beside = runs and runs[-1][-1] == number - 1
+        if beside and abs(stand.clear_m[0, number] - stand.clear_m[0, number - 1]) < 0.03:
+            runs[-1].append(int(number))
+        else:
+            runs.append([int(number)])
+    return [run for run in runs if len(run) >= 2]
+
+
+def always_heard(stand: Stand) -> np.ndarray:
+    """Which bearings always hear one range, (n,)."""
+    return np.ptp(stand.clear_m, axis=0) < 0.01  # NaN compares as False
 
 
 def shifted(stand: Stand, off_deg: np.ndarray, rng: np.random.Generator) -> np.ndarray:

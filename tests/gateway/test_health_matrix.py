@@ -1,9 +1,8 @@
 """Each fault in twenty rooms is named in time and never wrongly.
 
-Three things can't be told by any detector, so they are not drawn. In a room where a unit hears three reflectors or
-fewer, two figures of a motion fit nearly any change of the ranges. A unit whose silent arc holds all the bearings that
-used to answer hears what a deaf one hears: nothing. Beside an arc three bearings answer: of these all are lost in one
-sweep of 2000 (8 % each), of two in one of 150. And a unit that was moved to where nothing answers sounds deaf.
+What no detector can tell is not drawn. In a room where a unit hears three reflectors or fewer, two figures of a motion
+fit nearly any change of the ranges. And where nothing that the unit hears says what a fault has done, the next room is
+taken: the rules are in health_faults.py, and know the room and the fault alone.
 """
 
 import copy
@@ -37,15 +36,15 @@ LEAST_MARKS = 4  # with three, a motion is named where all fit it: gateway/READM
 
 @cache
 def stands() -> list[Stand]:
-    """Units in rooms where they hear reflectors enough."""
-    return [one for one in map(stand_of, range(2 * SEEDS)) if marks_in(one) >= LEAST_MARKS]
+    """Units in rooms where they hear reflectors enough, more than seeds: not every fault shows in every room."""
+    return [one for one in map(stand_of, range(3 * SEEDS)) if marks_in(one) >= LEAST_MARKS]
 
 
 @cache
-def unit(seed: int) -> tuple[Stand, Judge]:
-    """A unit in the ``seed``-th room where it hears four reflectors, and what its gateway has learnt of it."""
-    stand = stands()[seed]
-    judge, rng = Judge(), np.random.default_rng(seed)
+def unit(room: int) -> tuple[Stand, Judge]:
+    """A unit in the ``room``-th of them, and what its gateway has learnt of it."""
+    stand = stands()[room]
+    judge, rng = Judge(), np.random.default_rng(room)
     for number in range(LEARNT_AFTER):
         assert not judge.judge(sweep_of(stand.hears(rng), number), POSE).findings
     return stand, judge
@@ -64,14 +63,19 @@ def begun_within(stand: Stand, rng: np.random.Generator, faulty: Sweeps) -> Swee
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
-    late, wrong = [], []
-    for seed in range(SEEDS):
-        stand, learnt = unit(seed)
-        named, others = judged(name, stand, copy.deepcopy(learnt), np.random.default_rng(1000 + seed))
-        wrong += [(seed, *other) for other in others]
+    drawn, late, wrong = 0, [], []
+    for room in range(len(stands())):
+        if drawn == SEEDS:
+            break
+        stand, learnt = unit(room)
+        if FAULTS[name][0](stand, np.random.default_rng(1000 + room)) is None:
+            continue
+        drawn += 1
+        named, others = judged(name, stand, copy.deepcopy(learnt), np.random.default_rng(1000 + room))
+        wrong += [(room, *other) for other in others]
         if named is None or named > FAULTS[name][2]:
-            late.append((seed, named))
-    assert (late, wrong) == ([], [])
+            late.append((room, named))
+    assert (drawn, late, wrong) == (SEEDS, [], [])
 
 
 @pytest.mark.parametrize(
@@ -84,6 +88,13 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
         (80002, 21, "moved 20 cm and turned 20 degrees"),  # an arc is silent
         (80013, 21, "an arc of 130 degrees falls silent"),  # not named: five marks within 86 degrees
         (80103, 22, "a box before it"),  # named late: before a wall that is near, too
+        (60021, 14, "ranges 6 cm longer"),  # late: a mark lost half of its echoes by chance
+        (60148, 12, "ranges 3 % longer"),  # late: the same
+        (60151, 15, "noise of 6 cm"),  # late: neighbours that are off alike by chance
+        (60170, 15, "noise of 6 cm"),  # late: ranges that are off little by chance
+        (60165, 8, "slips 1 in 100"),  # late
+        (60194, 27, "carried into another room"),  # too noisy: few of the bearings that used to answer do
+        (60002, 24, "turned 5 degrees back"),  # a bearing is silent: there is nothing where it looks now
     ],
 )
 def test_what_once_had_a_wrong_name_or_a_late_one_has_its_own_in_time(seed: int, draw: int, name: str) -> None:
@@ -101,6 +112,7 @@ def judged(
     """By which sweep the fault is named, and the other names: by sweep, with their words."""
     make, kind, named_by = FAULTS[name]
     faulty = make(stand, rng)
+    assert faulty is not None, "it does not show here: draw another"
     if name not in FROM_A_SWEEPS_BEGINNING:
         faulty = begun_within(stand, rng, faulty)
     named, others = None, []
@@ -113,6 +125,17 @@ def judged(
             elif named is None:
                 named = number + 1
     return named, others
+
+
+def test_a_unit_whose_ranges_have_changed_was_not_only_turned() -> None:
+    """A turn of 16 degrees would lead to most of what this unit hears, were its nearest wall not 2 cm nearer before."""
+    stand, judge, rng = stand_of(60005), Judge(), np.random.default_rng(60005)
+    for number in range(LEARNT_AFTER):
+        judge.judge(sweep_of(stand.hears(rng), number), POSE)
+    way = np.random.default_rng([60005, 0, 30]).uniform(0, 2 * math.pi)
+    there = stand.moved(0.2 * math.cos(way), 0.2 * math.sin(way)).turned(20.0)
+    found = [judge.judge(sweep_of(there.hears(rng), LEARNT_AFTER + n), POSE).findings for n in range(7)]
+    assert {one.kind for each in found for one in each} == {messages.FAULT_KIND_MOVED}
 
 
 @pytest.mark.parametrize("seed", [319, 370])

@@ -13,7 +13,7 @@ from noctule_gateway.health.suspicion import Suspicion
 _GOOD, _GOOD_SLIPS = 1.6, 2.0  # nats an echo, no more than so much worse than usual: this explains the sweeps
 _FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained
 _LEAST_GAIN = 30.0  # of a bearing that is off over none
-_SLIPS_NATS, _PLAY_NATS = 15.0, 15.0  # over one angle, since they have more freedom
+_SLIPS_NATS, _PLAY_NATS = 12.0, 15.0  # over one angle, since they have more freedom
 _SLIPS_FIT = 0.3  # nats an echo, that slips have to fit better than one angle
 _SLIPS_SHARE = 0.5  # of the bearings that are off: what stands in an open door changes fewer
 _LEAST_OFF = 4  # half steps between bearings, from the least angle to the largest, of slips and of play
@@ -24,11 +24,12 @@ _TO_TURN = 4  # sweeps that are asked together: within these a motor that loses 
 @dataclass(frozen=True)
 class BearingsOff:
     """What explains the sweeps, by how many nats more than the past; ``is_sure`` is False where more sweeps have to say
-    which of the three it is.
+    which of the three it is. ``turned_by`` is in half steps between bearings, 0 where it was not turned.
     """
 
     suspicion: Suspicion
     is_sure: bool
+    turned_by: int
 
     @property
     def gain(self) -> float:
@@ -55,7 +56,8 @@ def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) 
         return None
     good, sweeps = (_GOOD_SLIPS, 1) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
     told = _slipped if slips else _with_play if plays else _turned
-    return BearingsOff(told(best, tables[0]), worse <= good and best.since <= len(tables) - sweeps)
+    is_sure = worse <= good and best.since <= len(tables) - sweeps
+    return BearingsOff(told(best, tables[0]), is_sure, one.off[0] if told is _turned else 0)
 
 
 def _slipped(found: Aligned, table: Table) -> Suspicion:

@@ -151,7 +151,7 @@ class Judge:
     def _suspicions(self, sweep: Readings, past: Past | None) -> list[Suspicion]:
         """The gravest kind that the sweep shows, and those that may stand beside it."""
         beside = self._slips.suspicions(sweep, past)
-        if past is not None:
+        if past is not None and not any(kind in _ELSEWHERE for kind in self._findings):
             beside += self._dead.suspicions(sweep, past)
         main = (
             sensor_line.suspicions(sweep)
@@ -234,6 +234,16 @@ _OF_THE_PLACE = frozenset(
         messages.FAULT_KIND_BEARING_SILENT,
     }
 )
+
+_ELSEWHERE = frozenset(
+    {
+        messages.FAULT_KIND_TURNED,
+        messages.FAULT_KIND_MOVED,
+        messages.FAULT_KIND_SLIPPED,
+        messages.FAULT_KIND_PLAY,
+    }
+)
+"""While one of these stands, the unit looks elsewhere: its past says nothing of a single bearing."""
 
 _AGAINST_THE_PAST = _OF_THE_PLACE | {messages.FAULT_KIND_SILENT, messages.FAULT_KIND_BLOCKED}
 

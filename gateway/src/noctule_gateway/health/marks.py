@@ -11,6 +11,7 @@ from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
 _ONE_REFLECTOR_M = 0.03
+_LEAST_HEARD = 2
 
 
 @dataclass(frozen=True)
@@ -22,14 +23,21 @@ class Mark:
     longer_m: float
 
 
-def marks_of(sweeps: Sequence[Readings], past: Past) -> list[Mark]:
-    """The past's marks that more than half of the sweeps' readings hear; ``longer_m`` is the median of these."""
+def marks_of(sweeps: Sequence[Readings], past: Past, off: int = 0) -> list[Mark]:
+    """The past's marks that two readings hear, and more than a third of all; ``longer_m`` is their median.
+
+    A motion also moves a mark by a bearing, so that half of a short run's readings may be silent. ``off`` is in half
+    steps between bearings: a reading looks where the past looked that much farther on.
+    """
     found = []
     for run in runs_of(past):
         longer = [
-            sweep.range_m[n] - past.median_m[n] for sweep in sweeps for n in run if not math.isnan(sweep.range_m[n])
+            sweep.range_m[n - off // 2] - past.median_m[n]
+            for sweep in sweeps
+            for n in run
+            if 0 <= n - off // 2 < len(sweep.range_m) and not math.isnan(sweep.range_m[n - off // 2])
         ]
-        if len(longer) * 2 <= len(run) * len(sweeps):
+        if len(longer) < _LEAST_HEARD or len(longer) * 3 <= len(run) * len(sweeps):
             continue
         direction_rad = sum(sweeps[-1].bearing_rad[n] for n in run) / len(run)
         found.append(Mark(direction_rad, median(past.median_m[n] for n in run), median(longer)))

@@ -2,8 +2,8 @@
 reflector, and from sweep to sweep.
 
 A sound unit's median deviation is 2 to 3 mm, or 5 with late echoes; its false echoes, one in twenty-five, don't move a
-median. 15 mm at half of the bearings by all three measures is neither the room nor a motion: a motion changes
-neighbours alike, and repeats itself.
+median. 15 mm at half of the bearings by the first two together (their geometric mean) and by the third is
+neither the room nor a motion: a motion changes neighbours alike, and repeats itself.
 """
 
 import math
@@ -16,6 +16,7 @@ from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
 NOISY_M = 0.015
+LEAST_M = 0.01  # by each of the first two
 _LEAST_BOTH = 6  # bearings
 _LEAST_PAIRS = 4
 

@@ -62,13 +62,13 @@ class Past:
         return self._stable
 
     def agrees(self, sweep: Readings, but: Collection[int]) -> bool:
-        """At stable bearings other than ``but`` the sweep mostly hears what the past heard; True where few answer."""
+        """At stable bearings other than ``but`` half of the echoes are as before; True where few answer."""
         off_m = [
             abs(sweep.range_m[n] - self.median_m[n])
             for n in self._stable
             if n not in but and not math.isnan(sweep.range_m[n])
         ]
-        return len(off_m) < _FEW or sum(one_m <= _AGREES_M for one_m in off_m) * 2 > len(off_m)
+        return len(off_m) < _FEW or sum(one_m <= _AGREES_M for one_m in off_m) * 2 >= len(off_m)
 
     def _work_out(self) -> None:
         self.heard: list[list[float]] = [

@@ -5,6 +5,7 @@ named once it leads by enough. A sweep is looked at closely only where it, or th
 usual. What explains the sweeps must then fit about as well as usual, which no change of the room does.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,17 +15,18 @@ from noctule import messages_pb2 as messages
 from noctule_gateway.health.bearings_off import bearings_off
 from noctule_gateway.health.likelihood import shifted_nats, stay_fit
 from noctule_gateway.health.marks import marks_of
-from noctule_gateway.health.noise import NOISY_M, change_m, disagreement_m, scatter_m
+from noctule_gateway.health.noise import LEAST_M, NOISY_M, change_m, disagreement_m, scatter_m
 from noctule_gateway.health.offsets import Table, table_of
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
-from noctule_gateway.health.shift import Shift, jump_of, motion_of
+from noctule_gateway.health.shift import Shift, as_far, gain_of, jump_of, motion_of
 from noctule_gateway.health.suspicion import Suspicion
 
 _WORSE, _WORSE_OF_THREE = 0.2, 0.15  # nats a reading, than usual: looked at closely
 _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
 _LEAST_SHIFT_GAIN = 3.5
+_MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
 _ASKED, _TO_SHIFT = 4, 2  # sweeps together
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
 _LEAST_STABLE = 8  # bearings: fewer tell too little
@@ -95,8 +97,15 @@ class PoseWatch:
         off = bearings_off(tables, median(self.usual), sum(past.heard_share) / len(past.heard_share))
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
             return None
+        if off.turned_by and not self._as_far(past, off.turned_by):
+            return None
         self.strange = True
         return [off.suspicion] if off.is_sure else []
+
+    def _as_far(self, past: Past, turned_by: int) -> bool:
+        """The last sweeps' ranges, where the unit looks if it was turned, are as before."""
+        sweeps = [seen.sweep for seen in self._last][-_TO_SHIFT:]
+        return as_far(marks_of(sweeps, past, turned_by), sweeps[-1].air_measured)
 
     def _shift(self, past: Past) -> Shift | None:
         """The motion or jump of the last two sweeps, whichever is likelier, if it is likely."""
@@ -105,12 +114,12 @@ class PoseWatch:
             return None
         marks, measured = marks_of(sweeps, past), sweeps[-1].air_measured
         found = [each for each in (motion_of(marks, measured), jump_of(marks, measured)) if each is not None]
-        best = max(found, key=lambda each: each.gain, default=None)
+        best = max(found, key=lambda each: each.gain + _MARK_NATS * each.fitting, default=None)
         if best is None or best.gain < _LEAST_SHIFT_GAIN:
             return None
         if not best.moved_m:  # each of them has to show it: the half of one that was moved looks like a jump
-            alone = [jump_of(marks_of([sweep], past), measured) for sweep in sweeps]
-            if any(each is None or each.gain < _LEAST_SHIFT_GAIN for each in alone):
+            alone = [gain_of(best, marks_of([sweep], past), measured) for sweep in sweeps]
+            if min(alone) < _LEAST_SHIFT_GAIN:
                 return None
         return best
 
@@ -148,20 +157,23 @@ class PoseWatch:
         return [Suspicion(kind, shift.gain, words)]
 
     def _elsewhere(self, sweep: Readings) -> list[Suspicion]:
-        """Nothing fits, and the sweep repeats the one before."""
-        if len(self._last) < 2 or max(seen.fit for seen in list(self._last)[-2:]) >= -_FOREIGN:
+        """Nothing fits the sweep, nor one of the two before, and it repeats that one."""
+        if self._last[-1].fit >= -_FOREIGN:
             return []
-        change = change_m(sweep, self._last[-2].sweep, range(len(sweep.range_m)), _LEAST_REPEATED)
-        if change is None or change >= NOISY_M:
+        foreign = [seen.sweep for seen in list(self._last)[-3:-1] if seen.fit < -_FOREIGN]
+        changes = [change_m(sweep, before, range(len(sweep.range_m)), _LEAST_REPEATED) for before in foreign]
+        if not any(change is not None and change < NOISY_M for change in changes):
             return []
         words = "its sweeps repeat themselves and no longer fit its past: it was moved elsewhere, or the room changed"
         return [Suspicion(messages.FAULT_KIND_MOVED, 10.0, words)]
 
     def _noisy(self, sweep: Readings, past: Past) -> Suspicion | None:
         scatter, disagreement = scatter_m(sweep, past), disagreement_m(sweep, past)
-        if scatter is None or disagreement is None or min(scatter, disagreement) < NOISY_M:
+        if scatter is None or disagreement is None or min(scatter, disagreement) < LEAST_M:
             return None
-        change = None if len(self._last) < 2 else change_m(sweep, self._last[-2].sweep, past.stable())
+        if math.sqrt(scatter * disagreement) < NOISY_M:
+            return None
+        change = None if len(self._last) < 2 else change_m(sweep, self._last[-2].sweep, range(len(sweep.range_m)))
         if change is not None and change < NOISY_M:
             return None
         self.strange = True

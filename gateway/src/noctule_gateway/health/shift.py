@@ -72,6 +72,17 @@ def jump_of(marks: Sequence[Mark], air_measured: bool) -> Shift | None:
     return best
 
 
+def as_far(marks: Sequence[Mark], air_measured: bool) -> bool:
+    """Most marks are as far as they were, in air that may have become warmer: a turn changes no range."""
+    most = _least_share(air_measured)
+    return sum(abs(one.longer_m) <= _FITS_M + most * one.range_m for one in marks) * 2 >= len(marks)
+
+
+def gain_of(jump: Shift, marks: Sequence[Mark], air_measured: bool) -> float:
+    """What a jump that is known gains at these marks, in nats over a unit at rest."""
+    return _nats(marks, jump.longer) - _JUMP_NATS - _rest(marks, air_measured)
+
+
 def _better(best: Shift | None, marks: Sequence[Mark], rest: float, longer: Longer, words: str) -> Shift | None:
     fitting = [one.direction_rad for one in marks if abs(_residual(one, longer)) <= _FITS_M]
     if len(fitting) < _LEAST_MARKS or max(fitting) - min(fitting) < _LEAST_SPREAD_RAD:
