@@ -53,20 +53,29 @@ def map_view(
     return rrb.Spatial2DView(origin=origin, contents=list(contents), name=name, background=CALM, visual_bounds=bounds)
 
 
-def figure_views(under: str = "") -> list[rrb.View]:
-    """States of all units, their clocks, and the mapper's pace, over the last minutes; ``under`` as in Layout."""
+def figure_views(under: str = "", named: bool = True) -> list[rrb.View]:
+    """States of all units, their clocks, and the mapper's pace, over the last minutes; ``under`` as in Layout. The
+    clocks' lines are ``named`` if that leaves room for them.
+    """
     units = f"/{under}units/**"
-    states = rrb.StateTimelineView(
-        origin=f"/{under.rstrip('/')}", contents=[units], name="Units", time_ranges=_recent()
-    )
     pace = [f"/{under}{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
-    return [states, figures_view(units, "Clock error, ms"), figures_view(pace, "Contour, ms")]
+    clocks = figures_view(units, "Clock error, ms", named=named)
+    return [states_view(under), clocks, figures_view(pace, "Contour, ms")]
 
 
-def figures_view(contents: str | Sequence[str], name: str) -> rrb.TimeSeriesView:
-    """Figures over the last minutes."""
+def states_view(under: str = "") -> rrb.StateTimelineView:
+    """What each unit has done over the last minutes; ``under`` as in Layout."""
+    origin = f"/{under.rstrip('/')}"
+    return rrb.StateTimelineView(
+        origin=origin, contents=[f"/{under}units/**"], name="States of the units", time_ranges=_recent()
+    )
+
+
+def figures_view(contents: str | Sequence[str], name: str, named: bool = True) -> rrb.TimeSeriesView:
+    """Figures over the last minutes, their lines ``named`` if the names leave room for them."""
     paths = [contents] if isinstance(contents, str) else list(contents)
-    return rrb.TimeSeriesView(origin="/", contents=paths, name=name, time_ranges=_recent())
+    legend = rrb.PlotLegend(visible=named)
+    return rrb.TimeSeriesView(origin="/", contents=paths, name=name, time_ranges=_recent(), plot_legend=legend)
 
 
 def events_view(origin: str = f"/{rerun_paths.LOG}", name: str = "Events") -> rrb.TextLogView:

@@ -14,6 +14,8 @@ Place = tuple[float, float]
 # in has room to spare.
 _MAP_SIDE_PX = 340.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
+_HANGS_PX = 10.0  # Rerun draws the middle of a label so far below its place
+_FROM_A_DOT_PX = 18.0  # the middle of a label below or above what it names
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
 _LEAST_SIDE_M = 1.0
 _TOLD_FROM_M = 0.01
@@ -44,8 +46,9 @@ def labels(contour: Contour, units_m: Mapping[str, Place]) -> list[Label]:
 
 def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iterator[list[Label]]:
     """For each label, the most important first, the places that would do, the best first."""
+    units = list(units_m.values())
     for names, place in _sharing_a_label(units_m, px_m):
-        yield _around("unit", ", ".join(names), place, px_m)
+        yield _clearest(_around("unit", ", ".join(names), place, px_m), contour, units, px_m)
     for cylinder in contour.cylinders:
         here, radius = (cylinder.x_m, cylinder.y_m), f"r {cylinder.radius_m:.2f} m"
         known = _error(sqrt(max(0.0, cylinder.covariance[8]))) if len(cylinder.covariance) == 9 else ""
@@ -55,7 +58,13 @@ def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iter
         length = f"{_length_m(wall):.2f} m{chance}"
         known = _error(walls.middle_sigma_m(wall) or 0.0)
         texts = _longest_first(length, known)
-        yield [Label("wall", text, _on_wall(wall, share)) for text in texts for share in _ALONG_A_WALL]
+        yield [
+            label
+            for text in texts
+            for label in _clearest(
+                [Label("wall", text, _on_wall(wall, share)) for share in _ALONG_A_WALL], None, units, px_m
+            )
+        ]
     for touch in contour.touches:
         yield _around("touch", touch_marks.label(touch), (touch.x_m, touch.y_m), px_m)
 
@@ -83,9 +92,36 @@ def _error(sigma_m: float) -> str:
 
 def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
     """Below, above, and beside what is at ``place``."""
-    up_m, aside_m = _HEIGHT_PX * px_m, 0.6 * _width_m(text, px_m)
+    up_m, aside_m, hangs_m = _FROM_A_DOT_PX * px_m, 0.7 * _width_m(text, px_m), _HANGS_PX * px_m
     shifts = ((0.0, -up_m), (0.0, up_m), (aside_m, 0.0), (-aside_m, 0.0))
-    return [Label(kind, text, (place[0] + x_m, place[1] + y_m)) for x_m, y_m in shifts]
+    return [Label(kind, text, (place[0] + x_m, place[1] + y_m + hangs_m)) for x_m, y_m in shifts]
+
+
+def _clearest(choices: Sequence[Label], contour: Contour | None, units_m: Sequence[Place], px_m: float) -> list[Label]:
+    """``choices``, those first that cover the fewest of ``units_m`` and of the walls of ``contour``."""
+    walls_m = contour.walls if contour is not None else ()
+    lines = [((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m)) for each in walls_m]
+    lines += [(place, place) for place in units_m]
+
+    def covered(label: Label) -> int:
+        centre_m = (label.place_m[0], label.place_m[1] - _HANGS_PX * px_m)
+        half_m = (_width_m(label.text, px_m) / 2, _HEIGHT_PX * px_m / 2)
+        return sum(_touches_box(line, centre_m, half_m) for line in lines)
+
+    return sorted(choices, key=covered)
+
+
+def _touches_box(line: tuple[Place, Place], centre_m: Place, half_m: Place) -> bool:
+    """Whether ``line`` has a part in the box that reaches ``half_m`` to each side of ``centre_m``."""
+    first, last = 0.0, 1.0
+    for start, end, centre, half in zip(*line, centre_m, half_m, strict=True):
+        way, low, high = end - start, centre - half - start, centre + half - start
+        if way == 0.0:
+            if not low < 0.0 < high:
+                return False
+            continue
+        first, last = max(first, min(low / way, high / way)), min(last, max(low / way, high / way))
+    return first < last
 
 
 def _overlap(one: Label, other: Label, px_m: float) -> bool:

@@ -4,7 +4,7 @@ import threading
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from datetime import datetime
+from datetime import UTC, datetime
 from time import monotonic, time
 from typing import Any
 
@@ -107,8 +107,7 @@ class RerunLog:
         """
         if not self._thinning.is_due(rerun_paths.HEARTBEAT):
             return
-        here_and_now = datetime.now().strftime("%H:%M:%S")
-        heading = f"### {status.site} — {summary} — {here_and_now}"
+        heading = f"### {status.site} — {summary} — {datetime.now(UTC):%H:%M:%S} UTC"
         self._show(None, time(), rerun_status.draw_heading, heading)
         for name, value in self._thinning.changed(status.counters).items():
             self._show(rerun_paths.mapper_counter(name), time(), rerun_status.draw_counter, name, value)

@@ -4,6 +4,8 @@ import rerun as rr
 
 from noctule import rerun_paths
 from noctule.messages_pb2 import UnitStatus
+from noctule.rerun_together import Together
+from noctule.unit_colours import unit_colour
 from noctule_mapper.rerun_view.drawing import Entries
 
 _STATES: dict[int, tuple[str, tuple[int, int, int]]] = {
@@ -37,7 +39,8 @@ def draw_state(status: UnitStatus) -> Entries:
 
 def draw_clock(status: UnitStatus) -> Entries:
     """How well a unit's time is known, in milliseconds."""
-    yield rerun_paths.unit_clock_error(status.unit), rr.Scalars(status.clock_error_s * 1e3)
+    line = rr.SeriesLines(colors=[unit_colour(status.unit)], names=[status.unit])
+    yield rerun_paths.unit_clock_error(status.unit), Together(rr.Scalars(status.clock_error_s * 1e3), line)
 
 
 def draw_heading(heading: str) -> Entries:
@@ -47,7 +50,8 @@ def draw_heading(heading: str) -> Entries:
 
 def draw_counter(name: str, value: float) -> Entries:
     """One of the mapper's own figures."""
-    yield rerun_paths.mapper_counter(name), rr.Scalars(value)
+    line = rr.SeriesLines(names=[name.removesuffix("_ms").replace("_", " ")])
+    yield rerun_paths.mapper_counter(name), Together(rr.Scalars(value), line)
 
 
 def draw_event(path: str, text: str, level: str) -> Entries:

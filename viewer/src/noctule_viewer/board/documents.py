@@ -1,8 +1,8 @@
 """The board's documents, as Markdown: alarms on top, the table of units, and a sheet for each unit."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 
-from noctule import faults
 from noctule.messages_pb2 import Contour, ServiceStatus
 from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.unit_health import MOST_UNITS, Health, UnitHealth
@@ -11,6 +11,11 @@ from noctule_viewer.board.words import age, counted, duration, hour, listed
 _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
 _LONGEST_WORDS = 90
 _MOST_GROUPS = 5  # of units with the same trouble
+_SHORT_WORDS = 30
+_LONGEST_TROUBLE = 600  # of one unit, on its own sheet
+_WORST_FIRST = [Health.AWAY, Health.ATTENTION, Health.WELL]
+# What a unit does says nothing of its trouble.
+_AT_WORK = ("idle", "sweeping", "homing", "paused", "turning", "measuring")
 
 
 def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequence[str] = ()) -> str:
@@ -19,7 +24,7 @@ def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequ
     """
     now = hour(heard.now_s, heard.now_s)
     troubles = _troubles(units, heard)
-    heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now}"
+    heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now} UTC"
     others = [_line(f"Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
     rest = [f"**{each}**" for each in (*others, *troubles[1:])]
     return "\n\n".join([heading, *rest, "; ".join([_map(heard), counted(len(units), "unit"), *_lacking(heard)])])
@@ -32,22 +37,25 @@ def worst(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
 
 
 def table(units: Sequence[UnitHealth], now_s: float) -> str:
-    """One row for each unit, those that are not well first."""
+    """One row for each unit, those that are not well first. What is wrong comes last: a view cuts long words off."""
     if not units:
         return "No unit has been heard of yet."
-    order = [Health.AWAY, Health.ATTENTION, Health.WELL]
-    lines = ["| unit | health | since | last sweep |", "| --- | --- | --- | --- |"]
-    for unit in sorted(units, key=lambda each: order.index(each.health)):
-        health = unit.words if unit.health is Health.WELL else f"**{unit.health.value.upper()}** {unit.words}"
-        lines.append(f"| {unit.unit} | {_cell(health)} | {_since(unit, now_s)} | {_swept(unit, now_s)} |")
+    lines = ["| unit | health | since | last sweep | trouble |", "| --- | --- | --- | --- | --- |"]
+    for unit in _worst_first(units):
+        well = unit.health is Health.WELL
+        health, trouble = (unit.words, "") if well else (f"**{unit.health.value.upper()}**", unit.words)
+        cells = (unit.unit, _cell(health), _since(unit, now_s), _swept(unit, now_s), _cell(trouble))
+        lines.append(f"| {' | '.join(cells)} |")
     if len(units) == MOST_UNITS:
-        lines.append(f"| | No more than {MOST_UNITS} units are shown. | | |")
+        lines.append(f"| | No more than {MOST_UNITS} units are shown. | | | |")
     return "\n".join(lines)
 
 
 def sheet(unit: UnitHealth, now_s: float) -> str:
-    """All that is known of one unit."""
-    lines = [f"### {unit.unit} — {unit.health.value}: {_cell(unit.words)}", "", "| | |", "| --- | --- |"]
+    """All that is known of one unit: what is wrong with it, and in two columns its figures."""
+    well = unit.health is Health.WELL
+    heading = f"### {unit.unit} — {unit.health.value}"
+    told = [f"{heading}: {_cell(unit.words)}"] if well else [heading, _line(unit.words, _LONGEST_TROUBLE)]
     rows = {"since": _since(unit, now_s), "last sweep": _swept(unit, now_s)}
     if (status := unit.status) is not None:
         rows |= {
@@ -59,9 +67,8 @@ def sheet(unit: UnitHealth, now_s: float) -> str:
             "last start": f"{status.reset_cause or 'not known'}, boot {status.boot}",
             "sweeps in the log": f"{status.log_tail} to {status.log_head}",
         }
-        rows |= {f"fault: {faults.word(one.kind)}": faults.sentence(one) for one in status.faults}
         rows |= {name.replace("_", " "): str(value) for name, value in sorted(status.counters.items())}
-    return "\n".join([*lines, *(f"| {name} | {_cell(value)} |" for name, value in rows.items())])
+    return "\n\n".join([*told, _in_two_columns(rows)])
 
 
 def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
@@ -73,16 +80,32 @@ def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
     if unwell:
         need = "needs" if len(unwell) == 1 else "need"
         how_many = f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention"
-        troubles.append(_line(f"{how_many}: {_named_units(unwell)}"))
+        whole = f"{how_many}: {_named_units(unwell, lambda unit: unit.words)}"
+        # That each of them is named comes before what exactly is wrong, which the table has.
+        fits = len(whole) <= 2 * _LONGEST_WORDS
+        troubles.append(_line(whole if fits else f"{how_many}: {_named_units(unwell, _in_short)}"))
     told = [each for each in mappers if each.detail and heard.service_silent_s[each.name] <= _SERVICE_SILENT_AFTER_S]
     return [*troubles, *(_line(f"{_named_mapper(each)}: {each.detail}") for each in told)]
 
 
-def _named_units(unwell: Sequence[UnitHealth]) -> str:
+def _worst_first(units: Sequence[UnitHealth]) -> list[UnitHealth]:
+    return sorted(units, key=lambda each: _WORST_FIRST.index(each.health))
+
+
+def _in_short(unit: UnitHealth) -> str:
+    """``away``, ``silent``, ``fault``: of words like ``sweeping: silent: no echo at 61 bearings`` what matters."""
+    if unit.health is Health.AWAY:
+        return unit.health.value
+    first, *rest = unit.words.split(": ")
+    word = rest[0] if rest and first in _AT_WORK else first
+    return word if len(word) <= _SHORT_WORDS else word[: _SHORT_WORDS - 3] + "..."
+
+
+def _named_units(unwell: Sequence[UnitHealth], words_of: Callable[[UnitHealth], str]) -> str:
     """``u1, u2: what is wrong with both / u3: something else / 2 more units``."""
     of_words: dict[str, list[str]] = {}
     for unit in unwell:
-        of_words.setdefault(unit.words, []).append(unit.unit)
+        of_words.setdefault(words_of(unit), []).append(unit.unit)
     told = list(of_words.items())[:_MOST_GROUPS]
     more = len(unwell) - sum(len(units) for _, units in told)
     rest = [counted(more, "more unit")] if more else []
@@ -130,10 +153,19 @@ def _swept(unit: UnitHealth, now_s: float) -> str:
     return age(now_s - unit.swept_s) if unit.swept_s is not None else "none heard"
 
 
-def _line(words: str) -> str:
+def _in_two_columns(rows: Mapping[str, str]) -> str:
+    """A table of two pairs a line, read down the left one first; the first line is its head."""
+    cells = [f"{name} | {_cell(value)}" for name, value in rows.items()]
+    half = (len(cells) + 1) // 2
+    pairs = zip_longest(cells[:half], cells[half:], fillvalue=" | ")
+    first, *rest = [f"| {left} | {right} |" for left, right in pairs]
+    return "\n".join([first, "| --- | --- | --- | --- |", *rest])
+
+
+def _line(words: str, longest: int = 2 * _LONGEST_WORDS) -> str:
     """Words of others, in one line and not too long."""
     words = " ".join(words.split())
-    return words if len(words) <= 2 * _LONGEST_WORDS else words[: 2 * _LONGEST_WORDS - 3] + "..."
+    return words if len(words) <= longest else words[: longest - 3] + "..."
 
 
 def _cell(words: str) -> str:

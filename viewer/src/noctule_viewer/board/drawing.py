@@ -7,6 +7,7 @@ import rerun as rr
 
 from noctule import rerun_paths
 from noctule.rerun_together import Together
+from noctule.unit_colours import unit_colour
 from noctule_viewer.board import documents, map_box
 from noctule_viewer.board.entries import Entries
 from noctule_viewer.board.map_box import MapBox
@@ -41,7 +42,8 @@ def draw_temperatures(units: Sequence[UnitHealth]) -> Entries:
     for unit in units:
         status = unit.status
         if unit.health is not Health.AWAY and status is not None and status.HasField("chip_temperature_c"):
-            yield rerun_paths.unit_temperature(unit.unit), rr.Scalars(status.chip_temperature_c)
+            line = rr.SeriesLines(colors=[unit_colour(unit.unit)], names=[unit.unit])
+            yield rerun_paths.unit_temperature(unit.unit), Together(rr.Scalars(status.chip_temperature_c), line)
 
 
 def draw_scale(box: MapBox) -> Entries:

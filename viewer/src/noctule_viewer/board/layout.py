@@ -12,6 +12,7 @@ from noctule_viewer.board.map_box import MapBox
 
 MOST_TABS = 30  # of all sites: a layout takes about 125 kB of the relay's memory for each
 _SHOW_RAYS_OF = 4  # units; the rays of more hide the map, and each unit's own tab shows them
+_MOST_LINES_NAMED = 6  # in a plot: the names of more hide the lines
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Layout:
         """Alarms, and under them the tabs."""
         alarms = rrb.TextDocumentView(origin=self._at(rerun_paths.ALARMS), name="Alarms", titlebar=False)
         of_units = map(self._unit, self.units[: self.most_tabs])
-        tabs = rrb.Tabs(self._site(), *of_units, self._figures(), active_tab=0)
+        states = blueprint.states_view(self.under)  # forty pixels a unit: beside figures there is room for three
+        tabs = rrb.Tabs(self._site(), *of_units, self._figures(), states, active_tab=0)
         return rrb.Vertical(alarms, tabs, row_shares=[1, 6], name=self.site)
 
     def _at(self, path: str) -> str:
@@ -40,7 +42,7 @@ class Layout:
     def _site(self) -> rrb.Horizontal:
         table = rrb.TextDocumentView(origin=self._at(rerun_paths.UNITS_TABLE), name="Units")
         events = blueprint.events_view(self._at(rerun_paths.LOG))
-        beside = rrb.Vertical(table, events, row_shares=[3, 1])
+        beside = rrb.Tabs(table, events, active_tab=0)  # the table of twenty units needs all of the height
         many = len(self.units) > _SHOW_RAYS_OF
         rays = [f"- {self._at(rerun_paths.unit_rays(unit))}" for unit in self.units] if many else []
         world = self._map([f"{self._at(rerun_paths.WORLD)}/**", *rays], "Map", self._bounds())
@@ -50,8 +52,8 @@ class Layout:
         around = [rerun_paths.WALLS, rerun_paths.CYLINDERS, rerun_paths.CORNERS, rerun_paths.SCALE]
         sheet = rrb.TextDocumentView(origin=self._at(rerun_paths.unit_sheet(unit)), name="State")
         figures = rrb.Horizontal(
-            blueprint.figures_view(self._at(rerun_paths.unit_clock_error(unit)), "Clock error, ms"),
-            blueprint.figures_view(self._at(rerun_paths.unit_temperature(unit)), "Chip, °C"),
+            blueprint.figures_view(self._at(rerun_paths.unit_clock_error(unit)), "Clock error, ms", named=False),
+            blueprint.figures_view(self._at(rerun_paths.unit_temperature(unit)), "Chip, °C", named=False),
         )
         events = blueprint.events_view(self._at(rerun_paths.unit_log(unit)), "Events of the unit")
         in_room = [f"{self._at(rerun_paths.unit_pose(unit))}/**", *map(self._at, around)]
@@ -61,14 +63,16 @@ class Layout:
         return rrb.Horizontal(sweeps, beside, column_shares=[3, 2], name=unit)
 
     def _figures(self) -> rrb.Vertical:
-        units, clocks, contour = blueprint.figure_views(self.under)
+        _, clocks, contour = blueprint.figure_views(self.under, named=len(self.units) <= _MOST_LINES_NAMED)
         errors = blueprint.figures_view(f"{self._at(rerun_paths.MAP_ERRORS)}/**", "Errors that the map states, mm")
         explained = blueprint.figures_view(
-            self._at(rerun_paths.map_fit("explained")), "Echoes that the map explains, %"
+            self._at(rerun_paths.map_fit("explained")), "Echoes that the map explains, %", named=False
         )
-        distance = blueprint.figures_view(self._at(rerun_paths.map_fit("distance")), "Their distance from the map, mm")
+        distance = blueprint.figures_view(
+            self._at(rerun_paths.map_fit("distance")), "Their distance from the map, mm", named=False
+        )
         of_map = rrb.Horizontal(errors, explained, distance)
-        return rrb.Vertical(units, of_map, rrb.Horizontal(clocks, contour), name="Figures")
+        return rrb.Vertical(of_map, rrb.Horizontal(clocks, contour), name="Figures")
 
     def _polar(self, unit: str) -> rrb.Spatial2DView:
         bounds = rrb.VisualBounds2D(x_range=[-polar.EDGE, polar.EDGE], y_range=[-polar.EDGE, polar.LOWER_EDGE])

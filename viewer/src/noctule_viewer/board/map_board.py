@@ -6,6 +6,7 @@ from time import monotonic
 import rerun as rr
 
 from noctule import rerun_paths
+from noctule.rerun_together import Together
 from noctule_viewer.board import fit_figures, plan_marks
 from noctule_viewer.board.changes import Changes
 from noctule_viewer.board.entries import Entries
@@ -16,6 +17,13 @@ from noctule_viewer.board.turns import Turns
 _FIGURES_EVERY_S, _CHANGES_EVERY_S, _PATHS_EVERY_S = 15.0, 15.0, 1.0
 _RECENT_S = 600.0  # a unit that has not swept for longer says nothing of the map as it is
 _FLOOR_PLAN = (98, 116, 146)
+# As on the map; corners as the echoes that lie on them, poses as units.
+_KINDS = {
+    "walls": (236, 240, 245),
+    "corners": (255, 214, 102),
+    "cylinders": (255, 140, 66),
+    "unit poses": (86, 204, 242),
+}
 _FLOOR_PLAN_ORDER = 2.0  # above the grid of metres, below all that was measured
 
 
@@ -61,7 +69,8 @@ class MapBoard:
 def _figures(heard: Heard) -> Iterator[tuple[str, rr.AsComponents]]:
     assert heard.contour is not None
     for kind, error_mm in fit_figures.errors_mm(heard.contour).items():
-        yield rerun_paths.map_error(kind), rr.Scalars(error_mm)
+        line = rr.SeriesLines(colors=[_KINDS[kind]], names=[kind])
+        yield rerun_paths.map_error(kind), Together(rr.Scalars(error_mm), line)
     newest = {unit: sweeps[-1] for unit, sweeps in heard.sweeps.items() if heard.now_s - sweeps[-1].time_s < _RECENT_S}
     for figure, value in fit_figures.fit(fit_figures.residuals_m(heard.contour, newest)).items():
         yield rerun_paths.map_fit(figure), rr.Scalars(value)

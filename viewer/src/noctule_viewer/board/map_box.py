@@ -1,7 +1,7 @@
 """The part of the site's plane that the viewer shows: fixed, so that neither time travel nor a sweep moves the map."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil, floor, log10
 
 from noctule.messages_pb2 import Contour
@@ -23,6 +23,7 @@ class MapBox:
     bottom_m: float
     right_m: float
     top_m: float
+    of_map: bool = field(default=True, compare=False)  # or of where the units stand, before there was a map
 
     def holds(self, other: "MapBox") -> bool:
         """Whether ``other`` lies inside."""
@@ -41,17 +42,21 @@ class MapBox:
 
 def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | None) -> MapBox | None:
     """What to show of ``contour`` and units that stand at ``units_m``: as ``before`` while it fits well enough; None
-    where there is nothing to show.
+    where there is nothing to show. The first map is fitted afresh, however well the units alone had fitted.
     """
-    points_m = [*units_m, *(_points_m(contour) if contour is not None else ())]
+    map_m = _points_m(contour) if contour is not None else []
+    points_m = [*units_m, *map_m]
     if not points_m:
         return before
     xs, ys = zip(*points_m, strict=True)
     tight = MapBox(min(xs), min(ys), max(xs), max(ys))
-    if before is not None and tight.side_m >= _SHRINKS_BELOW * before.side_m:
+    of_map = bool(map_m)
+    if before is not None and before.of_map >= of_map and tight.side_m >= _SHRINKS_BELOW * before.side_m:
         return before if before.holds(tight) else _grown(before, tight)
     margin_m = max(_LEAST_MARGIN_M, _MARGIN * tight.side_m)
-    return MapBox(tight.left_m - margin_m, tight.bottom_m - margin_m, tight.right_m + margin_m, tight.top_m + margin_m)
+    return MapBox(
+        tight.left_m - margin_m, tight.bottom_m - margin_m, tight.right_m + margin_m, tight.top_m + margin_m, of_map
+    )
 
 
 def _grown(before: MapBox, tight: MapBox) -> MapBox:
@@ -62,6 +67,7 @@ def _grown(before: MapBox, tight: MapBox) -> MapBox:
         before.bottom_m if before.bottom_m <= tight.bottom_m else tight.bottom_m - more_m,
         before.right_m if before.right_m >= tight.right_m else tight.right_m + more_m,
         before.top_m if before.top_m >= tight.top_m else tight.top_m + more_m,
+        before.of_map,
     )
 
 

@@ -24,12 +24,18 @@ _MOST_RINGS = 5
 _RING_LABELS_AT_RAD = radians(-15)  # between two of the bearings' lines
 _LABELLED_RAD = [radians(turned) for turned in range(-180, 180, 45)]
 _ARC_POINTS = 6
+_NEARLY_ALL_PERCENT = 97.0
 
 
 def outermost_m(sweeps: Sequence[HeardSweep]) -> float:
-    """The range of the outermost circle: a whole number of steps, beyond the farthest echo of all ``sweeps``."""
+    """The range of the outermost circle: a whole number of steps, beyond the farthest echo of the last of ``sweeps``
+    and nearly all echoes of the others, of which a few may be false.
+    """
+    heard_m = np.concatenate([each.range_m for each in sweeps])
+    last_m = sweeps[-1].range_m
     farthest_m = max(
-        (float(np.nanmax(each.range_m)) for each in sweeps if np.isfinite(each.range_m).any()), default=1.0
+        float(np.nanpercentile(heard_m, _NEARLY_ALL_PERCENT)) if np.isfinite(heard_m).any() else 1.0,
+        float(np.nanmax(last_m)) if np.isfinite(last_m).any() else 0.0,
     )
     step_m = _step_m(farthest_m)
     return step_m * ceil(farthest_m / step_m)

@@ -5,17 +5,18 @@ from time import monotonic
 
 from noctule_viewer.board import documents, drawing, echo_history, map_box, polar
 from noctule_viewer.board.entries import Entries
+from noctule_viewer.board.heard_sweeps import HeardSweep
 from noctule_viewer.board.layout import MOST_TABS, Layout
 from noctule_viewer.board.map_board import MapBoard
 from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import Heard, SiteState
-from noctule_viewer.board.turns import Turns
+from noctule_viewer.board.turns import DRAWN_AGAIN_AFTER_S, Turns
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
 
 _UNITS_EVERY_S = 3.0
 _SHEETS_EVERY_S = _TEMPERATURES_EVERY_S = 30.0  # each costs the relay two kilobytes, for each unit
-_RINGS_EVERY_S, _POLAR_EVERY_S, _HISTORY_EVERY_S = 1.0, 2.0, 8.0  # one unit after the other
+_POLAR_EVERY_S, _HISTORY_EVERY_S = 2.0, 8.0  # one unit after the other
 
 
 class SiteBoard:
@@ -34,7 +35,7 @@ class SiteBoard:
         self._units: tuple[str, ...] = ()
         self._due_s: dict[str, float] = {}
         self._sheets: dict[str, tuple[Health, float]] = {}  # by unit: the health on it, and when it is due again
-        self._rings_turns = Turns(_RINGS_EVERY_S)
+        self._rings: dict[str, tuple[float, float]] = {}  # by unit: the outermost range, and when they are due again
         self._polar_turns, self._history_turns = Turns(_POLAR_EVERY_S), Turns(_HISTORY_EVERY_S)
 
     def statics(self) -> Entries:
@@ -70,12 +71,20 @@ class SiteBoard:
         sweeps = {unit.unit: heard.sweeps[unit.unit] for unit in units if unit.unit in heard.sweeps}
         outermost_m = {unit: polar.outermost_m(of_unit) for unit, of_unit in sweeps.items()}
         newest_s = {unit: of_unit[-1].time_s for unit, of_unit in sweeps.items()}
-        if (unit := self._rings_turns.take(outermost_m)) is not None:
-            yield from polar.draw_rings(unit, outermost_m[unit], sweeps[unit][-1].beam_width_rad)
+        self._rings = {unit: last for unit, last in self._rings.items() if unit in sweeps}
         if (unit := self._polar_turns.take(newest_s)) is not None:
-            yield from polar.draw_polar(unit, sweeps[unit][-1], outermost_m[unit])
+            yield from self._polar(unit, sweeps[unit][-1], outermost_m[unit])
         if (unit := self._history_turns.take(newest_s)) is not None:
             yield from echo_history.draw_echo_history(unit, sweeps[unit], outermost_m[unit], heard.now_s)
+
+    def _polar(self, unit: str, sweep: HeardSweep, outermost_m: float) -> Entries:
+        """The sweep, and with it the rings where their scale is another: one without the other would be misread."""
+        now_s = monotonic()
+        last = self._rings.get(unit)
+        if last is None or last[0] != outermost_m or now_s >= last[1]:
+            self._rings[unit] = outermost_m, now_s + DRAWN_AGAIN_AFTER_S
+            yield from polar.draw_rings(unit, outermost_m, sweep.beam_width_rad)
+        yield from polar.draw_polar(unit, sweep, outermost_m)
 
     def _take_due_sheets(self, units: list[UnitHealth]) -> list[UnitHealth]:
         """Those whose sheet is due, or whose health is another. They are noted as drawn, and other units forgotten."""

@@ -1,7 +1,7 @@
 """Ages and lists as people say them."""
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 
 _NOW_S, _MINUTE_S, _HOUR_S, _DAY_S = 5.0, 60.0, 3_600.0, 86_400.0
 _LISTED = 5
@@ -26,8 +26,8 @@ def duration(seconds: float) -> str:
 
 
 def hour(time_s: float, now_s: float) -> str:
-    """A time (UTC, seconds) by this machine's clock: the hour, with the date if it was another day."""
-    time, now = datetime.fromtimestamp(time_s), datetime.fromtimestamp(now_s)
+    """A time in UTC, as the page's own time line and events have it: the hour, with the date if it was another day."""
+    time, now = datetime.fromtimestamp(time_s, UTC), datetime.fromtimestamp(now_s, UTC)
     return time.strftime("%H:%M:%S" if time.date() == now.date() else "%d %b %H:%M")
 
 
