@@ -47,7 +47,7 @@ def test_walls_and_cylinders_bear_errors_from_a_centimetre_on_where_there_is_roo
         "3.00 m",
         "3.00 m ±7 cm",
     ]
-    crowd = {f"u{number}": (0.5 + 0.6 * number, 20 * PX_M) for number in range(6)}  # their names lie on the wall
+    crowd = {f"u{number}": (0.5 + number, 0.0) for number in range(4)}  # their names hang below the wall, as its length
     texts = [label.text for label in labels(contour, crowd)]
     assert "4.00 m ±4 cm" not in texts
     assert "4.00 m" in texts

@@ -196,7 +196,7 @@ def test_a_unit_whose_sweeps_show_a_fault_needs_attention_since_the_first_of_the
     (unit,) = site.units()
     assert (unit.health, unit.since_s) == (Health.ATTENTION, BEGAN_S - 60)
     assert unit.words.startswith("sweeping: turned: it was turned by 5 degrees (since 2027-01-15 07:59 UTC, 90% sure)")
-    assert "| fault: turned | turned: it was turned by 5 degrees" in documents.sheet(unit, BEGAN_S)
+    assert "\n\nsweeping: turned: it was turned by 5 degrees" in documents.sheet(unit, BEGAN_S)
 
 
 def test_a_fault_from_before_the_clock_was_set_has_no_time(site: Site) -> None:
@@ -217,9 +217,10 @@ def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Si
     site.state.note_sweep(sweep)
     rows = documents.table(site.units(), BEGAN_S).splitlines()[2:]
     assert [row.split("|")[1].strip() for row in rows] == ["u3", "u2", "u10"]
-    assert "**NEEDS ATTENTION** fault: a \\| b c" in rows[0]
-    assert rows[1].endswith("| 2 min ago |")
-    assert rows[2].endswith("| none heard |")
+    assert "| **NEEDS ATTENTION** |" in rows[0]
+    assert rows[0].endswith("| fault: a \\| b c |")
+    assert rows[1].endswith("| 2 min ago |  |")
+    assert rows[2].endswith("| none heard |  |")
 
 
 def test_a_sweep_that_is_dated_in_the_future_is_the_last_one_only_until_the_next(site: Site) -> None:
@@ -248,8 +249,8 @@ def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Si
 def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:
     layout = blueprint_of([Layout(("u1", "u2"), MapBox(-1.0, -2.0, 3.0, 4.0))])
     _, tabs = views(layout.root_container)
-    assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures"]
-    site, *units, _ = views(tabs)
+    assert [tab.name for tab in views(tabs)] == ["Site", "u1", "u2", "Figures", "States of the units"]
+    site, *units, _, _ = views(tabs)
     pictures = [views(views(unit)[0]) for unit in units]  # of sweeps, beside what is said in words
     assert [[view.name for view in views(row)] for row, _ in pictures] == 2 * [
         ["Last sweep from the unit", "Last sweep in the room"]
@@ -265,7 +266,7 @@ def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -
     layout = blueprint_of([Layout(tuple(f"u{number}" for number in range(1, 41)), None)])
     _, tabs = views(layout.root_container)
     names = [tab.name for tab in views(tabs)]
-    assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures"]
+    assert names == ["Site", *(f"u{number}" for number in range(1, 31)), "Figures", "States of the units"]
     contents = views(views(tabs)[0])[0].contents
     assert [f"- /{rerun_paths.unit_rays(unit)}" in contents for unit in ("u1", "u40")] == [True, True]
 
@@ -279,7 +280,7 @@ def test_the_tabs_are_shared_among_the_sites_of_a_relay() -> None:
     for board in boards:
         list(board.entries(board.heard()))
     tabs = [[tab.name for tab in views(views(board.layout().views())[1])] for board in boards]
-    assert tabs == 3 * [["Site", *(f"u{number}" for number in range(1, 11)), "Figures"]]
+    assert tabs == 3 * [["Site", *(f"u{number}" for number in range(1, 11)), "Figures", "States of the units"]]
     assert (tabs_of_each(1), tabs_of_each(100)) == (30, 1)
 
 
@@ -295,7 +296,7 @@ def test_a_service_that_names_thousands_of_units_neither_fills_the_table_nor_hid
     assert site.units()[-1].unit == "z1"
     table = documents.table(site.units(), BEGAN_S)
     assert len(table.splitlines()) == 303
-    assert table.endswith("| | No more than 300 units are shown. | | |")
+    assert table.endswith("| | No more than 300 units are shown. | | | |")
 
 
 def test_several_sites_have_a_tab_each_with_their_own_alarms_units_and_map() -> None:
@@ -308,7 +309,7 @@ def test_several_sites_have_a_tab_each_with_their_own_alarms_units_and_map() -> 
         assert alarms.origin == f"/{of_site}/board/alarms"
         world = views(views(tabs)[0])[0]
         assert (world.origin, world.contents) == (f"/{of_site}", [f"/{of_site}/world/**"])
-    assert [tab.name for tab in views(views(sites[1])[1])] == ["Site", "u1", "u2", "Figures"]
+    assert [tab.name for tab in views(views(sites[1])[1])] == ["Site", "u1", "u2", "Figures", "States of the units"]
 
 
 def views(container: Any) -> list[Any]:

@@ -142,7 +142,8 @@ def _solid(contour: Contour, canvas: OccupancyMap) -> np.ndarray:
 
 def _open_to(places_m: np.ndarray, solid: np.ndarray, canvas: OccupancyMap) -> np.ndarray:
     """Which cells can be got to from ``places_m`` and not through a ``solid`` one; all where no place is on the map."""
-    region = ndimage.label(~solid)[0]  # cells that share a side are of one region
+    region = np.zeros(solid.shape, np.int32)
+    ndimage.label(~solid, output=region)  # cells that share a side are of one region
     column, row = np.floor((places_m - (canvas.x_m, canvas.y_m)) / canvas.cell_m).astype(int).T
     on_map = (row >= 0) & (row < solid.shape[0]) & (column >= 0) & (column < solid.shape[1])
     regions = np.setdiff1d(region[row[on_map], column[on_map]], 0)  # 0 is the solid cells

@@ -91,9 +91,10 @@ def _error(sigma_m: float) -> str:
 
 
 def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
-    """Below, above, and beside what is at ``place``."""
+    """Below, above, and beside what is at ``place``, and a row farther below and above."""
     up_m, aside_m, hangs_m = _FROM_A_DOT_PX * px_m, 0.7 * _width_m(text, px_m), _HANGS_PX * px_m
-    shifts = ((0.0, -up_m), (0.0, up_m), (aside_m, 0.0), (-aside_m, 0.0))
+    row_m = up_m + _HEIGHT_PX * px_m
+    shifts = ((0.0, -up_m), (0.0, up_m), (aside_m, 0.0), (-aside_m, 0.0), (0.0, -row_m), (0.0, row_m))
     return [Label(kind, text, (place[0] + x_m, place[1] + y_m + hangs_m)) for x_m, y_m in shifts]
 
 
