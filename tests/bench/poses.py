@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
-from mapper.judged_poses import Taped, Unknown, independent_squares, taped, unknown
+from mapper.judged_poses import Taped, Unknown, honest_bounds, taped, unknown
 from scipy.stats import chi2
 
 
@@ -83,16 +83,14 @@ def _taped_summary(rooms: Sequence[Taped]) -> list[str]:
         f"corners {ours.mean():.3f} cm, told every label {told.mean():.3f}: {ours.mean() / told.mean():.2f} "
         f"times as much ({len(ours)} corners)"
     )
-    squares, each_room = np.concatenate([one.squares for one in rooms]), independent_squares(rooms)
+    squares = np.concatenate([one.squares for one in rooms])
     of_whole = [square for one in rooms if not _faults(one) for square in one.squares]
-    low, high = chi2.ppf([0.005, 0.995], 3 * len(each_room)) / (3 * len(each_room))
+    low, high = honest_bounds(rooms)
     lines.append(
-        f"{len(squares)} poses: squared normalised error {squares.mean() / 3:.2f} per coordinate, median "
+        f"{len(squares)} poses: squared normalised error {squares.mean() / 3:.2f} per coordinate (chi-square at 1 %: "
+        f"{low:.2f} to {high:.2f}), median "
         f"{np.median(squares) / chi2.median(3):.2f} of chi-square's; {len(of_whole)} of rooms without a fault: "
         f"{np.sum(of_whole) / 3 / max(len(of_whole), 1):.2f}"
-    )
-    lines.append(
-        f"one pose a room: {each_room.mean() / 3:.2f} per coordinate, chi-square at 1 % {low:.2f} to {high:.2f}"
     )
     return [*lines, _computing([one.computing_s for one in rooms])]
 

@@ -11,6 +11,7 @@ from mapper.fixed_units import Verdict, aligned, judge_fixed, survey_fixed, tape
 from mapper.placement_oracle import tellable
 from mapper.posed_label_fit import posed_label_fit
 from mapper.unknown_units import Outcome, contour_of, erased, judged_room, outcome
+from scipy.stats import chi2
 
 from noctule_mapper.contour.contour import UnitPose
 
@@ -27,12 +28,15 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Taped:
-    """The verdict, the units that are called wrong, and of each pose the squared error over its covariance."""
+    """The verdict, the units that are called wrong, of each pose the squared error over its covariance, and the
+    variance of their sum.
+    """
 
     seed: int
     verdict: Verdict
     named: tuple[str, ...]
     squares: tuple[float, ...]
+    variance: float
     computing_s: float
 
 
@@ -52,21 +56,43 @@ def taped(seed: int) -> Taped:
     began_s = time.process_time()
     contour = contour_of([one.sweep for one in surveyed])
     computing_s = time.process_time() - began_s
-    told = posed_label_fit(room, surveyed, true).room
+    told = posed_label_fit(room, surveyed, true)
+    numbers = [int(pose.unit[1:]) - 1 for pose in contour.poses]
     return Taped(
         seed,
-        judge_fixed(aligned(contour, room, true), room, surveyed, told),
+        judge_fixed(aligned(contour, room, true), room, surveyed, told.room),
         tuple(pose.unit for pose in contour.poses if pose.is_wrong),
-        tuple(square(pose, true[int(pose.unit[1:]) - 1]) for pose in contour.poses),
+        tuple(square(pose, true[number]) for number, pose in zip(numbers, contour.poses, strict=True)),
+        variance_of_squares(told.all_poses_covariance, numbers),
         computing_s,
     )
 
 
-def independent_squares(rooms: Sequence[Taped]) -> np.ndarray:
-    """The squares of one pose of each room that has any, (n,): the poses of a room share the error of its frame, and
-    chi-square's bounds are for independent ones.
+def variance_of_squares(covariance: np.ndarray, numbers: Sequence[int]) -> float:
+    """The variance of the sum of the squares of some poses, each over its own covariance, where the ``covariance`` of
+    all poses (3 n, 3 n) is right: that of independent ones is 6 for each pose.
+
+    With e the errors, C the covariance and D its blocks, the sum is e^T D^-1 e, which has the mean 3 n and the variance
+    2 tr(D^-1 C D^-1 C).
     """
-    return np.array([one.squares[one.seed % len(one.squares)] for one in rooms if one.squares])
+    rows = (3 * np.array(numbers, int)[:, None] + np.arange(3)).ravel()
+    own = covariance[np.ix_(rows, rows)]
+    blocks = own * np.kron(np.eye(len(numbers)), np.ones((3, 3)))
+    together = np.linalg.solve(blocks, own)
+    return float(2 * (together * together.T).sum())
+
+
+def honest_bounds(rooms: Sequence[Taped]) -> tuple[float, float]:
+    """Between which the mean square of a coordinate lies with a chance of 99 % if the errors are as stated.
+
+    The poses of a room share the error of its frame, so they are worth fewer coordinates than they have: as many as
+    give chi-square the variance of the sum (Satterthwaite 1946). How poses go together is taken from the label fit,
+    for a contour has the covariance of each pose alone.
+    """
+    coordinates = 3 * sum(len(one.squares) for one in rooms)
+    independent = 2 * coordinates**2 / sum(one.variance for one in rooms)
+    low, high = chi2.ppf((0.005, 0.995), independent) / independent
+    return float(low), float(high)
 
 
 def square(pose: UnitPose, true: np.ndarray) -> float:

@@ -32,11 +32,14 @@ KNOWN_M = 0.1  # a corner, or the frame's error included: worse ones do not say 
 
 @dataclass(frozen=True)
 class PosedLabelFit:
-    """The room, and the units' poses (units, 3) with the covariance of each, (units, 3, 3)."""
+    """The room, and the units' poses (units, 3) with the covariance of each, (units, 3, 3), and of all together,
+    (3 units, 3 units).
+    """
 
     room: LabelFit
     poses: np.ndarray
     pose_covariances: np.ndarray
+    all_poses_covariance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ def posed_label_fit(room: Room, surveyed: Sequence[LabelledSweep], true: np.ndar
     poses = parameters[len(flat) :].reshape(-1, 3)
     of_poses = np.array([covariance[i : i + 3, i : i + 3] for i in range(len(flat), len(truth), 3)])
     moved, held = _aligned(parameters[: len(flat)], covariance[: len(flat), : len(flat)], room, heard)
-    return PosedLabelFit(reported(moved, held, len(acute), heard), poses, of_poses)
+    of_all = covariance[len(flat) :, len(flat) :]
+    return PosedLabelFit(reported(moved, held, len(acute), heard), poses, of_poses, of_all)
 
 
 def _bounded(step: np.ndarray, parameters: np.ndarray, residual: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

@@ -69,3 +69,34 @@ def test_an_unknown_spread_is_that_of_the_residuals_with_two_of_them_used_up() -
 def test_a_calibrated_spread_stays() -> None:
     off_m = 0.005 * np.tile([1.0, -1.0, -1.0, 1.0], 5)
     assert fitted(off_m, IN_TIME).range_sigma_m.tolist() == [SIGMA_M] * 20
+
+
+STATED_OFF_M = 0.03  # two units, stated to be 3 cm farther to the right than they are, to within so much
+UNITS_M = np.array([(0.0, -0.5), (0.0, 0.5)])
+
+
+def posed(wary: bool) -> Settled:
+    """Two units hear the wall x = 2 and one point at (1.5, 0), but at ranges 8 cm too short: it is a cylinder."""
+    sweeps = [
+        fine_sweep(number, (x - STATED_OFF_M, y), [(0.0, 2.0 - x), (math.atan2(-y, 1.5), math.hypot(1.5, y) - 0.08)])
+        for number, (x, y) in enumerate(UNITS_M)
+    ]
+    echoes = join([echoes_of(one, number, SIGMA_M) for number, one in enumerate(sweeps)])
+    data = evidence(echoes, echoes.sigma_m, SPAN_M, IN_TIME)
+    return settle(
+        [Line(0.0, 2.0, -1.0, 1.0), Spot(1.5, 0.0)], [], claims_of([0, 1] * 2, data, 2.0), data, IN_TIME, STEPS, wary=wary
+    )
+
+
+def test_in_a_wary_fit_a_point_moves_no_unit() -> None:
+    def apart_m(found: Settled) -> np.ndarray:
+        """How the fit has moved the units apart from where they are stated, beside one another."""
+        return found.shared.shift[1, :2] - found.shared.shift[0, :2]
+
+    assert np.abs(apart_m(posed(wary=False))).max() > 0.01
+    assert apart_m(posed(wary=True)) == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+def test_a_direction_that_is_far_off_tells_a_ninth_of_one_that_is_as_exact_as_stated() -> None:
+    # At 0 sigmas 0.85 sharp ones stand against 0.15 / 3 blunt ones, at 8 none against all: 17 / 18 + 1 / 18 / 9.
+    assert direction_weight(np.array([0.0, 8.0])) == pytest.approx([0.95062, 1 / 9], abs=1e-5)

@@ -14,7 +14,8 @@ A log that ends before ``head`` has lost commits; one that was open when the pow
 sweep gets the number after ``reserved``, and the numbers between are a gap. Where the file does not know the log
 (deleted, damaged, or the log came from a copy) nobody can say what was used: the log gets a new log_id. A copy has
 another identity, where the file system has one. Beside a backup lies a file that says so, because a log of an earlier
-gateway has no head file. A sync at each commit would save the gap after a power cut and double the cost of every commit.
+gateway has no head file. A sync at each commit would save the gap after a power cut and double the cost of every
+commit.
 """
 
 import json
@@ -76,7 +77,7 @@ class Heads:
 
 
 def read(path: Path, file: str) -> Heads:
-    """What the file at ``path`` says of a log with the identity ``file``. Raises OSError, but not where it is missing."""
+    """What the file at ``path`` says of a log with the identity ``file``. Raises OSError, but not if it is missing."""
     try:
         text = path.read_bytes()
     except FileNotFoundError:

@@ -12,8 +12,8 @@ import numpy as np
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.corners import Fit, Link
-from noctule_mapper.contour.reflectors import Reflector
-from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.contour.reflectors import Reflector, Spot
+from noctule_mapper.readings.evidence import Evidence, direction_weight
 from noctule_mapper.refinement.association import Claims, explain
 from noctule_mapper.refinement.joint_fit import (
     Normal,
@@ -21,6 +21,7 @@ from noctule_mapper.refinement.joint_fit import (
     linearise,
     moved,
     offsets_of,
+    placing_nothing,
     rows_of,
     shared_by,
     solve,
@@ -59,23 +60,32 @@ def settle(
     config: RefinementConfig,
     iterations: int,
     estimate_sigma: bool = False,
+    wary: bool = False,
 ) -> Settled:
     """Fit ``objects`` and, through their walls, ``links`` to the echoes that they claim.
 
-    With ``estimate_sigma`` the spread of sensors that nobody has calibrated is fitted as well.
+    With ``estimate_sigma`` the spread of sensors that nobody has calibrated is fitted as well. A ``wary`` fit lets what
+    is often misunderstood tell little: points nothing of where fine sweeps were made, directions that are far off
+    hardly anything.
     """
     shared, parameters = shared_by(data), int(offsets_of(objects)[-1])
     objects, echo = list(objects), claims.echo
+    is_point = np.array([isinstance(one, Spot) for one in objects] + [False] * len(links), bool)[claims.maker]
+    unplacing = is_point & data.echoes.is_fine[echo] & wary
     late_share, leverage = config.beam.late_share, 0.0
     for iteration in range(iterations):
         linear = linearise(objects, links, claims.maker, echo, data.echoes)
-        rows = rows_of(linear, echo, data.echoes, shared, parameters)
+        rows = placing_nothing(rows_of(linear, echo, data.echoes, shared, parameters), unplacing)
         residual = rows.residual_m
-        sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]  # places shift from the first step on
+        # Places shift from the first step on.
+        sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]
+        sigma_rad = data.direction_sigma_rad[echo] if iteration else data.turn_sigma_rad[echo]
         anywhere_nats = data.lone_nats[echo] - np.log(data.span_m)
         score = _score(residual, sigma_m, late_share, leverage, anywhere_nats, config)
         share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
         turns = share / data.direction_sigma_rad[echo] ** 2
+        if wary:
+            turns = turns * direction_weight(rows.turn_rad / sigma_rad)
         normal = solve(rows, score.mean_m, share / sigma_m**2, turns, echo, shared, parameters)
         objects, shared = moved(objects, normal.step), replace(shared, shift=normal.shift, error=normal.error)
         leverage = min(normal.freedom / max(float(share.sum()), 1.0), _MOST_LEVERAGE)

@@ -22,7 +22,7 @@ covariance sigma^2 I + s^2 N N^T, N their directions.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -161,6 +161,17 @@ def rows_of(linear: Linear, echo: np.ndarray, echoes: Echoes, shared: Shared, pa
         columns = np.column_stack([columns, *(parameters + 3 * at + which for which in range(3))])
         slopes, turn_slopes = np.column_stack([slopes, by_sensor]), np.column_stack([turn_slopes, 0 * by_sensor])
     return Rows(columns, residual, slopes, away, turn, turn_slopes, turn_away)
+
+
+def placing_nothing(rows: Rows, which: np.ndarray) -> Rows:
+    """The rows, those of ``which``, bool (claims,), telling nothing of the places: objects are fitted to them with the
+    places as the others have them.
+    """
+    return replace(
+        rows,
+        by_place=np.where(which[:, None], 0.0, rows.by_place),
+        turn_by_place=np.where(which[:, None], 0.0, rows.turn_by_place),
+    )
 
 
 @dataclass(frozen=True)

@@ -115,9 +115,8 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
     objects, links = best.objects, best.links
     while True:
         claims = scene.claims(objects, links)
-        last = settle(
-            objects, links, claims, scene.data, settings, settings.search.last_steps, not data.echoes.calibrated.all()
-        )
+        open_spread, steps = not data.echoes.calibrated.all(), settings.search.last_steps
+        last = settle(objects, links, claims, scene.data, settings, steps, open_spread, wary=True)
         sure = _determined(last, claims, scene, config)
         if len(sure) == len(objects):
             return Final(last, scene.data, weighed, claims, links, best.worth)
