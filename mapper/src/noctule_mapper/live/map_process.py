@@ -26,7 +26,6 @@ from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.readings.sweep import SweepReadings
 
 _BEAT_S = 1.0
-_NICE = 5  # of a map whose mapper has others beside it: a third of the processor time that those get who wait for it
 
 
 def run_map(connection: Connection) -> NoReturn:
@@ -37,9 +36,6 @@ def run_map(connection: Connection) -> NoReturn:
     threading.Thread(target=service.beat, name="map-beat", daemon=True).start()
     settings = service.receive()
     assert isinstance(settings, MapSettings)
-    if settings.fit_turn is not None:
-        # Sweeps on their way into the stores and sites that are taken over go before maps.
-        os.nice(_NICE)
     worker = MapWorker(
         settings.config,
         settings.site,
