@@ -8,7 +8,9 @@ from mapper.small_scene import MOST_GAIN_NATS, SIGMA_M, claims_of, evidence_of
 
 from noctule_mapper.config import BeamConfig, RefinementConfig
 from noctule_mapper.contour.reflectors import Line
+from noctule_mapper.readings.evidence import direction_weight
 from noctule_mapper.refinement.em_fit import Settled, settle
+from noctule_mapper.refinement.joint_fit import linearise, placing_nothing, rows_of, shared_by
 
 # None is late: what is left to find are the wall and the spread.
 IN_TIME = RefinementConfig(beam=BeamConfig(late_share=1e-12))
@@ -71,30 +73,17 @@ def test_a_calibrated_spread_stays() -> None:
     assert fitted(off_m, IN_TIME).range_sigma_m.tolist() == [SIGMA_M] * 20
 
 
-STATED_OFF_M = 0.03  # two units, stated to be 3 cm farther to the right than they are, to within so much
-UNITS_M = np.array([(0.0, -0.5), (0.0, 0.5)])
-
-
-def posed(wary: bool) -> Settled:
-    """Two units hear the wall x = 2 and one point at (1.5, 0), but at ranges 8 cm too short: it is a cylinder."""
-    sweeps = [
-        fine_sweep(number, (x - STATED_OFF_M, y), [(0.0, 2.0 - x), (math.atan2(-y, 1.5), math.hypot(1.5, y) - 0.08)])
-        for number, (x, y) in enumerate(UNITS_M)
-    ]
-    echoes = join([echoes_of(one, number, SIGMA_M) for number, one in enumerate(sweeps)])
-    data = evidence(echoes, echoes.sigma_m, SPAN_M, IN_TIME)
-    return settle(
-        [Line(0.0, 2.0, -1.0, 1.0), Spot(1.5, 0.0)], [], claims_of([0, 1] * 2, data, 2.0), data, IN_TIME, STEPS, wary=wary
-    )
-
-
-def test_in_a_wary_fit_a_point_moves_no_unit() -> None:
-    def apart_m(found: Settled) -> np.ndarray:
-        """How the fit has moved the units apart from where they are stated, beside one another."""
-        return found.shared.shift[1, :2] - found.shared.shift[0, :2]
-
-    assert np.abs(apart_m(posed(wary=False))).max() > 0.01
-    assert apart_m(posed(wary=True)) == pytest.approx([0.0, 0.0], abs=1e-3)
+def test_echoes_that_place_nothing_move_objects_and_no_place() -> None:
+    data = evidence_of([(0.0, y, 0.0, 2.0) for y in (-0.5, 0.0, 0.5)])
+    wall, claims = Line(0.0, 2.0, -1.0, 1.0), claims_of([0] * 3, data, 2.0)
+    linear = linearise([wall], [], claims.maker, claims.echo, data.echoes)
+    rows = rows_of(linear, claims.echo, data.echoes, shared_by(data), 2)
+    freed = placing_nothing(rows, np.array([True, False, True]))
+    assert rows.by_place[:, 0] == pytest.approx([-1.0, -1.0, -1.0])  # a step towards the wall shortens the range
+    assert freed.by_place[:, 0] == pytest.approx([0.0, -1.0, 0.0])
+    assert not freed.turn_by_place[[0, 2]].any()
+    assert np.array_equal(freed.turn_by_place[1], rows.turn_by_place[1])
+    assert np.array_equal(freed.residual_m, rows.residual_m)
 
 
 def test_a_direction_that_is_far_off_tells_a_ninth_of_one_that_is_as_exact_as_stated() -> None:

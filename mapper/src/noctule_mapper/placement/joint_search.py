@@ -22,7 +22,6 @@ _MOST_HYPOTHESES = 10
 _MOST_BRANCHES = 6
 _MOST_COMPLETED = 16  # hypotheses, those that were dropped among them
 _HOPELESS_NATS = 14.0  # below the best
-_DISCOUNT = 0.5  # of what a plateau is worth
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,29 +104,18 @@ def joined(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs:
         hypothesis = _with(hypothesis, best[1], best[2], hypothesis.waiting)
 
 
-@dataclass(frozen=True)
-class Margin:
-    """By how much a pose stands above all others, and above none, in nats; and the same when the plateau by which it
-    does so most counts half: one that agrees by chance is worth up to 12 nats, but two do not agree by chance.
+def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float:
+    """By how much the unit's pose stands above all others, and above none, if all other units stand as they are; in
+    nats.
     """
-
-    nats: float
-    discounted_nats: float
-
-
-def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> Margin:
-    """The margin of the unit's pose if all other units stand as they are."""
     own = next(one for one in placed if one.view.unit == unit)
     others = [one for one in placed if one is not own]
     marks = landmarks_of(others, grouped(others))
     starts = np.concatenate([own.pose[None], pairs.at(own.view, others)])
-    columns = 1 + len(own.view)  # nothing discounted, then each plateau in turn
-    here, elsewhere = [np.full(columns, -np.inf)], [np.zeros(columns)]
+    here, elsewhere = [-np.inf], [0.0]
     for one in standings(own.view, marks, others, starts):
-        worth_nats = one.worth_nats - _DISCOUNT * np.append(0.0, one.plateau_nats)
-        (here if is_same(one.pose, own.pose) else elsewhere).append(worth_nats)
-    margins = np.max(here, axis=0) - np.logaddexp.reduce(elsewhere)
-    return Margin(float(margins[0]), float(margins.min()))
+        (here if is_same(one.pose, own.pose) else elsewhere).append(one.worth_nats)
+    return float(max(here) - np.logaddexp.reduce(elsewhere))
 
 
 def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:

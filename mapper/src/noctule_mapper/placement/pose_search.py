@@ -37,14 +37,12 @@ _IMPLIED_M, _IMPLIED_RAD = 0.05, np.radians(6.0)
 @dataclass(frozen=True, eq=False)  # of arrays
 class Standing:
     """A pose (3,) at which a unit may stand, its covariance (3, 3), and its worth in nats: above 0 it is likelier than
-    that the unit hears a place of which the others hear nothing. ``plateau_nats`` (n,) is what of the worth is due to
-    each of the unit's plateaus.
+    that the unit hears a place of which the others hear nothing.
     """
 
     pose: np.ndarray
     covariance: np.ndarray
     worth_nats: float
-    plateau_nats: np.ndarray
 
 
 def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], starts: np.ndarray) -> list[Standing]:
@@ -70,10 +68,7 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
     worth = nats + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + HOLD)[1]
     worth = worth - anywhere(marks) + TOGETHER_NATS
     covariance = np.linalg.inv(fit.information + 1e-3 * HOLD)
-    return [
-        Standing(poses[at], covariance[at], float(worth[at]), fit.nats[at])
-        for at in _distinct(poses, worth, len(poses))
-    ]
+    return [Standing(poses[at], covariance[at], float(worth[at])) for at in _distinct(poses, worth, len(poses))]
 
 
 def _far_nats(fit: Fit, marks: Landmarks) -> np.ndarray:

@@ -16,18 +16,19 @@ from noctule_mapper.placement.hypothesis_worth import settled
 from noctule_mapper.placement.joint_search import Pairs, margin_alone, search
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import grouped
+from noctule_mapper.placement.pose_leaning import leaning
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
-# By which a pose must stand above all others together. A room whose walls are all in one right-angled frame looks alike
-# from several sides, and may go on alike where nobody has heard it.
-MARGIN_NATS, SQUARE_MARGIN_NATS = 8.0, 10.0
-ALONE_MARGIN_NATS, SQUARE_ALONE_MARGIN_NATS = 5.0, 8.0  # the same where all other units stand as they are
-DISCOUNTED_MARGIN_NATS = 2.5  # and then with the most telling plateau counted half
+# A pose must stand out by two margins: among the arrangements of all units, and with all other units where they are.
+# These err in different ways, so it is their sum that tells right from wrong. A room whose walls are all in one
+# right-angled frame looks alike from several sides, and may go on alike where nobody has heard it.
+LEAST_MARGIN_NATS = 5.0  # of either
+SUM_NATS, SQUARE_SUM_NATS = 16.0, 18.0  # of both
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _ADRIFT = "it and the units about it share too few walls with those whose poses are known"
-_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.035, np.radians(1.0)
+_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.04, np.radians(1.5)
 
 
 @dataclass(frozen=True)
@@ -55,30 +56,27 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     rivals = search(known, unknown, pairs)
     best = rivals[0]
     placed = settled(best.placed, len(known))
+    errors = dict(zip((one.view.unit for one in placed), _errors(placed, len(known)), strict=True))
     names = frozenset(one.view.unit for one in known)
-    alone = {one.view.unit: margin_alone(placed, one.view.unit, pairs) for one in placed[len(known) :]}
-    square = _is_square(placed)
-    wanted_nats = SQUARE_MARGIN_NATS if square else MARGIN_NATS
-    alone_nats = SQUARE_ALONE_MARGIN_NATS if square else ALONE_MARGIN_NATS
-    standing_out = {
-        unit
-        for unit, margin in alone.items()
-        if margin.nats > alone_nats and margin.discounted_nats > DISCOUNTED_MARGIN_NATS
-    }
-    tied = [part for part in _parts(placed) if _is_tied(part, names, alone_nats, pairs)]
-    tied_units = {one.view.unit for part in tied for one in part}
+    alone_nats = {one.view.unit: margin_alone(placed, one.view.unit, pairs) for one in placed[len(known) :]}
+    tied_nats = {}
+    for part in _parts(placed):
+        tied_nats |= dict.fromkeys((one.view.unit for one in part), _tied_nats(part, names, pairs))
+    wanted_nats = SQUARE_SUM_NATS if _is_square(placed) else SUM_NATS
     found, left_open = [], []
     for view in unknown:
         at = next((one for one in placed if one.view.unit == view.unit), None)
         margin_nats, rival = _margin(best, rivals, view.unit)
-        sure = margin_nats > wanted_nats and view.unit in standing_out
-        if at is not None and sure and view.unit in tied_units and _is_known(at.covariance):
-            found.append(FoundPose(view.unit, at.pose, at.covariance))
+        if at is None:
+            left_open.append(OpenPose(view.unit, _why(at, False, rival)))
+            continue
+        is_right = _stands_out(margin_nats, alone_nats[view.unit], wanted_nats)
+        is_tied = _stands_out(margin_nats, tied_nats[view.unit], wanted_nats)
+        if is_right and is_tied and _is_known(errors[view.unit]):
+            found.append(FoundPose(view.unit, at.pose, errors[view.unit]))
         else:
-            is_adrift = at is not None and view.unit not in tied_units
-            left_open.append(
-                OpenPose(view.unit, _ADRIFT if sure and is_adrift else _why(at, margin_nats > wanted_nats, rival))
-            )
+            why = _ADRIFT if is_right and not is_tied else _why(at, margin_nats > wanted_nats / 2, rival)
+            left_open.append(OpenPose(view.unit, why))
     return found, left_open
 
 
@@ -91,15 +89,21 @@ def _parts(placed: Sequence[PlacedUnit]) -> list[list[PlacedUnit]]:
     return [[placed[number] for number in np.nonzero(part == one)[0].tolist()] for one in np.unique(part)]
 
 
-def _is_tied(part: Sequence[PlacedUnit], known: Collection[str], alone_nats: float, pairs: Pairs) -> bool:
-    """Whether what the units that were looked for hear together tells where a known one is, or what the known ones hear
-    where one of these is. Otherwise the units may be right beside one another and wrong beside the known ones.
+def _tied_nats(part: Sequence[PlacedUnit], known: Collection[str], pairs: Pairs) -> float:
+    """By how much what the units that were looked for hear together tells where a known one is, or what the known ones
+    hear where one of these is. Otherwise the units may be right beside one another and wrong beside the known ones.
     """
     stated = [one for one in part if one.view.unit in known]
     sought = [one for one in part if one.view.unit not in known]
     tries = [(one, sought) for one in stated]
     tries += [(one, stated) for one in sought] if len(stated) > 1 else []  # of one alone it is the same question
-    return any(margin_alone([*others, one], one.view.unit, pairs).nats > alone_nats for one, others in tries if others)
+    margins = (margin_alone([*others, one], one.view.unit, pairs) for one, others in tries if others)
+    return max(margins, default=-np.inf)
+
+
+def _stands_out(among_nats: float, alone_nats: float, wanted_nats: float) -> bool:
+    """Whether margins among all arrangements and with all other units where they are suffice."""
+    return min(among_nats, alone_nats) > LEAST_MARGIN_NATS and among_nats + alone_nats > wanted_nats
 
 
 def _is_square(placed: Sequence[PlacedUnit]) -> bool:
@@ -124,6 +128,12 @@ def _margin(best: Hypothesis, all_: Sequence[Hypothesis], unit: str) -> tuple[fl
     left = max((one.worth_nats for one in others if one.waiting), default=-np.inf)
     below = np.logaddexp.reduce([left, *(one.worth_nats for one in others if not one.waiting)])
     return float(above - below), max(others, key=lambda one: one.worth_nats).pose_of(unit)
+
+
+def _errors(placed: Sequence[PlacedUnit], known: int) -> list[np.ndarray]:
+    """The covariance (3, 3) of each unit's pose: of the noise, and of plateaus that may be another landmark's."""
+    leanings = leaning(placed, grouped(placed), known)
+    return [one.covariance + more for one, more in zip(placed, leanings, strict=True)]
 
 
 def _is_known(covariance: np.ndarray) -> bool:
