@@ -77,11 +77,14 @@ def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int)
     """The units with the poses at which their plateaus agree best; those of the first ``known`` keep to what is stated
     of them, within its error.
     """
-    problem = problem_of(units, shared_by_several(groups), known)
+    problem = problem_of(units, [group for group in groups if len(group) >= _LEAST_SHARED], known)
     values = np.concatenate([np.array([one.pose for one in units]).ravel(), problem.landmark.ravel()])
     information = np.eye(len(values))
     for _ in range(_STEPS):
-        values, information = reweighed(problem, values)
+        residual, slopes = problem.linearised(values)
+        weight = 1 / np.sqrt(1 + (residual / _ROBUST_SIGMAS) ** 2)
+        information = slopes.T @ (weight[:, None] * slopes) + _WEAK * np.eye(len(values))
+        values = values - np.linalg.solve(information, slopes.T @ (weight * residual))
     covariance = np.linalg.inv(information)
     poses = values[: 3 * len(units)].reshape(-1, 3)
     return [
@@ -90,23 +93,6 @@ def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int)
         else replace(one, pose=poses[number], covariance=covariance[3 * number : 3 * number + 3, 3 * number :][:, :3])
         for number, one in enumerate(units)
     ]
-
-
-def shared_by_several(groups: Sequence[Members]) -> list[Members]:
-    """The groups that tell something of poses."""
-    return [group for group in groups if len(group) >= _LEAST_SHARED]
-
-
-def reweighed(
-    problem: "Problem", values: np.ndarray, counts: np.ndarray | float = 1.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """The values after a robust step of Gauss-Newton, and their information before it; each residual ``counts`` (r,)
-    times.
-    """
-    residual, slopes = problem.linearised(values)
-    weight = counts / np.sqrt(1 + (residual / _ROBUST_SIGMAS) ** 2)
-    information = slopes.T @ (weight[:, None] * slopes) + _WEAK * np.eye(len(values))
-    return values - np.linalg.solve(information, slopes.T @ (weight * residual)), information
 
 
 @dataclass(frozen=True)
@@ -128,11 +114,6 @@ class Problem:
     landmark: np.ndarray
     shape: np.ndarray
     shape_sigma: np.ndarray
-
-    @property
-    def residuals(self) -> int:
-        """How many residuals there are: two of each plateau, those of directions first."""
-        return 2 * len(self.unit) + self.stated.size + self.shape.size
 
     def linearised(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (r,) in sigmas and their slopes by ``values``, poses and landmarks in a row, (r, values)."""

@@ -16,7 +16,6 @@ from noctule_mapper.placement.hypothesis_worth import settled
 from noctule_mapper.placement.joint_search import Pairs, margin_alone, search
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.pose_adjustment import grouped
-from noctule_mapper.placement.pose_leaning import leaning
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
@@ -28,7 +27,7 @@ LEAST_MARGIN_NATS = 5.0  # of either
 SUM_NATS, SQUARE_SUM_NATS = 16.0, 18.0  # of both
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _ADRIFT = "it and the units about it share too few walls with those whose poses are known"
-_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.04, np.radians(1.5)
+_MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.035, np.radians(1.0)
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,6 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     rivals = search(known, unknown, pairs)
     best = rivals[0]
     placed = settled(best.placed, len(known))
-    errors = dict(zip((one.view.unit for one in placed), _errors(placed, len(known)), strict=True))
     names = frozenset(one.view.unit for one in known)
     alone_nats = {one.view.unit: margin_alone(placed, one.view.unit, pairs) for one in placed[len(known) :]}
     tied_nats = {}
@@ -72,8 +70,8 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
             continue
         is_right = _stands_out(margin_nats, alone_nats[view.unit], wanted_nats)
         is_tied = _stands_out(margin_nats, tied_nats[view.unit], wanted_nats)
-        if is_right and is_tied and _is_known(errors[view.unit]):
-            found.append(FoundPose(view.unit, at.pose, errors[view.unit]))
+        if is_right and is_tied and _is_known(at.covariance):
+            found.append(FoundPose(view.unit, at.pose, at.covariance))
         else:
             why = _ADRIFT if is_right and not is_tied else _why(at, margin_nats > wanted_nats / 2, rival)
             left_open.append(OpenPose(view.unit, why))
@@ -128,12 +126,6 @@ def _margin(best: Hypothesis, all_: Sequence[Hypothesis], unit: str) -> tuple[fl
     left = max((one.worth_nats for one in others if one.waiting), default=-np.inf)
     below = np.logaddexp.reduce([left, *(one.worth_nats for one in others if not one.waiting)])
     return float(above - below), max(others, key=lambda one: one.worth_nats).pose_of(unit)
-
-
-def _errors(placed: Sequence[PlacedUnit], known: int) -> list[np.ndarray]:
-    """The covariance (3, 3) of each unit's pose: of the noise, and of plateaus that may be another landmark's."""
-    leanings = leaning(placed, grouped(placed), known)
-    return [one.covariance + more for one, more in zip(placed, leanings, strict=True)]
 
 
 def _is_known(covariance: np.ndarray) -> bool:
