@@ -16,6 +16,7 @@ _MAP_SIDE_PX = 340.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
 _HANGS_PX = 10.0  # Rerun draws the middle of a label so far below its place
 _FROM_A_DOT_PX = 18.0  # the middle of a label below or above what it names
+_BESIDE = 4  # of the places around something, those that are next to it
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
 _LEAST_SIDE_M = 1.0
 _TOLD_FROM_M = 0.01
@@ -48,7 +49,8 @@ def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iter
     """For each label, the most important first, the places that would do, the best first."""
     units = list(units_m.values())
     for names, place in _sharing_a_label(units_m, px_m):
-        yield _clearest(_around("unit", ", ".join(names), place, px_m), contour, units, px_m)
+        choices = _around("unit", ", ".join(names), place, px_m)
+        yield [*_clearest(choices[:_BESIDE], contour, units, px_m), *choices[_BESIDE:]]
     for cylinder in contour.cylinders:
         here, radius = (cylinder.x_m, cylinder.y_m), f"r {cylinder.radius_m:.2f} m"
         known = _error(sqrt(max(0.0, cylinder.covariance[8]))) if len(cylinder.covariance) == 9 else ""
