@@ -135,6 +135,12 @@ def deaf(view: UnitView) -> UnitView:
     return replace(view, **{name: np.zeros(0) for name in heard})
 
 
+def test_a_unit_of_which_some_sweeps_state_no_pose_stays_open_where_these_hear_nothing() -> None:
+    own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
+    found, left_open = find_poses([own, other], [deaf(own.view)])
+    assert (found, [one.unit for one in left_open]) == ([], ["u1"])
+
+
 def test_beside_a_unit_that_hears_nothing_no_pose_stands_out() -> None:
     own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
     assert margin_alone([own, replace(other, view=deaf(other.view))], "u1", Pairs()) == -np.inf

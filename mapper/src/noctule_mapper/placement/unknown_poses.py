@@ -63,7 +63,7 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     wanted_nats = SQUARE_SUM_NATS if _is_square(placed) else SUM_NATS
     found, left_open = [], []
     for view in unknown:
-        at = next((one for one in placed if one.view.unit == view.unit), None)
+        at = next((one for one in placed[len(known) :] if one.view.unit == view.unit), None)
         margin_nats, rival = _margin(best, rivals, view.unit)
         if at is None:
             left_open.append(OpenPose(view.unit, _why(at, False, rival)))
