@@ -2,7 +2,7 @@
 line, its own log), and every program without the end of the interpreter.
 
 That end is no place for threads of native code (Zenoh, Rerun). One that wants the interpreter meanwhile is ended by it
-in the midst of Rust's frames, and the process aborts ("FATAL: exception not rethrown") or never ends.
+inside Rust's frames, and the process aborts ("FATAL: exception not rethrown") or never ends.
 """
 
 import atexit

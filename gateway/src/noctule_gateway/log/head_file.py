@@ -90,8 +90,8 @@ def read(path: Path, file: str) -> Heads:
 def file_identity(path: Path) -> str:
     """What no other file has, and no copy of this one: number and generation of its inode.
 
-    Empty where the file is not there, and on file systems that have no generations: FAT numbers files anew at each
-    mount.
+    Empty where the file is not there, and on file systems that have no generations: FAT gives files other numbers at
+    each mount.
     """
     with suppress(OSError), path.open("rb") as file:
         generation = struct.unpack("l", ioctl(file, _GET_GENERATION, bytes(struct.calcsize("l"))))[0]
