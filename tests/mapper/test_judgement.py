@@ -1,7 +1,7 @@
 """The mapper judged over many rooms beside a fit that is told every label: accuracy, faults, honest covariances.
 
-The bounds are what the project promises (mapper/README.md, "How good it is"). No room here was ever looked at while the
-mapper was made; a change that needs one to be looked at needs other seeds here.
+The bounds are what the project promises (mapper/docs/accuracy.md). No room here was ever looked at while the mapper
+was made; a change that needs one to be looked at needs other seeds here.
 """
 
 from collections.abc import Callable
