@@ -50,6 +50,9 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
                 made = line.unit.make_sweep(time.monotonic())
                 made_at_s = time.time()
             (sweep,) = wait_until(lambda: got, "no sweep came", 20)
+            wait_until(lambda: unit_status(client, "u1").HasField("last_sweep"), "its status knows no sweep")
+            logged_at_s = unit_status(client, "u1").last_sweep.ToNanoseconds() / 1e9
+    assert made_at_s <= logged_at_s + 0.01 <= time.time() + 0.02
     assert (sweep.site, sweep.unit, sweep.boot, sweep.sequence, sweep.log_sequence) == (SITE, "u1", 1, 1, 1)
     assert sweep.start.ToNanoseconds() / 1e9 == pytest.approx(made_at_s, abs=3 * sweep.clock_error_s + 0.01)
     assert (sweep.pose.x_m, sweep.pose.y_m, sweep.pose.heading_rad) == (1.0, 2.0, pytest.approx(math.pi / 2))

@@ -42,7 +42,7 @@ def test_a_survey_becomes_a_file_and_a_table(file: Path) -> None:
 
 def test_a_folder_that_is_not_there_is_named_before_anything_is_computed(tmp_path: Path) -> None:
     result = noctule_mapper("fit", tmp_path / "no-survey.jsonl", "--contour", tmp_path / "none" / "contour.json")
-    assert result.exit_code == 2 and "there is no folder" in result.complaint
+    assert result.exit_code == 1 and "there is no folder" in result.complaint
 
 
 def test_a_calibration_in_a_file_takes_the_place_of_what_sweeps_leave_out(file: Path, tmp_path: Path) -> None:

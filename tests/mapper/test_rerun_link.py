@@ -16,8 +16,9 @@ import rerun as rr
 from mapper.rerun_relay import Relay, SlowLine, relay, viewer
 from system.processes import wait_until
 
+from noctule_mapper.rerun_view.address import RelayAddressError
 from noctule_mapper.rerun_view.drawing import Drawing, Entries
-from noctule_mapper.rerun_view.link import RelayAddressError, RerunLink
+from noctule_mapper.rerun_view.link import RerunLink
 
 FLOOD = Path(__file__).with_name("rerun_flood.py")
 AT_ONCE_S = 0.25  # far under the 5 s that connecting to a dead relay takes, far over what a busy machine adds

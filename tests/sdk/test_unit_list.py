@@ -57,8 +57,18 @@ def test_a_unit_that_was_there_before_is_shown_with_its_last_sweep() -> None:
     early.time.FromSeconds(900_000)
     services = [ServiceStatus(name="mapper", cursors=[late]), ServiceStatus(name="archive", cursors=[early])]
     (row,) = rows(set(), [], services, None)
-    assert (row.unit, row.served, row.since_ns) == ("u3", False, 1_000_000 * 10**9)
+    assert (row.unit, row.served, row.since_ns, row.swept_ns) == ("u3", False, *[1_000_000 * 10**9] * 2)
     assert row.detail == "no gateway serves it any more; mapper has read its log to 17"
+
+
+def test_a_served_unit_is_shown_with_its_last_sweep_also_where_its_gateway_has_just_been_started() -> None:
+    read = Cursor(unit="u1", log_id="a", log_sequence=17)
+    read.time.FromSeconds(1_000_000)
+    services = [ServiceStatus(name="mapper", cursors=[read])]
+    logged = status("u1", "east")
+    logged.last_sweep.FromSeconds(1_000_005)
+    found = rows({"u1"}, [logged, status("u1", "west")], services, None)
+    assert [row.swept_ns for row in found] == [1_000_005 * 10**9, 1_000_000 * 10**9]
 
 
 def test_a_unit_whose_gateway_gives_no_status_is_served_all_the_same() -> None:

@@ -6,6 +6,7 @@ import pytest
 from viewer.test_unit_pictures import components
 
 from noctule import faults, rerun_paths
+from noctule.ages import age
 from noctule.messages_pb2 import (
     FAULT_KIND_TURNED,
     POSE_STATE_WRONG,
@@ -27,7 +28,6 @@ from noctule_viewer.board.site_board import SiteBoard
 from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
-from noctule_viewer.board.words import age
 
 BEGAN_S = 1_800_000_000.0
 

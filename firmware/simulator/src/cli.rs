@@ -36,7 +36,7 @@ pub struct Arguments {
     pub speed: Speed,
 
     /// Where unit 1 listens; each further unit on the next port
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", conflicts_with = "pty")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7001", conflicts_with = "pty", value_parser = host_and_port)]
     pub tcp: String,
 
     /// Give pseudo-terminals in place of TCP ports, linked as DIR/unit-1 and so on
@@ -126,6 +126,13 @@ impl FromStr for Speed {
             Ok(times) if (SLOWEST..=FASTEST).contains(&times) => Ok(Self::Times(times)),
             _ => Err("neither max nor a number from 0.001 to 1000000"),
         }
+    }
+}
+
+fn host_and_port(text: &str) -> Result<String, &'static str> {
+    match text.rsplit_once(':') {
+        Some((host, port)) if !host.is_empty() && port.parse::<u16>().is_ok() => Ok(text.to_owned()),
+        _ => Err("give HOST:PORT, as 127.0.0.1:7001"),
     }
 }
 

@@ -7,6 +7,13 @@ class NoctuleError(Exception):
     """Base of all errors that a caller can do something about."""
 
 
+def in_words(error: Exception) -> str:
+    """What a command says of an error: of one of the system's which file it is, without Python's number."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
 class KeyFormatError(NoctuleError):
     """A name or key that does not fit the key scheme."""
 

@@ -183,7 +183,7 @@ class UnitFault(_message.Message):
     def __init__(self, kind: _Optional[_Union[FaultKind, str]] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., confidence: _Optional[float] = ..., words: _Optional[str] = ..., advice: _Optional[str] = ...) -> None: ...
 
 class UnitStatus(_message.Message):
-    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since", "faults", "slip_rad")
+    __slots__ = ("site", "unit", "time", "state", "detail", "serial", "firmware", "boot", "waypoint", "homed", "clock_error_s", "clock_drift", "log_id", "log_head", "log_tail", "log_removed", "counters", "gateway", "reset_cause", "chip_temperature_c", "log_damaged", "gateway_version", "since", "last_sweep", "faults", "slip_rad")
     class State(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
         __slots__ = ()
         STATE_UNSPECIFIED: _ClassVar[UnitStatus.State]
@@ -238,6 +238,7 @@ class UnitStatus(_message.Message):
     LOG_DAMAGED_FIELD_NUMBER: _ClassVar[int]
     GATEWAY_VERSION_FIELD_NUMBER: _ClassVar[int]
     SINCE_FIELD_NUMBER: _ClassVar[int]
+    LAST_SWEEP_FIELD_NUMBER: _ClassVar[int]
     FAULTS_FIELD_NUMBER: _ClassVar[int]
     SLIP_RAD_FIELD_NUMBER: _ClassVar[int]
     site: str
@@ -263,9 +264,10 @@ class UnitStatus(_message.Message):
     log_damaged: int
     gateway_version: str
     since: _timestamp_pb2.Timestamp
+    last_sweep: _timestamp_pb2.Timestamp
     faults: _containers.RepeatedCompositeFieldContainer[UnitFault]
     slip_rad: float
-    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ..., gateway_version: _Optional[str] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., faults: _Optional[_Iterable[_Union[UnitFault, _Mapping]]] = ..., slip_rad: _Optional[float] = ...) -> None: ...
+    def __init__(self, site: _Optional[str] = ..., unit: _Optional[str] = ..., time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., state: _Optional[_Union[UnitStatus.State, str]] = ..., detail: _Optional[str] = ..., serial: _Optional[int] = ..., firmware: _Optional[str] = ..., boot: _Optional[int] = ..., waypoint: _Optional[int] = ..., homed: _Optional[bool] = ..., clock_error_s: _Optional[float] = ..., clock_drift: _Optional[float] = ..., log_id: _Optional[str] = ..., log_head: _Optional[int] = ..., log_tail: _Optional[int] = ..., log_removed: _Optional[int] = ..., counters: _Optional[_Mapping[str, int]] = ..., gateway: _Optional[str] = ..., reset_cause: _Optional[str] = ..., chip_temperature_c: _Optional[float] = ..., log_damaged: _Optional[int] = ..., gateway_version: _Optional[str] = ..., since: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., last_sweep: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., faults: _Optional[_Iterable[_Union[UnitFault, _Mapping]]] = ..., slip_rad: _Optional[float] = ...) -> None: ...
 
 class LogRecords(_message.Message):
     __slots__ = ("log_id", "head", "tail", "sweeps", "gaps")

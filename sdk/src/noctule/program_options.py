@@ -1,11 +1,46 @@
 """The options that several programs have. They need typer, which the programs' packages bring."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from noctule import logs, tls
+from noctule import endpoints, keys, logs, tls
+from noctule.errors import BusConfigError, NoctuleError
+
+
+def checked(check: Callable[[Any], object]) -> Callable[[Any], Any]:
+    """The callback of an option or an argument, or of a list of them: a value for which ``check`` raises NoctuleError
+    is a mistake in the command line, so the program ends with status 2 before it begins anything.
+    """
+
+    def look(value: Any) -> Any:
+        for each in value if isinstance(value, list) else [value]:
+            try:
+                if each is not None:
+                    check(each)
+            except NoctuleError as error:
+                raise typer.BadParameter(str(error)) from error
+        return value
+
+    return look
+
+
+def _endpoint(text: str) -> None:
+    if fault := endpoints.fault(text):
+        raise BusConfigError(fault)
+
+
+def _metrics(text: str) -> None:
+    from noctule.metrics_server import address  # which loads Prometheus
+
+    address(text)
+
+
+ENDPOINT = checked(_endpoint)
+NAME = checked(lambda text: keys.name(text, "the name"))
+SITE = checked(lambda text: text.endswith(".toml") or keys.name(text, "the name"))  # or its site file
 
 Tls = Annotated[
     Path | None,
@@ -16,7 +51,10 @@ Tls = Annotated[
         help="Certificate and key: a folder that noctule-deploy render made. It also names the routers.",
     ),
 ]
-Metrics = Annotated[str | None, typer.Option("--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics here.")]
+Metrics = Annotated[
+    str | None,
+    typer.Option("--metrics", metavar="HOST:PORT", callback=checked(_metrics), help="Serve Prometheus metrics here."),
+]
 Format = Annotated[
     logs.LogFormat,
     typer.Option("--log-format", envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines."),

@@ -38,6 +38,7 @@ class ReplayedUnit:
         self._log: list[Sweep] = []
         self._since = Timestamp()
         self._since.GetCurrentTime()
+        self._logged = Timestamp()  # when the newest sweep was
         self._log_key = keys.log(site, unit)
         self._publisher = bus.declare_publisher(session, keys.sweep(site, unit), Sweep)
         self._status = bus.StatePublisher(session, keys.unit_status(site, unit), UnitStatus)
@@ -57,6 +58,7 @@ class ReplayedUnit:
         logged.log_id = self._log_id
         logged.log_sequence = len(self._log) + 1
         self._log.append(logged)
+        self._logged.GetCurrentTime()
         self._publisher.put(logged.SerializeToString())
 
     def publish_status(self) -> None:
@@ -91,6 +93,7 @@ class ReplayedUnit:
         status.time.GetCurrentTime()
         status.since.CopyFrom(self._since)
         if self._log:
+            status.last_sweep.CopyFrom(self._logged)
             status.boot = self._log[-1].boot
         return status
 

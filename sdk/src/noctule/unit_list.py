@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from noctule.messages_pb2 import Cursor, ServiceStatus, UnitStatus
 from noctule.site import Site
@@ -16,13 +16,15 @@ class UnitRow:
     """One unit, as the gateway of ``status`` knows it; without one, what others know of the unit.
 
     ``since_ns`` (UTC) is since when the unit has answered its gateway or has not, or, where no gateway serves it, when
-    its last sweep was made; None if nobody knows.
+    its last sweep was made; None if nobody knows. ``swept_ns`` (UTC) is when its last sweep was logged, or, where the
+    gateway has logged none since it started, when the last one that a service has read was made.
     """
 
     unit: str
     served: bool
     status: UnitStatus | None
     since_ns: int | None
+    swept_ns: int | None
     detail: str
 
 
@@ -41,7 +43,7 @@ def rows(
     result: list[UnitRow] = []
     for name in sorted({*alive, *by_unit, *read, *(named or ())}, key=_natural):
         stranger = "not in the site file" if named is not None and name not in named else ""
-        found = [_with_status(status) for status in by_unit.get(name, [])]
+        found = [_with_status(status, read.get(name)) for status in by_unit.get(name, [])]
         if not found:
             found = [_without_status(name, name in alive, read.get(name), bool(named) and not stranger)]
         result += [_and_told(row, stranger) for row in found]
@@ -74,21 +76,26 @@ def _made(cursor: Cursor) -> tuple[int, int]:
     return cursor.time.ToNanoseconds(), cursor.log_sequence
 
 
-def _with_status(status: UnitStatus) -> UnitRow:
+def _with_status(status: UnitStatus, read: _Read | None) -> UnitRow:
     since_ns = status.since.ToNanoseconds() if status.HasField("since") else None
-    return UnitRow(status.unit, True, status, since_ns, status.detail)
+    swept_ns = status.last_sweep.ToNanoseconds() if status.HasField("last_sweep") else _read_ns(read)
+    return UnitRow(status.unit, True, status, since_ns, swept_ns, status.detail)
+
+
+def _read_ns(read: _Read | None) -> int | None:
+    return read.cursor.time.ToNanoseconds() if read and read.cursor.HasField("time") else None
 
 
 def _without_status(name: str, served: bool, read: _Read | None, in_site_file: bool) -> UnitRow:
-    since_ns = read.cursor.time.ToNanoseconds() if read and read.cursor.HasField("time") else None
+    swept_ns = _read_ns(read)
     if served:
-        return UnitRow(name, True, None, None, NO_STATUS)
+        return UnitRow(name, True, None, None, swept_ns, NO_STATUS)
     told = NO_GATEWAY if in_site_file else f"{NO_GATEWAY} any more"
     if read is not None:
         told += f"; {read.service} has read its log to {read.cursor.log_sequence}"
-    return UnitRow(name, False, None, since_ns, told)
+    return UnitRow(name, False, None, swept_ns, swept_ns, told)
 
 
 def _and_told(row: UnitRow, more: str) -> UnitRow:
     detail = "; ".join(filter(None, (more, row.detail)))
-    return UnitRow(row.unit, row.served, row.status, row.since_ns, detail)
+    return replace(row, detail=detail)

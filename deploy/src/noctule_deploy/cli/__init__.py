@@ -10,7 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from noctule.ending import end_with
-from noctule.errors import NoctuleError
+from noctule.errors import NoctuleError, in_words
 from noctule.program_options import version_option
 from noctule_deploy.cli.certificates import render, renew, revoke
 from noctule_deploy.cli.check import check
@@ -33,8 +33,8 @@ def main() -> None:
         app()
     except FleetFileError as error:
         sys.exit(str(error))  # each of its lines begins with the file
-    except NoctuleError as error:
-        sys.exit(f"noctule-deploy: {error}")
+    except (NoctuleError, OSError) as error:
+        sys.exit(f"noctule-deploy: {in_words(error)}")
 
 
 @app.callback()

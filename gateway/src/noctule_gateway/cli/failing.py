@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import typer
 
-from noctule.errors import NoctuleError
+from noctule.errors import NoctuleError, in_words
 
 
 @contextmanager
@@ -16,5 +16,5 @@ def failing_in_words() -> Iterator[None]:
     except (NoctuleError, OSError) as error:
         from rich.console import Console
 
-        Console(stderr=True).print(str(error), style="red", soft_wrap=True, markup=False)
+        Console(stderr=True).print(in_words(error), style="red", soft_wrap=True, markup=False)
         raise typer.Exit(1) from error

@@ -8,7 +8,7 @@ import typer
 from noctule import tls
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule.program_options import Format, Tls
+from noctule.program_options import ENDPOINT, Format, Tls
 from noctule_gateway.cli.options import DEFAULT_LISTEN
 
 _log = logging.getLogger(__name__)
@@ -16,9 +16,10 @@ _log = logging.getLogger(__name__)
 
 def router(
     listen: Annotated[
-        list[str] | None, typer.Option(help=f"Where; {DEFAULT_LISTEN} without --tls, else as its folder says.")
+        list[str] | None,
+        typer.Option(callback=ENDPOINT, help=f"Where; {DEFAULT_LISTEN} without --tls, else as its folder says."),
     ] = None,
-    connect: Annotated[list[str] | None, typer.Option(help="Another router to link with.")] = None,
+    connect: Annotated[list[str] | None, typer.Option(callback=ENDPOINT, help="Another router to link with.")] = None,
     tls_folder: Tls = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:

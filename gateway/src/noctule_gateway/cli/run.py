@@ -9,7 +9,7 @@ import typer
 from noctule import logs, tls
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule.program_options import Format, Metrics, Tls
+from noctule.program_options import ENDPOINT, NAME, Format, Metrics, Tls
 from noctule_gateway.cli.options import DEFAULT_LISTEN, FirmwareFile
 
 _log = logging.getLogger(__name__)
@@ -18,16 +18,22 @@ _log = logging.getLogger(__name__)
 def run(
     site_file: Annotated[Path, typer.Argument(metavar="SITE.toml", help="The site whose units to serve.")],
     data: Annotated[Path, typer.Option(help="Folder of the units' logs; made if it is not there.")],
-    connect: Annotated[list[str] | None, typer.Option(help="A router of the bus; give more for a fallback.")] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(callback=ENDPOINT, help="A router of the bus; give more for a fallback.")
+    ] = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option(help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."),
+        typer.Option(
+            callback=ENDPOINT, help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."
+        ),
     ] = None,
     tls_folder: Tls = None,
     firmware: FirmwareFile = None,
     name: Annotated[
         str | None,
-        typer.Option(help="Its name among the site's services; its certificate's, or 'gateway', if left out."),
+        typer.Option(
+            callback=NAME, help="Its name among the site's services; its certificate's, or 'gateway', if left out."
+        ),
     ] = None,
     keep_mb: Annotated[float, typer.Option(min=1, help="Size of each unit's log, in MB of sweeps.")] = 256,
     keep_days: Annotated[float, typer.Option(min=0, help="Age at which sweeps leave the log.")] = 30,

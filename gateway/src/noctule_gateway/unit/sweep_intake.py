@@ -39,6 +39,7 @@ class SweepIntake:
     ) -> None:
         self.committed = self.without_pose = self.clocks_refused = 0
         self.lost_pose = False  # of the latest sweep
+        self._logged_s: float | None = None  # monotonic: when the newest sweep was committed
         self._served = served
         self._link, self._publish, self._call = link, publish, call
         self._clocks = BootClocks(served.site.clock == "unit", self._anchor)
@@ -92,6 +93,10 @@ class SweepIntake:
     def flagged(self) -> int:
         """Sweeps that carried a fault."""
         return self._health.flagged + self._flagged_by_check
+
+    def last_sweep_utc_s(self) -> float | None:
+        """When the newest sweep was logged, by the clock as it is now; None before the first."""
+        return None if self._logged_s is None else time.time() - (time.monotonic() - self._logged_s)
 
     def checked(self, mechanics: Mechanics) -> None:
         """The unit has told what its latest check found."""
@@ -150,6 +155,7 @@ class SweepIntake:
             return
         self._link.committed(sweep, now_s)
         self.committed += result.fresh
+        self._logged_s = now_s if result.fresh else self._logged_s
         self.without_pose += result.fresh and not placed
         self._flagged_by_check += result.fresh and flagged
 

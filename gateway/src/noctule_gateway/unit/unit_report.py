@@ -48,6 +48,8 @@ class UnitReport:
         message.site = self._served.site.name
         message.time.FromNanoseconds(time.time_ns())
         message.since.FromMilliseconds(round(1000 * self._since_utc_s(answers=not known.trouble)))
+        if (logged_s := self._intake.last_sweep_utc_s()) is not None:
+            message.last_sweep.FromMilliseconds(round(1000 * logged_s))
         message.clock_error_s, message.clock_drift = self._intake.clock_error_s, self._intake.clock_drift
         message.counters.update(self._counters(known))
         return message

@@ -36,13 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         app(arguments)
     except Exception as error:
-        from noctule.errors import NoctuleError, SiteFileError
+        from noctule.errors import NoctuleError, SiteFileError, in_words
 
         if isinstance(error, SiteFileError):
             sys.exit(str(error))  # a line for each mistake, which begins with the file
         if not isinstance(error, NoctuleError | OSError):
             raise
-        sys.exit(f"noctule-mapper: {error}")
+        sys.exit(f"noctule-mapper: {in_words(error)}")
 
 
 def program() -> NoReturn:

@@ -5,12 +5,22 @@ from typing import Annotated
 
 import typer
 
+from noctule.program_options import checked
 from noctule_mapper.choices import Method, Rule
+
+
+def _format(out: Path) -> None:
+    from noctule_mapper.export.files import check_suffix
+
+    check_suffix(out)
 
 
 def export(
     source: Annotated[Path, typer.Argument(metavar="INPUT", help="A survey, or a contour that fit has written.")],
-    out: Annotated[Path, typer.Argument(help=".geojson, .dxf, or .yaml: a ROS map, its .pgm beside it.")],
+    out: Annotated[
+        Path,
+        typer.Argument(callback=checked(_format), help=".geojson, .dxf, or .yaml: a ROS map, its .pgm beside it."),
+    ],
     method: Annotated[Method | None, typer.Option(help="How a survey's walls and cylinders are found.")] = None,
     rule: Annotated[Rule | None, typer.Option(help="How the beliefs of a survey's grid are fused.")] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the survey's sensor.")] = None,

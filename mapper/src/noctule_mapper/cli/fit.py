@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from noctule.errors import NoctuleError
 from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
 
@@ -55,4 +56,4 @@ def _check_folders(*files: Path | None) -> None:
     """Before anything is computed: a file can only be written into a folder that is there."""
     for file in files:
         if file is not None and not file.absolute().parent.is_dir():
-            raise typer.BadParameter(f"there is no folder {file.absolute().parent}: make it, or name another")
+            raise NoctuleError(f"there is no folder {file.absolute().parent}: make it, or name another")

@@ -5,9 +5,24 @@ from typing import Annotated
 
 import typer
 
-Connect = Annotated[list[str] | None, typer.Option(help="A Zenoh router; may be given several times.")]
+from noctule.program_options import ENDPOINT, checked
+from noctule_mapper.rerun_view.address import host_and_port
+
+
+def _relay(rerun: str) -> None:
+    if rerun != "none":
+        host_and_port(rerun)
+
+
+Connect = Annotated[
+    list[str] | None, typer.Option(callback=ENDPOINT, help="A Zenoh router; may be given several times.")
+]
 Rerun = Annotated[
-    str, typer.Option(help="The Rerun relay, or 'none'; with #sites behind it if that relay shows several sites.")
+    str,
+    typer.Option(
+        callback=checked(_relay),
+        help="The Rerun relay, or 'none'; with #sites behind it if that relay shows several sites.",
+    ),
 ]
 Config = Annotated[Path | None, typer.Option(help="TOML file of parameters.")]
 

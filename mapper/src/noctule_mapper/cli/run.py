@@ -8,18 +8,19 @@ import typer
 
 from noctule import rerun_paths
 from noctule.logs import LogFormat
-from noctule.program_options import Format, Metrics, Tls
+from noctule.program_options import NAME, Format, Metrics, Tls
 from noctule_mapper.cli.live_options import Config, Connect, Rerun, relay
 
 
 def run(
-    site: Annotated[str, typer.Option(help="The site to map.")],
+    site: Annotated[str, typer.Option(callback=NAME, help="The site to map.")],
     data: Annotated[Path, typer.Option(help="Folder of the mapper's store.")],
     connect: Connect = None,
     rerun: Rerun = rerun_paths.DEFAULT_RELAY,
     config: Config = None,
     name: Annotated[
-        str | None, typer.Option(help="The service's name on the bus; its certificate's, or 'mapper', if left out.")
+        str | None,
+        typer.Option(callback=NAME, help="The service's name on the bus; its certificate's, or 'mapper', if left out."),
     ] = None,
     tls: Tls = None,
     metrics: Metrics = None,

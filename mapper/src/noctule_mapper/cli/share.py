@@ -8,15 +8,18 @@ import typer
 
 from noctule import rerun_paths
 from noctule.logs import LogFormat
-from noctule.program_options import Format, Metrics, Tls
+from noctule.program_options import NAME, Format, Metrics, Tls
 from noctule_mapper.cli.live_options import Config, Connect, Rerun, relay
 
 
 def share(
-    site: Annotated[list[str], typer.Option(help="A site to share; give each one, the same to every mapper.")],
+    site: Annotated[
+        list[str], typer.Option(callback=NAME, help="A site to share; give each one, the same to every mapper.")
+    ],
     data: Annotated[Path, typer.Option(help="Folder of the stores, one folder a site.")],
     name: Annotated[
-        str | None, typer.Option(help="This mapper's name, unlike all others'; its certificate's, or its host's.")
+        str | None,
+        typer.Option(callback=NAME, help="This mapper's name, unlike all others'; its certificate's, or its host's."),
     ] = None,
     connect: Connect = None,
     rerun: Rerun = rerun_paths.DEFAULT_RELAY,

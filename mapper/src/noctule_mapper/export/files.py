@@ -36,13 +36,18 @@ class Exported:
     left_out: tuple[LeftOut, ...]
 
 
+def check_suffix(out: Path) -> None:
+    """Raises ExportError where the suffix is of no format."""
+    if out.suffix not in _SUFFIXES:
+        raise ExportError(f"{out} has the suffix {out.suffix!r}: name it by its format, {', '.join(_SUFFIXES)}")
+
+
 def export_file(source: Path, out: Path, config: MapperConfig | None = None, window: Window | None = None) -> Exported:
     """Write ``source`` to ``out`` in the format that its suffix names.
 
     Raises ExportError where the suffix is of no format, or where a contour comes with what only a survey is fitted by.
     """
-    if out.suffix not in _SUFFIXES:
-        raise ExportError(f"{out} has the suffix {out.suffix!r}: name it by its format, {', '.join(_SUFFIXES)}")
+    check_suffix(out)
     contour, left_out = _contour(source), ()
     if contour is None:
         surveyed = map_survey(survey.read_records(source), config, window=window)

@@ -1,7 +1,6 @@
 """The line to the Rerun relay: a queue that never makes its caller wait, and a worker that draws and reconnects."""
 
 import logging
-import re
 import socket
 import threading
 from collections import deque
@@ -11,7 +10,7 @@ from time import monotonic
 import rerun as rr
 
 from noctule import rerun_paths
-from noctule.errors import NoctuleError
+from noctule_mapper.rerun_view.address import host_and_port
 from noctule_mapper.rerun_view.drawing import Drawing, Entries
 from noctule_mapper.rerun_view.standing import Standing
 
@@ -27,10 +26,6 @@ _MOST_UNFLUSHED_BYTES = 4_000_000
 _ENTRY_OVERHEAD_BYTES = 2_000  # what the SDK adds to each entry, roughly
 
 
-class RelayAddressError(NoctuleError):
-    """An address that is not one of a Rerun relay."""
-
-
 class RerunLink:
     """Draws on a relay that may be absent, slow, killed or started again; put() returns at once whatever it is."""
 
@@ -38,7 +33,7 @@ class RerunLink:
         """``url`` as in ``rerun+http://127.0.0.1:9876/proxy``, with ``#sites`` behind it where the relay shows several
         sites; raises RelayAddressError if it is not like that.
         """
-        self._host, self._port = _host_and_port(url)
+        self._host, self._port = host_and_port(url)
         self._url = url.removesuffix(rerun_paths.SEVERAL_SITES)
         self._recording_id = rerun_paths.recording(url, site)
         self._under = "" if self._url == url else rerun_paths.under(site)
@@ -216,13 +211,3 @@ class RerunLink:
     def _count(self, counter: str) -> None:
         with self._changed:
             self._counters[counter] += 1
-
-
-def _host_and_port(url: str) -> tuple[str, int]:
-    address = re.fullmatch(r"rerun\+http://([^/:]+):(\d{1,5})/proxy(?:#sites)?", url)
-    if address is None:
-        raise RelayAddressError(
-            f"{url!r} is not a relay's address: it should read rerun+http://HOST:PORT/proxy, "
-            f"with {rerun_paths.SEVERAL_SITES} behind it where the relay shows several sites"
-        )
-    return address[1], int(address[2])

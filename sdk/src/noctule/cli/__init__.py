@@ -13,7 +13,7 @@ except ModuleNotFoundError as error:
 from noctule import threads
 from noctule.cli import ask, command, doctor, import_scan, record, replay, show, unit_report, update
 from noctule.ending import end_with
-from noctule.errors import NoctuleError, SiteFileError
+from noctule.errors import NoctuleError, SiteFileError, in_words
 from noctule.logs import StderrHandler, TextFormatter
 from noctule.plain_text import plain
 from noctule.program_options import version_option
@@ -50,10 +50,10 @@ def app() -> None:
         commands()
     except SiteFileError as error:
         sys.exit("\n".join(map(plain, str(error).splitlines())))  # each begins with the file
-    except NoctuleError as error:
-        sys.exit(f"noctule: {plain(str(error))}")
     except BrokenPipeError:
         sys.stderr.close()  # the reader of our output has left, and so do we; nothing is left to flush to
+    except (NoctuleError, OSError) as error:
+        sys.exit(f"noctule: {plain(in_words(error))}")
 
 
 def _interrupt(_signal: int, _frame: object) -> NoReturn:

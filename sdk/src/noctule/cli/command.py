@@ -195,9 +195,7 @@ def trim_temperature(
 @rpc.command()
 def update(
     context: typer.Context,
-    image: Annotated[
-        Path | None, typer.Option(help="build/update.hex of the firmware.", exists=True, dir_okay=False)
-    ] = None,
+    image: Annotated[Path | None, typer.Option(help="build/update.hex of the firmware.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Even if the unit has this version.")] = False,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,

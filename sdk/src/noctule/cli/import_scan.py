@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from noctule import keys
-from noctule.errors import KeyFormatError
+from noctule.program_options import NAME
 from noctule.scans.options import AIR_TEMPERATURE_C, STATED_SIGMA_DEG, STATED_SIGMA_M, Columns, ScanOptions
 
 
@@ -27,13 +26,6 @@ class Times(StrEnum):
     """Units of a time."""
 
     S, MS, US = "s", "ms", "us"
-
-
-def _name(value: str) -> str:
-    try:
-        return keys.name(value, "the name")
-    except KeyFormatError as error:
-        raise typer.BadParameter(str(error)) from error
 
 
 def import_(
@@ -86,8 +78,8 @@ def import_(
     skip_bad_lines: Annotated[
         bool, typer.Option("--skip-bad-lines", help="Leave out lines that are no readings, and count them.")
     ] = False,
-    site: Annotated[str, typer.Option(parser=_name, metavar="NAME", help="The survey's site.")] = "scan",
-    unit: Annotated[str, typer.Option(parser=_name, metavar="NAME", help="The scanner's name.")] = "scanner",
+    site: Annotated[str, typer.Option(callback=NAME, metavar="NAME", help="The survey's site.")] = "scan",
+    unit: Annotated[str, typer.Option(callback=NAME, metavar="NAME", help="The scanner's name.")] = "scanner",
     force: Annotated[bool, typer.Option("--force", help="Write over OUT if it is there.")] = False,
 ) -> None:
     """Make a survey of the angles and ranges that another scanner has written."""

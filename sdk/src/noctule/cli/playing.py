@@ -29,8 +29,9 @@ def play(
 ) -> None:
     """Publish ``file`` as ``site``, ``speed`` times as fast, and stay until Ctrl-C, or until all who read it have.
 
-    They may take ``timeout_s``, then BusError is raised; None: stay.
+    They may take ``timeout_s``, then BusError is raised; None: stay. Raises OSError where there is no such file.
     """
+    file.stat()  # else a mistyped name would wait for a router
     with (
         awake.told_to_end() as over,
         joined_until(over, site, connect, tls, listen) as client,

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName
+from noctule.errors import NoctuleError
 from noctule.program_options import Tls
 
 
@@ -17,8 +18,6 @@ def _out(name: str) -> Path:
     out = Path(name)
     if out.suffix not in (JOURNAL_SUFFIX, MCAP_SUFFIX):
         raise typer.BadParameter(f"{name} is neither {JOURNAL_SUFFIX} nor {MCAP_SUFFIX}: name it by what it is to be")
-    if not out.absolute().parent.is_dir():
-        raise typer.BadParameter(f"there is no folder {out.absolute().parent}: make it, or name another")
     return out
 
 
@@ -39,6 +38,8 @@ def record(
     from noctule.read_watch import ReadWatch
     from noctule.recording import Recording
 
+    if not out.absolute().parent.is_dir():
+        raise NoctuleError(f"there is no folder {out.absolute().parent}: make it, or name another")
     with (
         awake.told_to_end() as over,
         closing(Recording(out, site)) as recording,

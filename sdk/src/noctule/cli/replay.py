@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from noctule.cli.options import DEFAULT_CONNECT, Connect
-from noctule.program_options import Tls
+from noctule.program_options import ENDPOINT, NAME, Tls
 
 
 def _speed(text: str) -> float:
@@ -23,14 +23,14 @@ def _speed(text: str) -> float:
 
 
 def replay(
-    file: Annotated[
-        Path, typer.Argument(metavar="SURVEY", help="JSON lines or MCAP of sweeps.", exists=True, dir_okay=False)
-    ],
-    site: Annotated[str, typer.Option(help="The site to replay it as.")],
+    file: Annotated[Path, typer.Argument(metavar="SURVEY", help="JSON lines or MCAP of sweeps.")],
+    site: Annotated[str, typer.Option(callback=NAME, help="The site to replay it as.")],
     speed: Annotated[float, typer.Option(parser=_speed, metavar="X|max", help="How many times as fast.")] = 1.0,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
-    listen: Annotated[list[str] | None, typer.Option(metavar="ENDPOINT", help="Be the router, here.")] = None,
+    listen: Annotated[
+        list[str] | None, typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="Be the router, here.")
+    ] = None,
     exit_when_done: Annotated[bool, typer.Option(help="End when the services that read it have read it all.")] = False,
     timeout_s: Annotated[
         float, typer.Option("--timeout", help="With --exit-when-done: how long they may take.")

@@ -6,11 +6,13 @@ from typing import Annotated
 import typer
 
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName
-from noctule.program_options import Tls
+from noctule.program_options import SITE, Tls
 
 
 def units(
-    site: Annotated[str, typer.Argument(metavar="SITE|SITE.toml", help="The site's name, or its site file.")],
+    site: Annotated[
+        str, typer.Argument(metavar="SITE|SITE.toml", callback=SITE, help="The site's name, or its site file.")
+    ],
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     json: Annotated[bool, typer.Option("--json", help="JSON lines: {unit, served, since, detail, status}.")] = False,

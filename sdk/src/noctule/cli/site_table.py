@@ -1,6 +1,7 @@
 """What ``units`` shows: a site's units and services now, as tables or as JSON lines."""
 
 import sys
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from rich.table import Table
 from rich.text import Text
 
 from noctule import awake, survey, unit_list
+from noctule.ages import age
 from noctule.cli.joining import joined, nothing_found
 from noctule.cli.replies import state
 from noctule.client import Client
@@ -34,6 +36,7 @@ _COLUMNS: tuple[str, ...] = (
     "gateway",
     "state",
     "since",
+    "last sweep",
     "log",
     "firmware",
     "serial",
@@ -41,7 +44,7 @@ _COLUMNS: tuple[str, ...] = (
     "clock error",
     "detail",
 )
-_NEEDED_LEAST: tuple[str, ...] = ("boot", "serial", "clock error", "firmware", "log", "gateway", "since")
+_NEEDED_LEAST: tuple[str, ...] = ("boot", "serial", "clock error", "firmware", "log", "gateway", "since", "last sweep")
 _LEAST_DETAIL = 24
 _LOOK_EVERY_S = 1.0
 _UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
@@ -150,11 +153,12 @@ def _json(row: UnitRow) -> str:
 
 def _cells(row: UnitRow) -> list[str]:
     since = "" if row.since_ns is None else f"{datetime.fromtimestamp(row.since_ns // 10**9):%Y-%m-%d %H:%M:%S}"
+    swept = "" if row.swept_ns is None else age(time.time() - row.swept_ns / 1e9)
     status = row.status
     if status is None:
-        return ["?" if row.served else "none", "?" if row.served else "not served", since, *[""] * 5]
+        return ["?" if row.served else "none", "?" if row.served else "not served", since, swept, *[""] * 5]
     log = f"{status.log_tail}-{status.log_head}" if status.log_head else "empty"
-    shown = [status.gateway, state(status), since, log]
+    shown = [status.gateway, state(status), since, swept, log]
     if not status.firmware:
         return [*shown, "", str(status.serial or ""), "", ""]  # it has not said HELLO to this gateway yet
     return [*shown, status.firmware, str(status.serial), str(status.boot), f"{status.clock_error_s * 1e3:.2f} ms"]

@@ -15,7 +15,7 @@ def unit_report(
     site: SiteName,
     unit: UnitName,
     sweeps: Annotated[int, typer.Option(help="How many of its last sweeps are looked at.", min=0, max=500)] = 50,
-    output: Annotated[Path | None, typer.Option(help="Write it into this file too.", dir_okay=False)] = None,
+    output: Annotated[Path | None, typer.Option(help="Write it into this file too.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,

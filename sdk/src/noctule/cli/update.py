@@ -8,7 +8,7 @@ import typer
 from noctule.campaign.campaign import Campaign, Rules
 from noctule.cli.options import DEFAULT_CONNECT, Connect
 from noctule.ending import leave
-from noctule.program_options import Tls
+from noctule.program_options import NAME, Tls
 
 SOME_LACK_IT, HALTED, STOPPED = 1, 3, 130  # exit status
 
@@ -17,9 +17,11 @@ SERVED_WITHIN_S = 30.0
 
 
 def update(
-    image: Annotated[Path, typer.Argument(metavar="IMAGE", help="build/update.hex.", exists=True, dir_okay=False)],
-    site: Annotated[str, typer.Option(help="The site whose units to update.")],
-    unit: Annotated[list[str] | None, typer.Option(help="Only this unit; give more for several.")] = None,
+    image: Annotated[Path, typer.Argument(metavar="IMAGE", help="build/update.hex.")],
+    site: Annotated[str, typer.Option(callback=NAME, help="The site whose units to update.")],
+    unit: Annotated[
+        list[str] | None, typer.Option(callback=NAME, help="Only this unit; give more for several.")
+    ] = None,
     first: Annotated[int, typer.Option(help="Units in the first group.", min=1)] = Rules.first,
     group: Annotated[int, typer.Option(help="Units in each group after it, updated at once.", min=1)] = Rules.group,
     max_failed: Annotated[

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 
+from noctule.ages import age, duration
 from noctule.messages_pb2 import Contour, ServiceStatus
 from noctule_viewer.board.site_state import Heard
 from noctule_viewer.board.unit_health import MOST_UNITS, Health, UnitHealth
-from noctule_viewer.board.words import age, counted, duration, hour, listed
+from noctule_viewer.board.words import counted, hour, listed
 
 _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
 _LONGEST_WORDS = 90

@@ -7,12 +7,12 @@ from math import hypot
 import rerun as rr
 
 from noctule import rerun_paths
+from noctule.ages import age
 from noctule.rerun_together import Together
 from noctule.site import Pose2
 from noctule.unit_colours import unit_colour
 from noctule_viewer.board.changes import Change, Point, outline_m
 from noctule_viewer.board.entries import Entries
-from noctule_viewer.board.words import age
 
 _NEW, _GONE = (120, 255, 130), (255, 110, 200)
 _ORDER, _LABEL_ORDER = 25.0, 45.0  # under the contour, and on top of all

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 from noctule import unit_list
+from noctule.ages import duration
 from noctule.messages_pb2 import POSE_STATE_WRONG, UnitStatus
 from noctule.unit_list import UnitRow
 from noctule_viewer.board.site_state import Heard
-from noctule_viewer.board.words import duration
 
 SILENT_AFTER_S = 10.0  # statuses come each second
 MOST_UNITS = 300  # strangers may name more; a table of so many takes 6 kB/s of the relay's history

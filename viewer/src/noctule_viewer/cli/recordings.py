@@ -38,9 +38,12 @@ def open_(
     A relay with another version of Rerun is named first.
     """
     if not url.startswith(_RELAY_SCHEMES):
-        fail(f"{url} is no relay: give {DEFAULT_URL}, with your relay's host and port")
+        fail(f"{url} is no relay: give {DEFAULT_URL}, with your relay's host and port", 2)
+    given = recordings or []
+    if day is not None and not (len(given) == 1 and given[0].suffix != ".rrd"):
+        fail("--day needs the folder that noctule-viewer run --record writes to", 2)
     try:
-        files = _files(recordings or [], day)
+        files = _files(given, day)
     except NoctuleError as error:
         fail(str(error))
     if not files and (differs := _differs(url, web_port)):
@@ -70,8 +73,6 @@ def _files(recordings: Sequence[Path], day: str | None) -> list[Path]:
     """The files to open, none for the relay. Raises RecordingsError."""
     if len(recordings) == 1 and recordings[0].is_dir():
         return list(chosen(recordings[0], day).files)
-    if day is not None:
-        raise RecordingsError("--day needs the folder that noctule-viewer run --record writes to")
     for each in recordings:
         if not each.is_file():
             raise RecordingsError(f"there is no file {each}: give a recording, or a folder of them")

@@ -10,12 +10,18 @@ from noctule import logs, tls
 from noctule.endpoints import LAST_PORT
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule.program_options import Format, Metrics
+from noctule.program_options import ENDPOINT, SITE, Format, Metrics, checked
 from noctule_viewer import memory_limit as memory_limits
 from noctule_viewer.address import DEFAULT_BIND, DEFAULT_PORT, DEFAULT_WEB_PORT
 from noctule_viewer.cli.failing import fail
 
 _log = logging.getLogger(__name__)
+
+
+def _placing(typed: str) -> None:
+    from noctule_viewer.floor_plan import placing  # which loads NumPy
+
+    placing(typed.rpartition("=")[2])
 
 
 def run(
@@ -30,12 +36,17 @@ def run(
         int, typer.Option(min=1, max=LAST_PORT, help="Port of the page for browsers.")
     ] = DEFAULT_WEB_PORT,
     memory_limit: Annotated[
-        str, typer.Option(help="How much history to keep for viewers that come later; it costs 2.3 times as much.")
+        str,
+        typer.Option(
+            callback=checked(memory_limits.checked),
+            help="How much history to keep for viewers that come later; it costs 2.3 times as much.",
+        ),
     ] = memory_limits.DEFAULT,
     site: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME|FILE",
+            callback=SITE,
             help="Watch this site on the bus: alarms and a table of its units, beside the map. "
             "From its site file, if you give that, the map also has the planned paths of carried units. "
             "Give several for a tab each; their mappers then need --rerun ADDRESS#sites.",
@@ -52,12 +63,14 @@ def run(
         list[str] | None,
         typer.Option(
             metavar="[SITE=]X,Y,DEGREES[,SCALE]",
+            callback=checked(_placing),
             help="Where the drawing's origin lies on the map, in metres, how far it is turned anticlockwise, "
             "and how many metres its unit is (default: as the drawing says).",
         ),
     ] = None,
     connect: Annotated[
-        list[str] | None, typer.Option(metavar="ENDPOINT", help="With --site: a router; give more for a fallback.")
+        list[str] | None,
+        typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="With --site: a router; give more for a fallback."),
     ] = None,
     tls_folder: Annotated[
         Path | None,
@@ -89,7 +102,7 @@ def run(
     if not site and source is not None and source.name == "COMMANDLINE":  # a variable may be for other programs too
         fail("--tls is for the bus, on which a site is watched: give --site too", 2)
     from noctule.ending import Ending
-    from noctule_viewer.board.site_plan import read
+    from noctule_viewer.board.site_plan import SitePlanError, read
     from noctule_viewer.relay import Relay
     from noctule_viewer.serve import Recorded, Watched, serve
 
@@ -103,13 +116,15 @@ def run(
             print(f"Watch the map at {relay.page}", flush=True)
 
     try:
-        relay = Relay(bind, port, web_port, memory_limits.checked(memory_limit))
+        relay = Relay(bind, port, web_port, memory_limit)
         relay.check_ports()
         watched = (
             Watched(read(site, floor_plan or [], floor_plan_at or []), connect or [], tls_folder) if site else None
         )
         recorded = Recorded(record, keep_days) if record else None
         status = serve(relay, announce, watched, recorded, metrics, ending)
+    except SitePlanError as error:
+        fail(str(error), 2)
     except NoctuleError as error:
         logs.log_lines(_log, error)
         raise typer.Exit(1) from error
