@@ -13,6 +13,7 @@ from pathlib import Path
 
 STACK_END = 0xFF
 RUN_S = 120
+START_S = 10  # of the run: the loader looks through the whole application, the unit homes
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ ROUNDS = {
     **{task: Budget(f"longest: {task}", ROUND_LIMIT_US, "us") for task in TASKS},
 }
 IDLE = Budget("time asleep while sweeping", 97, "%", at_least=True)
+# What the simulator's speed hangs on.
+INSTRUCTIONS = Budget("instructions while sweeping", 184_000, "a second")
 
 
 def found(pattern: str, text: str, source: object) -> str:
@@ -78,23 +81,29 @@ def routines(symbols: Path) -> list[str]:
     return [option for routine in [whole, *tasks] for option in ("--routine", routine)]
 
 
-def measured(image: Path, symbols: Path) -> str:
-    """The line of ``noctule-sim --measure``."""
-    command = ["noctule-sim", "--firmware", image, "--acknowledge", "--measure", "--speed", "max"]
-    command += routines(symbols)
+def simulated(image: Path, duration_s: int, *options: str) -> str:
+    """What ``noctule-sim`` says at the end."""
+    command = ["noctule-sim", "--firmware", image, "--acknowledge", "--speed", "max", "--duration", str(duration_s)]
     try:
-        run = subprocess.run([*command, "--duration", str(RUN_S)], check=True, capture_output=True, text=True)
+        return subprocess.run([*command, *options], check=True, capture_output=True, text=True).stdout
     except FileNotFoundError:
         raise SystemExit(
             "noctule-sim is missing: `make setup` builds it into .venv/bin, which must be on the PATH"
         ) from None
-    return found(r"(stack to .*)", run.stdout, "noctule-sim --measure")
+
+
+def instructions(report: str, duration_s: int) -> float:
+    """How many have been run in all."""
+    return float(found(r"([\d.]+) million instructions/s, 0 resets", report, "noctule-sim")) * 1e6 * duration_s
 
 
 def usage(build: Path) -> dict[Budget, float]:
     report = build / "application.mem"
     stack_start = int(found(r"Stack starts at: (0x\w+)", report.read_text(), report), 16)
-    line = measured(build / "noctule.ihx", build / "application.map")
+    image = build / "noctule.ihx"
+    started, ran = simulated(image, START_S), simulated(image, RUN_S, "--measure", *routines(build / "application.map"))
+    line = found(r"(stack to .*)", ran, "noctule-sim --measure")
+    sweeping = instructions(ran, RUN_S) - instructions(started, START_S)
     stack_top = int(found(r"stack to (0x\w+)", line, line), 16)
     return {
         LOADER: size_of("ROM/EPROM/FLASH", build / "loader.mem"),
@@ -105,6 +114,7 @@ def usage(build: Path) -> dict[Budget, float]:
         STACK_LEFT: STACK_END - stack_top,
         LATENCY: max(float(wait_us) for wait_us in re.findall(r"([\d.]+) us", line.partition(", longest of")[0])),
         IDLE: float(found(r"idle ([\d.]+) %", line, line)),
+        INSTRUCTIONS: round(sweeping / (RUN_S - START_S)),
         **{budget: float(found(rf", {name} (\d+) us", line, line)) for name, budget in ROUNDS.items()},
     }
 

@@ -43,16 +43,21 @@ def test_every_budget_is_kept():
     report = size(FIRMWARE)
     assert report.returncode == 0, report.stdout + report.stderr
     rows = report.stdout.splitlines()
-    for name in ("code: loader", "code: application", "XRAM", "IRAM", "stack", "interrupts", "asleep"):
+    for name in ("code: loader", "code: application", "XRAM", "IRAM", "stack", "interrupts", "asleep", "instructions"):
         assert any(name in row for row in rows), name
 
 
 @pytest.mark.parametrize(
-    "limit", [r'(CODE = Budget\(".*", )[^"]+(, "bytes"\))', r'(IDLE = Budget\(".*", )[^"]+(, "%", at_least=True\))']
+    ("limit", "too_strict"),
+    [
+        (r'(CODE = Budget\(".*", )[^"]+(, "bytes"\))', "100"),
+        (r'(IDLE = Budget\(".*", )[^"]+(, "%", at_least=True\))', "99.99"),
+        (r'(INSTRUCTIONS = Budget\(".*", )[^"]+(, "a second"\))', "100"),
+    ],
 )
-def test_a_budget_that_is_not_kept_fails(tmp_path, limit):
+def test_a_budget_that_is_not_kept_fails(tmp_path, limit, too_strict):
     script = (FIRMWARE / "budget.py").read_text()
-    strict, changes = re.subn(limit, lambda found: f"{found[1]}{100 if 'CODE' in limit else 99.99}{found[2]}", script)
+    strict, changes = re.subn(limit, lambda found: f"{found[1]}{too_strict}{found[2]}", script)
     assert changes == 1
     (tmp_path / "budget.py").write_text(strict)
     report = subprocess.run(["python3", tmp_path / "budget.py", FIRMWARE / "build"], capture_output=True, text=True)
