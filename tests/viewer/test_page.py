@@ -5,7 +5,7 @@ import re
 import socketserver
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from http.server import BaseHTTPRequestHandler
 
@@ -54,6 +54,7 @@ def shown() -> Iterator[Page]:
 
 class Relay:
     silent_s = 0.0
+    troubles: Sequence[str] = ()
 
 
 def drawn(shown: Page, ago_s: float) -> None:
@@ -64,7 +65,8 @@ def drawn(shown: Page, ago_s: float) -> None:
 
 @contextmanager
 def served(port: int, files: tuple[str, int], relay: Relay) -> Iterator[None]:
-    with page.serving(("127.0.0.1", port), files, "http://127.0.0.1:1", lambda: relay.silent_s):
+    state = page.State(lambda: relay.silent_s, lambda: relay.troubles)
+    with page.serving(("127.0.0.1", port), files, "http://127.0.0.1:1", state):
         yield
 
 
@@ -132,6 +134,23 @@ def test_the_page_says_when_nothing_comes_from_its_relay(files: tuple[str, int],
         assert bar(shown) == ""
         begins = "Nothing has come from the relay for "
         wait_until(lambda: pass_time(shown) and bar(shown).startswith(begins), "an empty page is not told")
+
+
+def test_a_stripe_and_the_title_say_what_is_wrong_now_also_on_a_page_that_is_behind(
+    files: tuple[str, int], shown: Page
+) -> None:
+    (port,) = free_ports(1)
+    relay, stripe = Relay(), shown.locator("#noctule-alarm")
+    with served(port, files, relay):
+        shown.goto(f"http://127.0.0.1:{port}/?url=x")
+        wait_until(lambda: shown.title() == "Noctule", "a page without an alarm has another title")
+        assert not stripe.is_visible()
+        relay.troubles = ["attic \u2014 no mapper maps this site"]
+        wait_until(lambda: stripe.is_visible() and shown.title() == f"\u26a0 {relay.troubles[0]}", "no alarm")
+        drawn(shown, ago_s=98.0)
+        wait_until(lambda: bar(shown).endswith(f" Now: {relay.troubles[0]}"), "a late page hides what is wrong now")
+        relay.troubles = []
+        wait_until(lambda: not stripe.is_visible(), "the alarm stays")
 
 
 def test_an_address_that_names_no_relay_leads_to_the_servers_own(files: tuple[str, int], shown: Page) -> None:

@@ -7,8 +7,9 @@ import json
 import re
 import secrets
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler
 from importlib.metadata import version
@@ -37,16 +38,22 @@ _OURS_STARTS = (
 _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
 
-@contextmanager
-def serving(
-    address: tuple[str, int], source: tuple[str, int], relay: str, silent_s: Callable[[], float]
-) -> Iterator[None]:
-    """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``.
-
-    The page asks for how long the relay has been silent, and says so: ``silent_s``, which is 0 while the relay answers.
-    Raises OSError if the address can't be had.
+@dataclass(frozen=True)
+class State:
+    """What a page asks for every two seconds: for how long the relay has been silent, 0 while it answers, and what is
+    wrong at the sites.
     """
-    with _Server(address, source, relay, silent_s) as server:
+
+    silent_s: Callable[[], float]
+    troubles: Callable[[], Sequence[str]] = tuple
+
+
+@contextmanager
+def serving(address: tuple[str, int], source: tuple[str, int], relay: str, state: State) -> Iterator[None]:
+    """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``,
+    and shows ``state``, whatever else it is busy with. Raises OSError if the address can't be had.
+    """
+    with _Server(address, source, relay, state) as server:
         threading.Thread(target=server.serve_forever, name="page", daemon=True).start()
         try:
             yield
@@ -81,10 +88,8 @@ class _Server(ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(
-        self, address: tuple[str, int], source: tuple[str, int], relay: str, silent_s: Callable[[], float]
-    ) -> None:
-        self.source, self.relay, self.silent_s = source, relay, silent_s
+    def __init__(self, address: tuple[str, int], source: tuple[str, int], relay: str, state: State) -> None:
+        self.source, self.relay, self.state = source, relay, state
         self.run = secrets.token_hex(8)  # of this program, by which a page knows that it was started again
         super().__init__(address, _Handler)
 
@@ -127,7 +132,13 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
 
     def _tell_alive(self, server: _Server) -> None:
-        told = {"run": server.run, "silent_s": server.silent_s(), "now_s": time(), "rerun": version("rerun-sdk")}
+        told = {
+            "run": server.run,
+            "silent_s": server.state.silent_s(),
+            "troubles": server.state.troubles(),
+            "now_s": time(),
+            "rerun": version("rerun-sdk"),
+        }
         content = json.dumps(told).encode()
         self.send_response(200)
         self.send_header("Content-Type", "application/json")

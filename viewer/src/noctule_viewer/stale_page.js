@@ -1,4 +1,5 @@
 // Says so when the page shows the past: its relay is gone or frozen, the page is behind, or somebody looks back in time.
+// A red stripe and the page's title say when something is wrong at the sites now, which a page that is busy draws late.
 // A relay that was started again makes the page load again.
 (() => {
   const LOOK_EVERY_MS = 2000;
@@ -15,7 +16,11 @@
   bar.hidden = true;
   bar.style.cssText =
     "position:fixed;top:0;left:0;right:0;z-index:9999;padding:10px;text-align:center;font:600 16px sans-serif;color:#fff";
-  document.body.append(bar);
+  const stripe = document.createElement("div");
+  stripe.id = "noctule-alarm";
+  stripe.hidden = true;
+  stripe.style.cssText = `position:fixed;top:0;left:0;right:0;z-index:9998;height:6px;background:${PAST}`;
+  document.body.append(bar, stripe);
   let run = null;
   let answered_ms = Date.now();
   let relay_is_silent = false;
@@ -26,6 +31,7 @@
   let shown_s = null; // UTC: what is shown was drawn then
   let has_hours = true;
   let looks_back = false;
+  let alarms = [];
 
   // What Rerun's viewer says of itself, as JSON.
   window.noctuleEvent = (json) => {
@@ -54,6 +60,7 @@
       run = state.run;
       relay_is_silent = state.silent_s > 0;
       answered_ms = Date.now() - 1000 * state.silent_s;
+      alarms = state.troubles;
       ahead_ms = 1000 * state.now_s - Date.now();
       unanswered = 0;
     } catch {
@@ -64,7 +71,7 @@
     show();
   }
 
-  function trouble() {
+  function age() {
     const now_ms = Date.now();
     if (relay_is_silent || unanswered >= SILENT_AFTER_LOOKS)
       return `The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}: this page shows the past.`;
@@ -91,8 +98,11 @@
   }
 
   function show() {
-    bar.textContent = trouble();
-    bar.hidden = bar.textContent === "";
+    const words = age();
+    bar.hidden = words === "";
+    bar.textContent = bar.hidden || !alarms.length ? words : `${words} Now: ${alarms.join("; ")}`;
+    stripe.hidden = !alarms.length;
+    document.title = alarms.length ? `\u26a0 ${alarms.join("; ")}` : bar.hidden ? "Noctule" : `\u26a0 ${words}`;
     bar.style.background = looks_back ? LOOKING_BACK : PAST;
     const canvas = document.querySelector("canvas");
     if (!canvas) return;
