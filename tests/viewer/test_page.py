@@ -1,8 +1,11 @@
 """The page in a browser says when it shows the past. A small server stands where Rerun's own serves its files."""
 
+import json
+import re
 import socketserver
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from http.server import BaseHTTPRequestHandler
 
@@ -51,11 +54,19 @@ def shown() -> Iterator[Page]:
 
 class Relay:
     silent_s = 0.0
+    troubles: Sequence[str] = ()
+
+
+def drawn(shown: Page, ago_s: float) -> None:
+    """Rerun's viewer comes to what was drawn so long ago."""
+    event = json.dumps({"type": "time_update", "time": (time.time() - ago_s) * 1e9})
+    shown.evaluate("event => window.noctuleEvent(event)", event)
 
 
 @contextmanager
 def served(port: int, files: tuple[str, int], relay: Relay) -> Iterator[None]:
-    with page.serving(("127.0.0.1", port), files, "http://127.0.0.1:1", lambda: relay.silent_s):
+    state = page.State(lambda: relay.silent_s, lambda: relay.troubles)
+    with page.serving(("127.0.0.1", port), files, "http://127.0.0.1:1", state):
         yield
 
 
@@ -90,3 +101,60 @@ def test_the_page_says_when_its_relay_is_frozen_and_when_it_is_gone_and_loads_ag
     with ExitStack() as closing, shown.expect_event("load"):
         closing.enter_context(served(port, files, relay))
         pass_time(shown)
+
+
+def test_the_page_says_how_old_what_it_shows_is_and_whether_somebody_looks_back(
+    files: tuple[str, int], shown: Page
+) -> None:
+    (port,) = free_ports(1)
+    with served(port, files, Relay()):
+        with shown.expect_response("**/noctule/alive"):
+            shown.goto(f"http://127.0.0.1:{port}/?url=x")
+        drawn(shown, ago_s=5.0)
+        wait_until(lambda: shown.evaluate("performance.now()") > 3_000, "the page does not look")
+        assert bar(shown) == ""
+        drawn(shown, ago_s=98.0)
+        late = r"What you see is (9\d|1[01]\d) s old: this computer is behind, or nothing is drawn any more\."
+        wait_until(lambda: re.fullmatch(late, bar(shown)), "the page's age is not told")
+        shown.evaluate("window.noctuleEvent(JSON.stringify({type: 'pause'}))")
+        drawn(shown, ago_s=7_300.0)
+        back = "You look back 2 h. The second button at the lower left follows the present."
+        wait_until(lambda: bar(shown) == back, "who looks back is not told")
+        drawn(shown, ago_s=1.0)
+        wait_until(lambda: bar(shown) == "", "a page that shows the present is called old")
+
+
+def test_the_page_says_when_nothing_comes_from_its_relay(files: tuple[str, int], shown: Page) -> None:
+    (port,) = free_ports(1)
+    shown.clock.install()
+    with served(port, files, Relay()):
+        with shown.expect_response("**/noctule/alive"):
+            shown.goto(f"http://127.0.0.1:{port}/?url=x")
+            pass_time(shown)
+        assert bar(shown) == ""
+        begins = "Nothing has come from the relay for "
+        wait_until(lambda: pass_time(shown) and bar(shown).startswith(begins), "an empty page is not told")
+
+
+def test_a_stripe_and_the_title_say_what_is_wrong_now_also_on_a_page_that_is_behind(
+    files: tuple[str, int], shown: Page
+) -> None:
+    (port,) = free_ports(1)
+    relay, stripe = Relay(), shown.locator("#noctule-alarm")
+    with served(port, files, relay):
+        shown.goto(f"http://127.0.0.1:{port}/?url=x")
+        wait_until(lambda: shown.title() == "Noctule", "a page without an alarm has another title")
+        assert not stripe.is_visible()
+        relay.troubles = ["attic \u2014 no mapper maps this site"]
+        wait_until(lambda: stripe.is_visible() and shown.title() == f"\u26a0 {relay.troubles[0]}", "no alarm")
+        drawn(shown, ago_s=98.0)
+        wait_until(lambda: bar(shown).endswith(f" Now: {relay.troubles[0]}"), "a late page hides what is wrong now")
+        relay.troubles = []
+        wait_until(lambda: not stripe.is_visible(), "the alarm stays")
+
+
+def test_an_address_that_names_no_relay_leads_to_the_servers_own(files: tuple[str, int], shown: Page) -> None:
+    (port,) = free_ports(1)
+    with served(port, files, Relay()):
+        shown.goto(f"http://127.0.0.1:{port}/")
+    assert shown.url == f"http://127.0.0.1:{port}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A1%2Fproxy"

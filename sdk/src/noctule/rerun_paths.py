@@ -65,7 +65,7 @@ def unit_trail(unit: str) -> str:
 
 def unit_state(unit: str) -> str:
     """The unit's state over time."""
-    return f"units/{unit}/state"
+    return f"states/{unit}"
 
 
 def unit_clock_error(unit: str) -> str:

@@ -67,7 +67,7 @@ def states_view(under: str = "") -> rrb.StateTimelineView:
     """What each unit has done over the last minutes; ``under`` as in Layout."""
     origin = f"/{under.rstrip('/')}"
     return rrb.StateTimelineView(
-        origin=origin, contents=[f"/{under}units/**"], name="States of the units", time_ranges=_recent()
+        origin=origin, contents=[f"/{under}states/**"], name="States of the units", time_ranges=_recent()
     )
 
 

@@ -7,35 +7,53 @@ import json
 import re
 import secrets
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler
 from importlib.metadata import version
 from pathlib import Path
 from shutil import copyfileobj
 from socketserver import ThreadingTCPServer
+from time import time
 from typing import cast
+from urllib.parse import quote
 
 _SOURCE_TIMEOUT_S = 10.0
 ALIVE = "/noctule/alive"
+PAGE_MEMORY = "1GB"
+"""What a page takes at the most: beyond it the oldest is dropped. The whole of a relay's history fits in."""
 _SCRIPT = b"<script>" + Path(__file__).with_name("stale_page.js").read_bytes() + b"</script>"
 # Rerun writes twenty thousand lines to the console while it compiles its shaders, which takes seconds of the processor.
 _FIRST_SCRIPT = b"<head><script>console.debug = () => {};</script>"
+# Rerun's page starts its viewer by the first of these, and ours by the second. Rerun forgets what stands in the address
+# as soon as it has read it, so a page that is loaded again would be white; and it drops nothing below 2.5 GB.
+_RERUN_STARTS = b"WebHandle(options)"
+_OURS_STARTS = (
+    b'WebHandle({...options, theme: "dark", hide_welcome_screen: true, memory_limit: "%s",'
+    b" on_viewer_event: (json) => window.noctuleEvent(json)})"
+) % PAGE_MEMORY.encode()
 # A policy does not hold for the connections that a page opens ahead of its requests.
 _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
 
-@contextmanager
-def serving(
-    address: tuple[str, int], source: tuple[str, int], relay: str, silent_s: Callable[[], float]
-) -> Iterator[None]:
-    """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``.
-
-    The page asks for how long the relay has been silent, and says so: ``silent_s``, which is 0 while the relay answers.
-    Raises OSError if the address can't be had.
+@dataclass(frozen=True)
+class State:
+    """What a page asks for every two seconds: for how long the relay has been silent, 0 while it answers, and what is
+    wrong at the sites.
     """
-    with _Server(address, source, _policy(relay), silent_s) as server:
+
+    silent_s: Callable[[], float]
+    troubles: Callable[[], Sequence[str]] = tuple
+
+
+@contextmanager
+def serving(address: tuple[str, int], source: tuple[str, int], relay: str, state: State) -> Iterator[None]:
+    """Serve at ``address`` what Rerun's server at ``source`` has; the page reads from ``relay``, as ``http://HOST:PORT``,
+    and shows ``state``, whatever else it is busy with. Raises OSError if the address can't be had.
+    """
+    with _Server(address, source, relay, state) as server:
         threading.Thread(target=server.serve_forever, name="page", daemon=True).start()
         try:
             yield
@@ -61,7 +79,7 @@ def _policy(relay: str) -> str:
 
 def _ours(html: bytes) -> bytes:
     """Rerun's page with our scripts and without its links to foreign hosts."""
-    html = _FOREIGN_LINK.sub(b"", html)
+    html = _FOREIGN_LINK.sub(b"", html).replace(_RERUN_STARTS, _OURS_STARTS, 1)
     return html.replace(b"<head>", _FIRST_SCRIPT, 1).replace(b"</body>", _SCRIPT + b"</body>")
 
 
@@ -70,10 +88,8 @@ class _Server(ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
-    def __init__(
-        self, address: tuple[str, int], source: tuple[str, int], policy: str, silent_s: Callable[[], float]
-    ) -> None:
-        self.source, self.policy, self.silent_s = source, policy, silent_s
+    def __init__(self, address: tuple[str, int], source: tuple[str, int], relay: str, state: State) -> None:
+        self.source, self.relay, self.state = source, relay, state
         self.run = secrets.token_hex(8)  # of this program, by which a page knows that it was started again
         super().__init__(address, _Handler)
 
@@ -83,6 +99,9 @@ class _Handler(BaseHTTPRequestHandler):
         server = cast(_Server, self.server)
         if self.path.partition("?")[0] == ALIVE:
             self._tell_alive(server)
+            return
+        if self.path == "/":
+            self._lead_to(server.relay)
             return
         with closing(HTTPConnection(*server.source, timeout=_SOURCE_TIMEOUT_S)) as source:
             try:
@@ -94,7 +113,7 @@ class _Handler(BaseHTTPRequestHandler):
             kind = response.getheader("Content-Type", "application/octet-stream")
             self.send_response(response.status)
             self.send_header("Content-Type", kind)
-            self.send_header("Content-Security-Policy", server.policy)
+            self.send_header("Content-Security-Policy", _policy(server.relay))
             length = response.getheader("rerun-final-length")
             if length is not None:  # the page shows its progress by it
                 self.send_header("rerun-final-length", length)
@@ -105,8 +124,21 @@ class _Handler(BaseHTTPRequestHandler):
                 else:
                     copyfileobj(response, self.wfile)
 
+    def _lead_to(self, relay: str) -> None:
+        """To the page of ``relay``: without an address Rerun's page shows its makers' welcome."""
+        self.send_response(302)
+        self.send_header("Location", f"/?url={quote(f'rerun+{relay}/proxy', safe='')}")
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
     def _tell_alive(self, server: _Server) -> None:
-        told = {"run": server.run, "silent_s": server.silent_s(), "rerun": version("rerun-sdk")}
+        told = {
+            "run": server.run,
+            "silent_s": server.state.silent_s(),
+            "troubles": server.state.troubles(),
+            "now_s": time(),
+            "rerun": version("rerun-sdk"),
+        }
         content = json.dumps(told).encode()
         self.send_response(200)
         self.send_header("Content-Type", "application/json")

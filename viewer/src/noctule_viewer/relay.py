@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -88,11 +88,13 @@ class Relay:
         metrics_at: str | None,
         ending: Ending,
         show: Callable[[ServiceStatus], object] = lambda _: None,
+        troubles: Callable[[], Sequence[str]] = tuple,
     ) -> int:
         """Run the relay and its page, ``serving()`` as soon as both answer and until they end. Returns the relay's exit
         status.
 
-        ``show`` is given the relay's status each second, and must not wait.
+        ``show`` is given the relay's status each second, and must not wait. ``troubles`` are what the page shows as an
+        alarm.
         SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start,
         MetricsError if ``metrics_at`` can't be had.
         """
@@ -103,10 +105,8 @@ class Relay:
             _wait_until_listening(relay, self.bind, (self.port, files_port))
             self._send_layout()
             pulse, data = Pulse(self.bind, files_port), f"http://{self.bind}:{self.port}"
-            with (
-                page.serving((self.bind, self.web_port), (self.bind, files_port), data, lambda: pulse.silent_s),
-                serving(),
-            ):
+            state = page.State(lambda: pulse.silent_s, troubles)
+            with page.serving((self.bind, self.web_port), (self.bind, files_port), data, state), serving():
                 return self._look_after(relay, pulse, metrics_at, ending, show)
 
     def _look_after(

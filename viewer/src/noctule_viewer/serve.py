@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from noctule import rerun_paths
 from noctule.ending import Ending
@@ -14,6 +15,9 @@ from noctule_viewer.presence import Presence
 from noctule_viewer.recordings.of_relay import recording
 from noctule_viewer.recordings.recorder import Recorder, folder_of_recordings
 from noctule_viewer.relay import Relay
+
+if TYPE_CHECKING:
+    from noctule_viewer.board.board import Board
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,7 @@ def serve(
     sites = [(plan, SiteState()) for plan in watched.plans] if watched else []
     recording_id = sites[0][0].site if len(sites) == 1 else rerun_paths.ALL_SITES
     recorders: list[Recorder] = []
+    boards: list[Board] = []
     with ExitStack() as around:
         last = around.enter_context(folder_of_recordings(recorded.folder)) if recorded else None
         presences = [
@@ -63,7 +68,7 @@ def serve(
                 if sites:
                     from noctule_viewer.board.board import Board  # Rerun's SDK takes a second to import
 
-                    beside.enter_context(Board(relay.url, sites, recording_id))
+                    boards.append(beside.enter_context(Board(relay.url, sites, recording_id)))
                 if recorded:
                     recorders.append(
                         beside.enter_context(recording(relay, recorded.folder, recorded.keep_days, last, bool(sites)))
@@ -76,4 +81,4 @@ def serve(
             for presence in presences:
                 presence.put(status)
 
-        return relay.run(shown, metrics, ending, show)
+        return relay.run(shown, metrics, ending, show, lambda: [each for board in boards for each in board.troubles()])

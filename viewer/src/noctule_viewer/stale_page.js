@@ -1,20 +1,46 @@
-// Says so when the page shows the past: its relay is gone or frozen. A relay that was started again makes the page load again.
+// Says so when the page shows the past: its relay is gone or frozen, the page is behind, or somebody looks back in time.
+// A red stripe and the page's title say when something is wrong at the sites now, which a page that is busy draws late.
+// A relay that was started again makes the page load again.
 (() => {
   const LOOK_EVERY_MS = 2000;
   const SILENT_AFTER_LOOKS = 3; // counted in looks, not in time: a page that draws in software is itself held up for seconds
   const GIVE_UP_AFTER_LOOKS = 10;
+  const OLD_AFTER_S = 15; // a mapper draws every 10 s, where nobody watches the site
+  const COMES_WITHIN_S = 40; // to load the page takes 25 s without a graphics card
+  const NS_PER_S = 1e9;
+  const LEAST_TIME_NS = 1e17; // times below it are counts of a time line that has no hours
+  const PAST = "#b3261e";
+  const LOOKING_BACK = "#2f5d8a";
   const bar = document.createElement("div");
   bar.id = "noctule-stale";
   bar.hidden = true;
   bar.style.cssText =
-    "position:fixed;top:0;left:0;right:0;z-index:9999;padding:10px;text-align:center;" +
-    "font:600 16px sans-serif;color:#fff;background:#b3261e";
-  document.body.append(bar);
+    "position:fixed;top:0;left:0;right:0;z-index:9999;padding:10px;text-align:center;font:600 16px sans-serif;color:#fff";
+  const stripe = document.createElement("div");
+  stripe.id = "noctule-alarm";
+  stripe.hidden = true;
+  stripe.style.cssText = `position:fixed;top:0;left:0;right:0;z-index:9998;height:6px;background:${PAST}`;
+  document.body.append(bar, stripe);
   let run = null;
   let answered_ms = Date.now();
   let relay_is_silent = false;
   let unanswered = 0; // looks in a row
   let asking = null;
+  const opened_ms = Date.now();
+  let ahead_ms = 0; // the server's clock against this one
+  let shown_s = null; // UTC: what is shown was drawn then
+  let has_hours = true;
+  let looks_back = false;
+  let alarms = [];
+
+  // What Rerun's viewer says of itself, as JSON.
+  window.noctuleEvent = (json) => {
+    const event = JSON.parse(json);
+    if (event.type === "pause") looks_back = true;
+    if (event.type !== "time_update" && event.type !== "timeline_change") return;
+    has_hours = event.time > LEAST_TIME_NS;
+    shown_s = event.time / NS_PER_S;
+  };
 
   async function look() {
     if (asking) {
@@ -34,6 +60,8 @@
       run = state.run;
       relay_is_silent = state.silent_s > 0;
       answered_ms = Date.now() - 1000 * state.silent_s;
+      alarms = state.troubles;
+      ahead_ms = 1000 * state.now_s - Date.now();
       unanswered = 0;
     } catch {
       unanswered += 1;
@@ -43,10 +71,44 @@
     show();
   }
 
+  function age() {
+    const now_ms = Date.now();
+    if (relay_is_silent || unanswered >= SILENT_AFTER_LOOKS)
+      return `The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}: this page shows the past.`;
+    if (shown_s === null) {
+      const waited_s = (now_ms - opened_ms) / 1000;
+      return waited_s < COMES_WITHIN_S
+        ? ""
+        : `Nothing has come from the relay for ${duration(waited_s)}: nothing is drawn on it, or its port can't be reached from here.`;
+    }
+    const old_s = (now_ms + ahead_ms) / 1000 - shown_s;
+    if (!has_hours) return "";
+    if (old_s < OLD_AFTER_S) {
+      looks_back = false;
+      return "";
+    }
+    return looks_back
+      ? `You look back ${duration(old_s)}. The second button at the lower left follows the present.`
+      : `What you see is ${duration(old_s)} old: this computer is behind, or nothing is drawn any more.`;
+  }
+
+  function duration(s) {
+    if (s < 120) return `${Math.round(s)} s`;
+    return s < 7200 ? `${Math.round(s / 60)} min` : `${Math.round(s / 3600)} h`;
+  }
+
   function show() {
-    const silent_s = Math.round((Date.now() - answered_ms) / 1000);
-    bar.textContent = `The relay has not answered for ${silent_s} s: this page shows the past.`;
-    bar.hidden = !relay_is_silent && unanswered < SILENT_AFTER_LOOKS;
+    const words = age();
+    bar.hidden = words === "";
+    bar.textContent = bar.hidden || !alarms.length ? words : `${words} Now: ${alarms.join("; ")}`;
+    stripe.hidden = !alarms.length;
+    document.title = alarms.length ? `\u26a0 ${alarms.join("; ")}` : bar.hidden ? "Noctule" : `\u26a0 ${words}`;
+    bar.style.background = looks_back ? LOOKING_BACK : PAST;
+    const canvas = document.querySelector("canvas");
+    if (!canvas) return;
+    const height = bar.hidden ? 0 : bar.offsetHeight; // the page goes on below the bar: alarms are at its top
+    canvas.style.top = `${height}px`;
+    canvas.style.height = `calc(100% - ${height}px)`;
   }
 
   setInterval(look, LOOK_EVERY_MS);

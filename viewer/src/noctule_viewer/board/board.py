@@ -47,6 +47,10 @@ class Board:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def troubles(self) -> list[str]:
+        """The worst of each site where not all is well, by what was drawn last. From any thread."""
+        return [site.worst for site in self._sites if site.worst]
+
     def close(self) -> None:
         """Draw no more. A thread that the relay holds up is left behind, after half a second."""
         self._closed.set()

@@ -18,6 +18,7 @@ _markdown = partial(rr.TextDocument, media_type="text/markdown")
 _MARKS = {Health.ATTENTION: (255, 176, 32), Health.AWAY: (235, 64, 64)}
 _LINE, _LINE_LABEL = (44, 52, 66), (120, 130, 146)
 _LABEL_INSET = 0.03  # of the map's larger side
+_LABELS_ABOVE = 0.055  # in the same way: a label hangs below its place, and a unit's tab has a small map
 _SCALE_ORDER, _MARK_ORDER = 1.0, 39.0  # above the grid's tiles; below the units' own dots
 
 
@@ -55,7 +56,7 @@ def draw_scale(box: MapBox) -> Entries:
     lines += [[(box.left_m, y_m), (box.right_m, y_m)] for y_m in up]
     strips = rr.LineStrips2D(lines, colors=[_LINE], radii=rr.Radius.ui_points(0.5), draw_order=_SCALE_ORDER)
     # A view cuts labels off at its edge.
-    left_m, bottom_m = (edge_m + _LABEL_INSET * box.side_m for edge_m in (box.left_m, box.bottom_m))
+    left_m, bottom_m = box.left_m + _LABEL_INSET * box.side_m, box.bottom_m + _LABELS_ABOVE * box.side_m
     right_m, top_m = (edge_m - _LABEL_INSET * box.side_m for edge_m in (box.right_m, box.top_m))
     below = [(x_m, bottom_m, x_m) for x_m in across if left_m < x_m < right_m]
     beside = [(left_m, y_m, y_m) for y_m in up if bottom_m < y_m < top_m]
