@@ -15,7 +15,7 @@ import noctule_gateway.cli
 import noctule_mapper.cli
 import noctule_viewer.cli
 
-_APPS = {
+APPS = {
     "noctule": noctule.cli.commands,
     "noctule-deploy": noctule_deploy.cli.app,
     "noctule-gateway": noctule_gateway.cli.app,
@@ -54,7 +54,7 @@ def _without_settings(words: Sequence[str]) -> list[str]:
 
 
 def _ours(words: Sequence[str]) -> None:
-    command = typer.main.get_command(_APPS[words[0]])
+    command = typer.main.get_command(APPS[words[0]])
     waiting, positional = list(words[1:]), 0
     while waiting:
         word = waiting.pop(0)
@@ -115,7 +115,7 @@ def _shell(words: Sequence[str]) -> None:
 
 
 _PARSERS: dict[str, Callable[[Sequence[str]], None]] = {
-    **dict.fromkeys(_APPS, _ours),
+    **dict.fromkeys(APPS, _ours),
     **dict.fromkeys(("pytest", "python", "cargo"), _files),
     **dict.fromkeys(_OF_OTHERS, _shell),
     "noctule-sim": _simulator,

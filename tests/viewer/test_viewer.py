@@ -295,7 +295,8 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
     relay = start_relay(running)
     second = run_viewer("run", "--port", str(relay.port), "--web-port", str(relay.web_port))
     assert second.returncode == 1
-    assert f"can't listen on 127.0.0.1:{relay.port} (Address already in use): name another port" in second.stderr
+    said = f"can't listen on 127.0.0.1:{relay.port}: port {relay.port} is in use by rerun (process "
+    assert said in second.stderr and "stop that, or name another port" in second.stderr
 
 
 @pytest.mark.parametrize(
@@ -304,7 +305,7 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
         (("run", "--port", "99999"), "less than or equal to 65535"),
         (
             ("run", "--bind", "192.0.2.1"),
-            "(Cannot assign requested address): name another address",
+            "Cannot assign requested address: name another address",
         ),
         (("open", "--url", "foo"), "foo is no relay: give rerun+http://127.0.0.1:9876/proxy"),
         (("run", "--floor-plan-at", "1,2,90"), "a floor plan belongs to a site: give --site too"),

@@ -94,8 +94,7 @@ def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.S
 def _why_no_listener(error: zenoh.ZError) -> str:
     reason = str(error).split(" at /")[0]  # what follows is a place in Zenoh's source
     if taken := re.search(r":(\d+): Address already in use", reason):
-        holder = port_holder.holder_of(int(taken[1]))
-        return f"port {taken[1]} is in use by {holder}: stop that, or name another port"
+        return port_holder.taken(int(taken[1]))
     return reason
 
 

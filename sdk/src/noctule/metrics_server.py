@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 
+from noctule import port_holder
 from noctule.errors import NoctuleError
 
 LOOPBACK = "127.0.0.1"
@@ -50,7 +51,7 @@ def serving(where: str | None, registry: CollectorRegistry) -> Iterator[None]:
     try:
         server = _Server(host, port, registry)
     except OSError as error:
-        raise MetricsError(f"can't serve metrics at {where} ({error.strerror or error}): name another port") from error
+        raise MetricsError(f"can't serve metrics at {where}: {port_holder.why_not(error, port)}") from error
     with server:
         threading.Thread(target=server.serve_forever, name="metrics", daemon=True).start()
         shown = f"[{host}]" if ":" in host else host

@@ -1,11 +1,25 @@
 """Which program listens on a TCP port of this host, as far as Linux tells this user."""
 
+import errno
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 _LISTENS = "0A"  # TCP_LISTEN of the kernel's include/net/tcp_states.h, as proc_net_tcp(5) shows it
 _PROC = Path("/proc")
+
+
+def taken(port: int) -> str:
+    """What a program says that wanted to listen there too."""
+    return f"port {port} is in use by {holder_of(port)}: stop that, or name another port"
+
+
+def why_not(error: OSError, port: int) -> str:
+    """Why a program can't listen on ``port``, and what to do."""
+    if error.errno == errno.EADDRINUSE:
+        return taken(port)
+    name = "address" if error.errno == errno.EADDRNOTAVAIL else "port"
+    return f"{error.strerror or error}: name another {name}"
 
 
 def holder_of(port: int) -> str:

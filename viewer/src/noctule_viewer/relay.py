@@ -1,6 +1,5 @@
 """The Rerun relay: a process of its own that takes what mappers draw and passes it on to all who watch."""
 
-import errno
 import logging
 import os
 import shutil
@@ -19,7 +18,7 @@ from typing import NoReturn
 
 import rerun_cli
 
-from noctule import metrics, metrics_server
+from noctule import metrics, metrics_server, port_holder
 from noctule.ending import Ending
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import ServiceStatus
@@ -77,9 +76,8 @@ class Relay:
                 try:
                     probe.bind((self.bind, port))
                 except OSError as error:
-                    name = "address" if error.errno == errno.EADDRNOTAVAIL else "port"
                     raise RelayError(
-                        f"can't listen on {self.bind}:{port} ({error.strerror}): name another {name}"
+                        f"can't listen on {self.bind}:{port}: {port_holder.why_not(error, port)}"
                     ) from error
 
     def run(

@@ -19,12 +19,16 @@ def export(
     source: Annotated[Path, typer.Argument(metavar="INPUT", help="A survey, or a contour that fit has written.")],
     out: Annotated[
         Path,
-        typer.Argument(callback=checked(_format), help=".geojson, .dxf, or .yaml: a ROS map, its .pgm beside it."),
+        typer.Argument(
+            metavar="OUT", callback=checked(_format), help=".geojson, .dxf, or .yaml: a ROS map, its .pgm beside it."
+        ),
     ],
     method: Annotated[Method | None, typer.Option(help="How a survey's walls and cylinders are found.")] = None,
     rule: Annotated[Rule | None, typer.Option(help="How the beliefs of a survey's grid are fused.")] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the survey's sensor.")] = None,
-    config: Annotated[Path | None, typer.Option(help="TOML file with [window] and [mapper], as for run.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file with the tables window and mapper, as for run.")
+    ] = None,
 ) -> None:
     """Export a contour to GeoJSON, DXF or a ROS map."""
     from noctule_mapper.export.files import export_file

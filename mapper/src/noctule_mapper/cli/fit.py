@@ -12,10 +12,16 @@ from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 def fit(
     sweeps: Annotated[Path, typer.Argument(metavar="SURVEY", help="Sweeps as JSON lines, or MCAP by suffix.")],
     contour: Annotated[Path | None, typer.Option(help="Where the contour goes, as JSON.")] = None,
-    method: Annotated[Method | None, typer.Option(help=f"How reflectors are found [{DEFAULT_METHOD}].")] = None,
-    rule: Annotated[Rule | None, typer.Option(help=f"How the grid's beliefs are fused [{DEFAULT_RULE}].")] = None,
+    method: Annotated[
+        Method | None, typer.Option(help=f"How reflectors are found; {DEFAULT_METHOD} if left out.")
+    ] = None,
+    rule: Annotated[
+        Rule | None, typer.Option(help=f"How the grid's beliefs are fused; {DEFAULT_RULE} if left out.")
+    ] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the sensor's calibration.")] = None,
-    config: Annotated[Path | None, typer.Option(help="TOML file with [window] and [mapper], as for run.")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file with the tables window and mapper, as for run.")
+    ] = None,
     contacts: Annotated[
         Path | None, typer.Option(help="Where what each reading touched goes, as CSV: by tangent circle and by R2d.")
     ] = None,

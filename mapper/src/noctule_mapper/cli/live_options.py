@@ -14,9 +14,7 @@ def _relay(rerun: str) -> None:
         host_and_port(rerun)
 
 
-Connect = Annotated[
-    list[str] | None, typer.Option(callback=ENDPOINT, help="A Zenoh router; may be given several times.")
-]
+Connect = Annotated[list[str] | None, typer.Option(callback=ENDPOINT, help="A router; give more for a fallback.")]
 Rerun = Annotated[
     str,
     typer.Option(
@@ -24,7 +22,7 @@ Rerun = Annotated[
         help="The Rerun relay, or 'none'; with #sites behind it if that relay shows several sites.",
     ),
 ]
-Config = Annotated[Path | None, typer.Option(help="TOML file of parameters.")]
+Config = Annotated[Path | None, typer.Option(help="TOML file of parameters, such as SITE.config.toml in --data.")]
 
 
 def relay(rerun: str) -> str | None:

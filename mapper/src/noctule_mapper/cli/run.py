@@ -14,7 +14,7 @@ from noctule_mapper.cli.live_options import Config, Connect, Rerun, relay
 
 def run(
     site: Annotated[str, typer.Option(callback=NAME, help="The site to map.")],
-    data: Annotated[Path, typer.Option(help="Folder of the mapper's store.")],
+    data: Annotated[Path, typer.Option(help="Folder of the mapper's store; made if it is not there.")],
     connect: Connect = None,
     rerun: Rerun = rerun_paths.DEFAULT_RELAY,
     config: Config = None,

@@ -16,7 +16,7 @@ def share(
     site: Annotated[
         list[str], typer.Option(callback=NAME, help="A site to share; give each one, the same to every mapper.")
     ],
-    data: Annotated[Path, typer.Option(help="Folder of the stores, one folder a site.")],
+    data: Annotated[Path, typer.Option(help="Folder of the stores, one folder a site; made if it is not there.")],
     name: Annotated[
         str | None,
         typer.Option(callback=NAME, help="This mapper's name, unlike all others'; its certificate's, or its host's."),

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from noctule.program_options import ENDPOINT
+
 if TYPE_CHECKING:
     from noctule.messages_pb2 import Contour
 
@@ -14,22 +16,24 @@ def survey(
     sweeps: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[SURVEY]", help="Sweeps as JSON lines, or MCAP by suffix; without, the site's mapper is asked."
+            metavar="SURVEY", help="Sweeps as JSON lines, or MCAP by suffix; without, the site's mapper is asked."
         ),
     ] = None,
     write: Annotated[bool, typer.Option("--write", help="Write the poses into the site file.")] = False,
     unit: Annotated[
         list[str] | None,
-        typer.Option(help="A unit to write, and no other; several times if need be. Needed for a pose called wrong."),
+        typer.Option(help="Write only this unit; give more for several. A pose that is called wrong needs it."),
     ] = None,
-    connect: Annotated[list[str] | None, typer.Option(help="A Zenoh router; may be given several times.")] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(callback=ENDPOINT, help="A router; give more for a fallback.")
+    ] = None,
     tls: Annotated[
         Path | None,
         typer.Option(envvar="NOCTULE_TLS", metavar="FOLDER", help="Certificate and key, as noctule-deploy makes them."),
     ] = None,
     sensor: Annotated[Path | None, typer.Option(help="TOML file of the survey's sensor.")] = None,
 ) -> None:
-    """Show where the units of a site are by what they hear, and write it into the site file on request."""
+    """Show where a site's fixed units are, by what they hear of the room; --write puts that into the site file."""
     from noctule import site as site_file
     from noctule.plain_text import plain
     from noctule_mapper.calibration.site_edit import write_edits

@@ -38,7 +38,7 @@ def log(
 
 def schema(
     message: Annotated[
-        str | None, typer.Argument(metavar="[MESSAGE]", help="noctule.v1.Sweep; all if left out.")
+        str | None, typer.Argument(metavar="MESSAGE", help="As noctule.v1.Sweep; all if left out.")
     ] = None,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,

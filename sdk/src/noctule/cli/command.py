@@ -21,7 +21,7 @@ MEASURE_TIMEOUT_S = 200.0
 SELF_TEST_TIMEOUT_S = 450.0  # at the slowest plan
 UPDATE_TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
 
-Timeout = Annotated[float, typer.Option(help="How long to wait for the reply.")]
+Timeout = Annotated[float, typer.Option(help="How many seconds to wait for the reply.")]
 
 
 class Home(StrEnum):
@@ -61,12 +61,12 @@ def _add_plain(name: str, summary: str, longest_s: float = TIMEOUT_S) -> None:
 
 
 for _name, _summary in (
-    ("hello", "Print the unit's status, as the gateway knows it."),
+    ("hello", "The same as status."),
     ("status", "Print the unit's status, as the gateway knows it."),
     ("settings", "Print the unit's plan and calibration."),
     ("stop", "Stop sweeping."),
     ("single", "Make one sweep."),
-    ("home", "Find home; done when the unit begins."),
+    ("home", "Find home. The reply comes when the unit begins."),
     ("store", "Keep plan, calibration and trim in the unit's flash."),
     ("reset", "Reset the unit."),
     ("accept_room", "Take the room as it is now: the gateway learns again what a fixed unit hears."),
@@ -95,7 +95,7 @@ for _name, _summary, _longest_s in (
 @rpc.command()
 def start(
     context: typer.Context,
-    pause_s: Annotated[float, typer.Option(help="Between two sweeps.")] = 0.0,
+    pause_s: Annotated[float, typer.Option(help="From the end of a sweep to the next one.")] = 0.0,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,
@@ -112,14 +112,16 @@ def go_to(
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,
 ) -> None:
-    """Turn to a bearing and stay there; the unit must be homed and idle. Done when the unit begins."""
+    """Turn to a bearing and stay there; the unit must be homed and idle. The reply comes when it begins."""
     _ask(context, connect, tls, timeout_s, bearing_rad=_radians(bearing_deg))
 
 
 @rpc.command("set_waypoint")
 def set_waypoint(
     context: typer.Context,
-    waypoint: Annotated[int | None, typer.Option(help="None if left out.", min=0, max=MAX_COUNT)] = None,
+    waypoint: Annotated[
+        int | None, typer.Option(help="Its number, from 0; at none if left out.", min=0, max=MAX_COUNT)
+    ] = None,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,
@@ -131,13 +133,13 @@ def set_waypoint(
 @rpc.command()
 def configure(
     context: typer.Context,
-    first_bearing_deg: float | None = None,
-    bearing_step_deg: float | None = None,
-    count: Annotated[int | None, typer.Option(help="Readings per sweep.", min=0, max=MAX_COUNT)] = None,
-    ping_interval_s: float | None = None,
-    top_speed_half_steps_s: float | None = None,
-    ramp_s: float | None = None,
-    settle_s: float | None = None,
+    first_bearing_deg: Annotated[float | None, typer.Option(help="The lowest bearing of a sweep.")] = None,
+    bearing_step_deg: Annotated[float | None, typer.Option(help="From one bearing to the next.")] = None,
+    count: Annotated[int | None, typer.Option(help="Bearings of a sweep.", min=0, max=MAX_COUNT)] = None,
+    ping_interval_s: Annotated[float | None, typer.Option(help="From one ping to the next, at least.")] = None,
+    top_speed_half_steps_s: Annotated[float | None, typer.Option(help="How fast the motor turns.")] = None,
+    ramp_s: Annotated[float | None, typer.Option(help="How long it takes to reach that speed.")] = None,
+    settle_s: Annotated[float | None, typer.Option(help="How long it rests before a ping.")] = None,
     pings: Annotated[
         int | None, typer.Option(help="1, 3 or 5 a reading, which is their median.", min=0, max=MAX_COUNT)
     ] = None,
@@ -162,10 +164,12 @@ def configure(
 @rpc.command()
 def calibrate(
     context: typer.Context,
-    half_steps_per_turn: float | None = None,
-    backlash_half_steps: Annotated[int | None, typer.Option(min=0, max=MAX_COUNT)] = None,
-    home: Annotated[Home | None, typer.Option(help="What home is.")] = None,
-    home_bearing_deg: Annotated[float | None, typer.Option(help="Where home is.")] = None,
+    half_steps_per_turn: Annotated[float | None, typer.Option(help="Of the sensor, as measure_gear finds it.")] = None,
+    backlash_half_steps: Annotated[
+        int | None, typer.Option(help="The gears' play, as measure_backlash finds it.", min=0, max=MAX_COUNT)
+    ] = None,
+    home: Annotated[Home | None, typer.Option(help="What the unit finds home by.")] = None,
+    home_bearing_deg: Annotated[float | None, typer.Option(help="At which bearing home is.")] = None,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,
@@ -183,7 +187,7 @@ def calibrate(
 @rpc.command("trim_temperature")
 def trim_temperature(
     context: typer.Context,
-    temperature_c: Annotated[float | None, typer.Option(help="Of the air, now.")] = None,
+    temperature_c: Annotated[float | None, typer.Option(help="Of the air beside the unit, now.")] = None,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,

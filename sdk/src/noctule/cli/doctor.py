@@ -15,7 +15,7 @@ DataFolders = Annotated[
 
 
 def doctor(
-    site_file: Annotated[Path | None, typer.Argument(metavar="[SITE.toml]", help="The gateway's site file.")] = None,
+    site_file: Annotated[Path | None, typer.Argument(metavar="SITE.toml", help="The gateway's site file.")] = None,
     data: DataFolders = None,
     fleet: Annotated[Path | None, typer.Option(metavar="FLEET.toml", help="The fleet file of noctule-deploy.")] = None,
     connect: Connect = DEFAULT_CONNECT,

@@ -73,7 +73,7 @@ def import_(
     air_temperature_c: Annotated[float, typer.Option(help="Of the air, during the scan.")] = AIR_TEMPERATURE_C,
     speed_of_sound_m_s: Annotated[
         float | None,
-        typer.Option(help="By which the scanner's program reckons; that of the air if left out.", min=100, max=1000),
+        typer.Option(help="With which the scanner's program counts; that of the air if left out.", min=100, max=1000),
     ] = None,
     skip_bad_lines: Annotated[
         bool, typer.Option("--skip-bad-lines", help="Leave out lines that are no readings, and count them.")

@@ -31,9 +31,11 @@ def replay(
     listen: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="Be the router, here.")
     ] = None,
-    exit_when_done: Annotated[bool, typer.Option(help="End when the services that read it have read it all.")] = False,
+    exit_when_done: Annotated[
+        bool, typer.Option("--exit-when-done", help="End when the services that read it have read it all.")
+    ] = False,
     timeout_s: Annotated[
-        float, typer.Option("--timeout", help="With --exit-when-done: how long they may take.")
+        float, typer.Option("--timeout", help="With --exit-when-done: how many seconds they may take.")
     ] = 60.0,
 ) -> None:
     """Put a survey on the bus as if its units were sweeping now; stays until Ctrl-C."""

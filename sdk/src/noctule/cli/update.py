@@ -27,14 +27,16 @@ def update(
     max_failed: Annotated[
         float, typer.Option(help="Halt when more than this share of a group fails.", min=0, max=1)
     ] = Rules.max_failed_share,
-    retries: Annotated[int, typer.Option(help="Tries more for those of a group that failed.", min=0)] = Rules.retries,
+    retries: Annotated[
+        int, typer.Option(help="How often those of a group that failed are tried again.", min=0)
+    ] = Rules.retries,
     force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="JSON lines, one a unit, in place of the table.")] = False,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
-    timeout_s: Annotated[float, typer.Option(help="How long to wait for one unit.")] = TIMEOUT_S,
+    timeout_s: Annotated[float, typer.Option(help="How many seconds to wait for one unit.")] = TIMEOUT_S,
     served_within_s: Annotated[
-        float, typer.Option(help="A unit that does not run it so long after its update has failed.")
+        float, typer.Option(help="A unit that does not run it so many seconds after its update has failed.")
     ] = SERVED_WITHIN_S,
 ) -> None:
     """Give a site's units new firmware: a few first, then group by group.

@@ -22,13 +22,13 @@ def open_(
     recordings: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[FILE.rrd ...|FOLDER]", help="Recordings in place of the relay, or the folder of a recorder."
+            metavar="FILE.rrd|FOLDER", help="Recordings in place of the relay, or the folder of a recorder."
         ),
     ] = None,
     day: Annotated[
         str | None, typer.Option(metavar="YYYY-MM-DD", help="Of a folder: this day, in place of the last.")
     ] = None,
-    url: Annotated[str, typer.Option(help="The relay, as printed by the mapper's --rerun.")] = DEFAULT_URL,
+    url: Annotated[str, typer.Option(help="The relay's address, as mappers have it by --rerun.")] = DEFAULT_URL,
     web_port: Annotated[
         int, typer.Option(min=1, max=LAST_PORT, help="Port of the relay's page, which is asked for its version.")
     ] = DEFAULT_WEB_PORT,
@@ -58,7 +58,7 @@ def open_(
 
 
 def days(
-    folder: Annotated[Path, typer.Argument(help="Where noctule-viewer run --record has recorded.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where noctule-viewer run --record has recorded.")],
 ) -> None:
     """List the days that were recorded, and how large they are."""
     try:
