@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,27 +21,56 @@ PATIENCE_S = 120.0
 END_WITHIN_S = 20.0
 
 
+class Forked(psutil.Process):
+    """A program that was forked: it is watched as one that ``psutil.Popen`` has started."""
+
+    def __init__(self, child: BaseProcess) -> None:
+        super().__init__(child.pid)
+        self._child = child
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Its exit status, negative for a signal's number; None while it runs."""
+        self.returncode = self._child.exitcode
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Its exit status, when it has ended. Raises TimeoutExpired."""
+        self._child.join(timeout)
+        if (status := self.poll()) is None:
+            raise psutil.TimeoutExpired(timeout or 0.0, self.pid)
+        return status
+
+
 class Programs:
     """The programs that a test has started in the project's folder, each with its output in a file."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._running: dict[str, psutil.Popen] = {}
+        self._running: dict[str, psutil.Popen | Forked] = {}
 
     def start(self, name: str, *command: str, env: dict[str, str] | None = None) -> None:
         """Start ``command`` under ``name``; one that ran under that name before must have ended."""
-        assert name not in self._running, f"{name} is running already"
         program = shutil.which(command[0], path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
         assert program is not None, f"{command[0]} is not installed"
-        with self._log_path(name).open("ab") as log:
-            self._running[name] = psutil.Popen(
-                [program, *command[1:]],
-                cwd=ROOT,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                env=os.environ | {"PYTHONUNBUFFERED": "1"} | (env or {}),
-            )
+
+        def started(log: Path) -> psutil.Popen:
+            with log.open("ab") as output:
+                return psutil.Popen(
+                    [program, *command[1:]],
+                    cwd=ROOT,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=output,
+                    env=os.environ | {"PYTHONUNBUFFERED": "1"} | (env or {}),
+                )
+
+        self.take(name, started)
+
+    def take(self, name: str, started: Callable[[Path], psutil.Popen | Forked]) -> None:
+        """As start(), for a program that ``started`` starts, with what it prints added to the file that it is given."""
+        assert name not in self._running, f"{name} is running already"
+        self._running[name] = started(self._log_path(name))
 
     def kill(self, name: str) -> None:
         """End ``name`` and its children as a power cut would: SIGKILL."""
@@ -60,7 +90,7 @@ class Programs:
         if alive:
             self.kill(name)
             raise AssertionError(f"{END_WITHIN_S:g} s after SIGTERM {alive} of {name} live; its log:\n{self.log(name)}")
-        return self._running.pop(name).returncode
+        return self.wait(name)
 
     def log(self, name: str) -> str:
         """What ``name`` has printed so far."""
@@ -86,7 +116,7 @@ class Programs:
 
     def ended(self) -> dict[str, int]:
         """Those that have ended by themselves since the last call, with their exit status."""
-        ended = {name: process.returncode for name, process in self._running.items() if process.poll() is not None}
+        ended = {name: status for name, process in self._running.items() if (status := process.poll()) is not None}
         for name in ended:
             del self._running[name]
         return ended

@@ -23,6 +23,7 @@ from pathlib import Path
 from system.histories import faults, host
 from system.histories.deployment import deployment
 from system.histories.faults import History
+from system.histories.forked import Nursery
 from system.histories.play import Outcome, play, settle
 from system.histories.shrink import shrink
 
@@ -43,16 +44,17 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as own:
         folder = options.folder or Path(own)
         folder.mkdir(parents=True, exist_ok=True)
+        nursery = Nursery(host.WallClock(folder))
         seeds = _seeds(options.seeds)
         histories = {f"seed {seed}": faults.draw(seed) for seed in seeds}
         if options.faults:
             histories[str(options.faults)] = faults.read_json(options.faults.read_text())
         if options.shrink:
-            return max(_shrunk(name, history, folder, options.keep_s) for name, history in histories.items())
+            return max(_shrunk(name, history, folder, nursery, options.keep_s) for name, history in histories.items())
         for first in range(0, len(histories), IN_ONE_DEPLOYMENT):
             place = folder / f"deployment-{first}"
             place.mkdir()
-            with deployment(place, min(seeds, default=0) + first, options.keep_s) as deployed:
+            with deployment(place, nursery, min(seeds, default=0) + first, options.keep_s) as deployed:
                 settle(deployed, 0.0)
                 for name, history in list(histories.items())[first : first + IN_ONE_DEPLOYMENT]:
                     if _told(name, history, play(deployed, history)):
@@ -89,7 +91,7 @@ def _told(name: str, history: History, outcome: Outcome) -> int:
     return bool(outcome.findings)
 
 
-def _shrunk(name: str, history: History, folder: Path, keep_s: float) -> int:
+def _shrunk(name: str, history: History, folder: Path, nursery: Nursery, keep_s: float) -> int:
     """Print the smallest part of a history that fails; 1 if it failed at all."""
     tries = 0
 
@@ -98,7 +100,7 @@ def _shrunk(name: str, history: History, folder: Path, keep_s: float) -> int:
         tries += 1
         own = folder / f"{name}-{tries}"
         own.mkdir()
-        with deployment(own, 0, keep_s) as deployed:
+        with deployment(own, nursery, 0, keep_s) as deployed:
             settle(deployed, 0.0)
             return _told(f"{name}, try {tries}", part, play(deployed, part)) == 1
 

@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -10,6 +11,7 @@ from system.histories import host
 from system.histories.cable import Cable, Condition, Witness
 from system.histories.checker import LogExtent, held_sweeps, log_extent
 from system.histories.faults import UNITS, Fault
+from system.histories.forked import Nursery
 from system.processes import ROOT, Programs, programs
 
 from noctule.messages_pb2 import Sweep
@@ -20,6 +22,7 @@ _RELAY_PORT, _WEB_PORT = 9876, 9090
 _UNIT_PORT, _LINE_PORT = 7001, 7101  # the deployment has a host of its own, and so all its ports
 _IDENTITY = "1badcafe"
 _DISKS, _DISK_MB = ("gateway", "mapper"), 64
+_FORKED = ("gateway", "mapper")
 _RESTART_S = 1.0  # systemd waits 0.1 s by default, and gives up after five starts in 10 s
 _STOPPED_BY = ("killed", "replaced", "without power")
 _CONDITIONS = {"noisy": Condition.NOISY, "hung": Condition.HUNG, "pulled": Condition.PULLED}
@@ -40,17 +43,22 @@ max_age_s = 1e9
 max_sweeps = 20000
 sweeps_per_place = 1000000
 [pace]
-shortest_interval_s = 10.0
+shortest_interval_s = 60.0
 most_time_share = 0.05
 """
 
 
 class Deployment:
-    """All programs of the site run, but for those that a fault keeps down."""
+    """All programs of the site run, but for those that a fault keeps down.
 
-    def __init__(self, folder: Path, running: Programs, cable: Cable, seed: int, keep_s: float) -> None:
+    Gateway and mapper come from ``nursery``.
+    """
+
+    def __init__(
+        self, folder: Path, running: Programs, cable: Cable, nursery: Nursery, seed: int, keep_s: float
+    ) -> None:
         self._folder, self._running, self._cable = folder, running, cable
-        self._clock = host.WallClock(folder)
+        self._clock, self._nursery = nursery.clock, nursery
         self._commands = _commands(folder, seed, keep_s)
         self._identity = [_IDENTITY]
         self._down: set[str] = set()
@@ -118,7 +126,10 @@ class Deployment:
 
     def _start(self, name: str) -> None:
         command = [*self._commands[name], *(self._identity if name == "router" else ())]
-        self._running.start(name, *command, env=None if name in ("units", "relay") else self._clock.environment)
+        if name in _FORKED:
+            self._running.take(name, partial(self._nursery.start, command))
+        else:
+            self._running.start(name, *command, env=self._clock.environment if name == "router" else None)
         self._started_s[name] = time.monotonic()
 
     def _signal(self, name: str, send: Callable[[psutil.Process], None]) -> None:
@@ -137,7 +148,7 @@ class Deployment:
 
 
 @contextlib.contextmanager
-def deployment(folder: Path, seed: int, keep_s: float) -> Iterator[Deployment]:
+def deployment(folder: Path, nursery: Nursery, seed: int, keep_s: float) -> Iterator[Deployment]:
     """A site in ``folder`` whose logs keep ``keep_s`` of sweeps; on a host of its own, see ``host``."""
     for name in _DISKS:
         host.mount(folder / name, _DISK_MB)
@@ -147,7 +158,7 @@ def deployment(folder: Path, seed: int, keep_s: float) -> Iterator[Deployment]:
     with programs(folder) as running:
         cable = Cable([_UNIT_PORT + n for n in ports], [_LINE_PORT + n for n in ports], seed)
         with contextlib.closing(cable):
-            yield Deployment(folder, running, cable, seed, keep_s)
+            yield Deployment(folder, running, cable, nursery, seed, keep_s)
     for name in _DISKS:
         host.unmount(folder / name)
 

@@ -8,7 +8,7 @@ from random import Random
 
 UNITS = ("u1", "u2", "u3")
 
-# How often each is drawn, beside the others. A start costs the mapper 3 s of a processor, so it is killed less often.
+# How often each is drawn, beside the others.
 WEIGHTS = {
     ("gateway", "killed"): 4,
     ("gateway", "frozen"): 4,
