@@ -55,6 +55,7 @@ def shown() -> Iterator[Page]:
 class Relay:
     silent_s = 0.0
     troubles: Sequence[str] = ()
+    drawn_s: float | None = None
 
 
 def drawn(shown: Page, ago_s: float) -> None:
@@ -65,7 +66,7 @@ def drawn(shown: Page, ago_s: float) -> None:
 
 @contextmanager
 def served(port: int, files: tuple[str, int], relay: Relay) -> Iterator[None]:
-    state = page.State(lambda: relay.silent_s, lambda: relay.troubles)
+    state = page.State(lambda: relay.silent_s, lambda: relay.troubles, lambda: relay.drawn_s)
     with page.serving(("127.0.0.1", port), files, "http://127.0.0.1:1", state):
         yield
 
@@ -107,21 +108,43 @@ def test_the_page_says_how_old_what_it_shows_is_and_whether_somebody_looks_back(
     files: tuple[str, int], shown: Page
 ) -> None:
     (port,) = free_ports(1)
-    with served(port, files, Relay()):
+    relay = Relay()
+    with served(port, files, relay):
         with shown.expect_response("**/noctule/alive"):
             shown.goto(f"http://127.0.0.1:{port}/?url=x")
         drawn(shown, ago_s=5.0)
         wait_until(lambda: shown.evaluate("performance.now()") > 3_000, "the page does not look")
         assert bar(shown) == ""
         drawn(shown, ago_s=98.0)
-        late = r"What you see is (9\d|1[01]\d) s old: this computer is behind, or nothing is drawn any more\."
+        late = r"What you see is (9\d|1[01]\d) s old: nothing is drawn any more, or this computer can't keep up\."
         wait_until(lambda: re.fullmatch(late, bar(shown)), "the page's age is not told")
+        relay.drawn_s = time.time() + 60.0  # until the end of this test
+        wait_until(lambda: bar(shown).endswith("s old: this computer can't keep up."), "who is late is not told")
         shown.evaluate("window.noctuleEvent(JSON.stringify({type: 'pause'}))")
         drawn(shown, ago_s=7_300.0)
         back = "You look back 2 h. The second button at the lower left follows the present."
         wait_until(lambda: bar(shown) == back, "who looks back is not told")
         drawn(shown, ago_s=1.0)
         wait_until(lambda: bar(shown) == "", "a page that shows the present is called old")
+
+
+def test_a_page_that_is_far_behind_loads_again_unless_somebody_looks_back(files: tuple[str, int], shown: Page) -> None:
+    (port,) = free_ports(1)
+    relay = Relay()
+    shown.clock.install()
+    with served(port, files, relay):
+        shown.goto(f"http://127.0.0.1:{port}/?url=x")
+        relay.drawn_s = time.time() + PATIENCE_S
+        shown.evaluate("window.noctuleEvent(JSON.stringify({type: 'pause'}))")
+        drawn(shown, ago_s=1_000.0)
+        for _ in range(160):  # 320 s of the page's clock
+            pass_time(shown)
+        wait_until(lambda: pass_time(shown) and bar(shown).startswith("You look back"), "who looks back is not told")
+        drawn(shown, ago_s=0.0)
+        wait_until(lambda: pass_time(shown) and not bar(shown), "the present is not known")
+        drawn(shown, ago_s=1_000.0)
+        with shown.expect_event("load"):
+            pass_time(shown)
 
 
 def test_the_page_says_when_nothing_comes_from_its_relay(files: tuple[str, int], shown: Page) -> None:

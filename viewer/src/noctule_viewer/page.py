@@ -40,12 +40,13 @@ _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
 @dataclass(frozen=True)
 class State:
-    """What a page asks for every two seconds: for how long the relay has been silent, 0 while it answers, and what is
-    wrong at the sites.
+    """What a page asks for every two seconds: for how long the relay has been silent, 0 while it answers; what is wrong
+    at the sites; and when something was last drawn of them, in UTC, None where nobody here draws.
     """
 
     silent_s: Callable[[], float]
     troubles: Callable[[], Sequence[str]] = tuple
+    drawn_s: Callable[[], float | None] = lambda: None
 
 
 @contextmanager
@@ -136,6 +137,7 @@ class _Handler(BaseHTTPRequestHandler):
             "run": server.run,
             "silent_s": server.state.silent_s(),
             "troubles": server.state.troubles(),
+            "drawn_s": server.state.drawn_s(),
             "now_s": time(),
             "rerun": version("rerun-sdk"),
         }

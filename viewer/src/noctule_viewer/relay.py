@@ -87,12 +87,13 @@ class Relay:
         ending: Ending,
         show: Callable[[ServiceStatus], object] = lambda _: None,
         troubles: Callable[[], Sequence[str]] = tuple,
+        drawn_s: Callable[[], float | None] = lambda: None,
     ) -> int:
         """Run the relay and its page, ``serving()`` as soon as both answer and until they end. Returns the relay's exit
         status.
 
-        ``show`` is given the relay's status each second, and must not wait. ``troubles`` are what the page shows as an
-        alarm.
+        ``show`` is given the relay's status each second, and must not wait. ``troubles`` and ``drawn_s`` as page.State
+        has them.
         SIGTERM and SIGINT end both, and this process with status 0. Raises RelayError if the relay does not start,
         MetricsError if ``metrics_at`` can't be had.
         """
@@ -103,7 +104,7 @@ class Relay:
             _wait_until_listening(relay, self.bind, (self.port, files_port))
             self._send_layout()
             pulse, data = Pulse(self.bind, files_port), f"http://{self.bind}:{self.port}"
-            state = page.State(lambda: pulse.silent_s, troubles)
+            state = page.State(lambda: pulse.silent_s, troubles, drawn_s)
             with page.serving((self.bind, self.web_port), (self.bind, files_port), data, state), serving():
                 return self._look_after(relay, pulse, metrics_at, ending, show)
 

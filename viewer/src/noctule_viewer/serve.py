@@ -81,4 +81,11 @@ def serve(
             for presence in presences:
                 presence.put(status)
 
-        return relay.run(shown, metrics, ending, show, lambda: [each for board in boards for each in board.troubles()])
+        return relay.run(
+            shown,
+            metrics,
+            ending,
+            show,
+            lambda: [each for board in boards for each in board.troubles()],
+            lambda: max((board.drawn_s for board in boards if board.drawn_s is not None), default=None),
+        )

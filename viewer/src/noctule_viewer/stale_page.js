@@ -1,12 +1,14 @@
 // Says so when the page shows the past: its relay is gone or frozen, the page is behind, or somebody looks back in time.
 // A red stripe and the page's title say when something is wrong at the sites now, which a page that is busy draws late.
-// A relay that was started again makes the page load again.
+// A relay that was started again makes the page load again, and so does a page that is far behind: it comes back with the
+// present, and without all that it had not got round to, which no limit of memory counts.
 (() => {
   const LOOK_EVERY_MS = 2000;
   const SILENT_AFTER_LOOKS = 3; // counted in looks, not in time: a page that draws in software is itself held up for seconds
   const GIVE_UP_AFTER_LOOKS = 10;
   const OLD_AFTER_S = 15; // a mapper draws every 10 s, where nobody watches the site
   const COMES_WITHIN_S = 40; // to load the page takes 25 s without a graphics card
+  const LOADS_AGAIN_AFTER_S = 300;
   const NS_PER_S = 1e9;
   const LEAST_TIME_NS = 1e17; // times below it are counts of a time line that has no hours
   const PAST = "#b3261e";
@@ -32,6 +34,7 @@
   let has_hours = true;
   let looks_back = false;
   let alarms = [];
+  let drawn_s = null; // UTC: when the viewer's own process has last drawn, where it draws
 
   // What Rerun's viewer says of itself, as JSON.
   window.noctuleEvent = (json) => {
@@ -61,8 +64,10 @@
       relay_is_silent = state.silent_s > 0;
       answered_ms = Date.now() - 1000 * state.silent_s;
       alarms = state.troubles;
+      drawn_s = state.drawn_s;
       ahead_ms = 1000 * state.now_s - Date.now();
       unanswered = 0;
+      if (is_far_behind()) location.reload();
     } catch {
       unanswered += 1;
     } finally {
@@ -81,15 +86,29 @@
         ? ""
         : `Nothing has come from the relay for ${duration(waited_s)}: nothing is drawn on it, or its port can't be reached from here.`;
     }
-    const old_s = (now_ms + ahead_ms) / 1000 - shown_s;
     if (!has_hours) return "";
+    const old_s = now_s() - shown_s;
     if (old_s < OLD_AFTER_S) {
       looks_back = false;
       return "";
     }
-    return looks_back
-      ? `You look back ${duration(old_s)}. The second button at the lower left follows the present.`
-      : `What you see is ${duration(old_s)} old: this computer is behind, or nothing is drawn any more.`;
+    if (looks_back) return `You look back ${duration(old_s)}. The second button at the lower left follows the present.`;
+    const why = is_drawn() ? "this computer can't keep up" : "nothing is drawn any more, or this computer can't keep up";
+    return `What you see is ${duration(old_s)} old: ${why}.`;
+  }
+
+  function now_s() {
+    return (Date.now() + ahead_ms) / 1000;
+  }
+
+  function is_drawn() {
+    return drawn_s !== null && now_s() - drawn_s < OLD_AFTER_S;
+  }
+
+  function is_far_behind() {
+    const open_s = (Date.now() - opened_ms) / 1000;
+    const old_s = shown_s === null ? open_s : now_s() - shown_s;
+    return is_drawn() && has_hours && !looks_back && Math.min(open_s, old_s) > LOADS_AGAIN_AFTER_S;
   }
 
   function duration(s) {

@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Sequence
+from time import time
 from typing import Self
 
 import rerun as rr
@@ -37,6 +38,7 @@ class Board:
         self._layouts: tuple[Layout, ...] = ()
         self._budget = LayoutBudget()
         self._told = ""
+        self.drawn_s: float | None = None  # UTC: when the relay has last taken all of it
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="board", daemon=True)
         self._thread.start()
@@ -65,6 +67,7 @@ class Board:
             try:
                 self._draw(recording)
                 recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
+                self.drawn_s = time()
             except Exception as error:  # the relay is frozen, or ends and this process with it
                 self._tell(str(error))
                 self._wait_for(recording)
