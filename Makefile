@@ -40,6 +40,7 @@ lint: packages-test setup firmware docs
 # The documentation as pages for a browser, in .site/; a broken link fails.
 docs: packages-test setup
 	@NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --config-file deploy/docs/mkdocs.yml
+	@echo "Open .site/index.html"
 
 # What the hosts of a fleet install, in dist/, with the versions of all that it needs.
 WHEELS := noctule noctule-gateway noctule-mapper noctule-viewer noctule-deploy

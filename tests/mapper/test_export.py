@@ -317,10 +317,14 @@ def test_a_survey_and_its_contour_export_alike(folder):
     assert (folder / "again.geojson").read_text() == (folder / "room.geojson").read_text()
 
 
+def test_a_suffix_of_no_format_is_a_mistake_of_the_command_line(folder, tmp_path):
+    result = export(folder / "contour.json", tmp_path / "room.svg")
+    assert (result.exit_code, ".geojson" in result.complaint, list(tmp_path.iterdir())) == (2, True, [])
+
+
 @pytest.mark.parametrize(
     ("source", "out", "options", "complaint"),
     [
-        ("contour.json", "room.svg", [], "name it by its format"),
         ("contour.json", "a.dxf", ["--method", "refined"], "is fitted already"),
         ("nowhere.json", "a.dxf", [], "nowhere.json"),
         ("contour.json", "nowhere/a.dxf", [], "nowhere"),

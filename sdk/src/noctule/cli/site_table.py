@@ -45,7 +45,7 @@ _COLUMNS: tuple[str, ...] = (
     "detail",
 )
 _NEEDED_LEAST: tuple[str, ...] = ("boot", "serial", "clock error", "firmware", "log", "gateway", "since", "last sweep")
-_LEAST_DETAIL = 24
+_LEAST_DETAIL = 23
 _LOOK_EVERY_S = 1.0
 _UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
 
