@@ -83,7 +83,9 @@ def test_a_reboot_begins_an_epoch_for_nobody_knows_what_the_clock_did_meanwhile(
     assert (watch.sets, watch.detail) == (0, "")
 
 
-@pytest.mark.parametrize("damage", ["", "{", "[1]", '{"epoch": 3}', '{"epoch": "", "kernel_boot": "boot 1"}'])
+@pytest.mark.parametrize(
+    "damage", ["", "{", "[1]", "[" * 9000, '{"epoch": 3}', '{"epoch": "", "kernel_boot": "boot 1"}']
+)
 def test_an_epoch_that_can_not_be_read_back_is_followed_by_a_new_one(kept: Path, damage: str) -> None:
     host = Host()
     first = kept_epoch(kept, host)

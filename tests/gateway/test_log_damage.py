@@ -22,7 +22,8 @@ from noctule.elapsed import Instant
 from noctule.messages_pb2 import LogRecords
 from noctule_gateway.bus.log_reply import read_records
 from noctule_gateway.errors import LogError
-from noctule_gateway.log.head_file import file_identity
+from noctule_gateway.log import head_file
+from noctule_gateway.log.head_file import HeadFile, Newest, Reserved, file_identity
 from noctule_gateway.log.log_file import Committed, Retention
 from noctule_gateway.log.log_reader import LogSlice
 from noctule_gateway.log.sweep_log import SweepLog
@@ -332,3 +333,13 @@ def test_a_reply_of_the_log_states_the_damage_within_the_bounds_of_the_bus(tmp_p
         reply = bounds.decode(LogRecords, read_records(log, {"from": "1", "max": "5"}.get))
     assert [sweep.log_sequence for sweep in reply.sweeps] == [1, 2, 3, 7, 8]
     assert [(gap.first, gap.last, gap.damaged) for gap in reply.gaps] == [(4, 6, True)]
+
+
+def test_the_longest_lines_of_a_head_file_are_read_back(tmp_path: Path) -> None:
+    # Inodes of XFS and of network file systems have 64 bits, generations 32; a log_sequence has 53 (noctule.bounds).
+    newest = Newest("f" * 16, 2**53 - 1, "f" * 32, "f" * 36, False, f"{2**64 - 1}.{2**32 - 1}")
+    head = HeadFile(tmp_path / "head")
+    head.begin(newest, reserved=0)
+    head.close()
+    heads = head_file.read(tmp_path / "head", newest.file)
+    assert (heads.newest, heads.reserved) == (newest, Reserved(newest.log_id, newest.head))

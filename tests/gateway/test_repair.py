@@ -184,7 +184,7 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
 def test_check_reads_a_log_under_a_running_gateway_and_names_what_is_damaged(tmp_path: Path) -> None:
     with opened(tmp_path / "u1.sqlite") as log, opened(tmp_path / "u2.sqlite") as other:
         append(log, *map(arrival, range(5)))
-        append(other, arrival(1))
+        append(other, arrival(1, unit="u2"))
         with closing(sqlite3.connect(tmp_path / "u1.sqlite")) as db, db:
             db.execute("UPDATE sweeps SET boot = 3 WHERE log_sequence = 2")
         command = ["noctule-gateway", "check", str(tmp_path)]

@@ -19,13 +19,14 @@ from noctule.elapsed import Instant
 from noctule.messages_pb2 import Sweep
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
+from noctule_gateway.log.look import look_at_all
 from noctule_gateway.log.sweep_log import SweepLog
 
 KEEP_ALL = Retention()
 
 
-def arrival(sequence: int, boot: int = 1, digest: bytes = b"") -> Arrival:
-    sweep = Sweep(site="s", unit="u1", boot=boot, sequence=sequence, clock_error_s=0.25)
+def arrival(sequence: int, boot: int = 1, digest: bytes = b"", unit: str = "u1") -> Arrival:
+    sweep = Sweep(site="s", unit=unit, boot=boot, sequence=sequence, clock_error_s=0.25)
     sweep.start.FromNanoseconds((1_000_000_000 + sequence) * 10**9)
     return Arrival(digest or sequence.to_bytes(4, "little"), 4_000_000 * sequence, sweep)
 
@@ -192,6 +193,43 @@ def test_a_file_of_a_later_gateway_is_not_touched(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
+def test_a_log_that_can_not_be_opened_answers_no_reader_that_it_is_empty(tmp_path: Path) -> None:
+    path = tmp_path / "u1.sqlite"
+    with opened(path) as log:
+        append(log, *map(arrival, range(3)))
+    head = tmp_path / "u1.sqlite-head"
+    head.rename(tmp_path / "kept")
+    head.mkdir()
+    with opened(path) as log:
+        with pytest.raises(LogError, match=r"u1.sqlite can't be opened: .*Is a directory"):
+            read(log)
+        head.rmdir()
+        (tmp_path / "kept").rename(head)
+        append(log, arrival(3))
+        assert [sweep.sequence for sweep in read(log)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("moved", [("",), ("", "-head")])
+def test_the_log_of_another_unit_is_refused_in_words_and_not_gone_on_with(
+    tmp_path: Path, moved: tuple[str, ...]
+) -> None:
+    for unit in ("u1", "u2"):
+        with opened(tmp_path / f"{unit}.sqlite") as log:
+            append(log, *(arrival(number, unit=unit) for number in range(3)))
+    for suffix in moved:
+        (tmp_path / f"u2.sqlite{suffix}").replace(tmp_path / f"u1.sqlite{suffix}")
+    before = (tmp_path / "u1.sqlite").read_bytes()
+    with opened(tmp_path / "u1.sqlite") as log:
+        (result,) = append(log, arrival(3))
+        assert isinstance(result, LogError)
+        assert "holds sweeps of unit 'u2': put the file of unit 'u1' back in its place" in log.state.error
+        with pytest.raises(LogError, match="of unit 'u2'"):
+            read(log)
+    assert (tmp_path / "u1.sqlite").read_bytes() == before
+    (look,) = (each for each in look_at_all(tmp_path) if each.unit == "u1")
+    assert look.trouble == "the file is damaged: it holds sweeps of u2"
+
+
 @pytest.mark.parametrize(
     "removed", [["u1.sqlite"], ["u1.sqlite-wal"], ["u1.sqlite", "u1.sqlite-wal", "u1.sqlite-shm"]], ids=" ".join
 )
@@ -213,7 +251,9 @@ def test_nothing_is_acknowledged_that_went_into_a_deleted_file(tmp_path: Path, r
 
 
 def test_a_log_whose_file_was_replaced_goes_on_in_the_new_file_and_the_moved_one_is_whole(tmp_path: Path) -> None:
-    path, other, aside = (tmp_path / f"{name}.sqlite" for name in ("u1", "backup", "aside"))
+    path, other, aside = (tmp_path / name / "u1.sqlite" for name in ("data", "backup", "aside"))
+    for each in (path, other, aside):
+        each.parent.mkdir()
     with opened(other) as log:
         append(log, *map(arrival, range(10, 15)))
         copied = log.state.log_id

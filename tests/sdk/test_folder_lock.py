@@ -76,7 +76,9 @@ def test_a_folder_of_another_role_or_site_is_refused_though_nobody_holds_it(tmp_
     FolderLock(tmp_path, Owner("gateway", "attic", "south")).close()  # under another name it is the same data
 
 
-@pytest.mark.parametrize("left", [b"", b"\x00" * 512, b'{"role": "gateway"', b"[]", b"7", b"\xff\xfe" * 9000])
+@pytest.mark.parametrize(
+    "left", [b"", b"\x00" * 512, b'{"role": "gateway"', b"[]", b"7", b"\xff\xfe" * 9000, b"[" * 4096]
+)
 def test_whatever_a_power_cut_left_in_the_file_does_not_keep_the_folder_from_its_owner(
     tmp_path: Path, left: bytes
 ) -> None:

@@ -59,7 +59,7 @@ def load(folder: Path) -> dict[str, Generations]:
                 f"{path} is gone: bring it back from your backup, because it says which certificates are revoked"
             ) from error
         return {}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise RenderError(
             f"{path} can't be read ({error}): bring it back from your backup, it says which certificates are revoked"
         ) from error

@@ -26,7 +26,6 @@ AGAIN_S, AGAIN_WHILE_WRONG_S = 600.0, 20.0
 LOST_AFTER_S = 3.0  # a router that is started again is back by then
 _COMPARE_EVERY_S = 0.1  # so that no state that is published each second is passed over
 _LISTED = 5
-_MOST_STATES = 100_000  # of a key, in the seconds of a look: its own service publishes ten
 
 _log = logging.getLogger(__name__)
 
@@ -124,23 +123,30 @@ class BusWatch:
         """The keys on which something was published and did not come back; None where too little was to say."""
         publishers = {each.key: each for each in self._publishers() if each.last is not None}
         before = {key: each.last for key, each in publishers.items()}
-        # Hashes, and of these keys alone: whatever others publish meanwhile is not kept.
-        published: dict[str, set[int]] = {key: set() for key in publishers}
-        received: dict[str, set[int]] = {key: set() for key in publishers}
-        waited: Counter[str] = Counter()
+        published: dict[str, set[int]] = {key: set() for key in publishers}  # hashes
+        read: set[str] = set()
+
+        def note(sample: zenoh.Sample) -> None:
+            """Keep nothing of the sample, because others may flood the key. It may come before ``published`` has it."""
+            key, state = str(sample.key_expr), sample.payload.to_bytes()
+            if key in publishers and (state == publishers[key].last or hash(state) in published[key]):
+                read.add(key)
+
         for expression in sorted({keys.of_all(key) for key in publishers}):
-            reader.declare_subscriber(expression, lambda sample: _note(sample, received))
+            reader.declare_subscriber(expression, note)
+        waited: Counter[str] = Counter()
         for _ in range(_LOOKS):
-            for key, each in list(publishers.items()):
-                if each.last != before[key]:  # what was put before the reader came says nothing
-                    published[key].add(hash(each.last or b""))
+            unread = publishers.keys() - read.copy()
+            for key in unread:
+                last = publishers[key].last
+                if last is not None and last != before[key]:  # what was put before the reader came says nothing
+                    published[key].add(hash(last))
                     waited[key] += 1
-                if published[key] & received[key].copy():
-                    del publishers[key]
-            if all(waited[key] > _LOOKS_FOR_ONE for key in publishers) or self._closed.wait(_COMPARE_EVERY_S):
+            if all(waited[key] > _LOOKS_FOR_ONE for key in unread) or self._closed.wait(_COMPARE_EVERY_S):
                 break
-        missing = sorted(key for key in publishers if waited[key] > _LOOKS_FOR_ONE)
-        return missing if missing or not publishers else None
+        unread = publishers.keys() - read.copy()
+        missing = sorted(key for key in unread if waited[key] > _LOOKS_FOR_ONE)
+        return missing if missing or not unread else None
 
     def _likely_cause(self) -> str:
         at = f"the router at {endpoints.shown(self._routers)}"
@@ -159,9 +165,3 @@ class BusWatch:
             _log.info("what is published is read again")
         self._said = self._said | {trouble} if trouble else set()
         self._trouble = trouble
-
-
-def _note(sample: zenoh.Sample, received: dict[str, set[int]]) -> None:
-    hashes = received.get(str(sample.key_expr))
-    if hashes is not None and len(hashes) < _MOST_STATES:
-        hashes.add(hash(sample.payload.to_bytes()))

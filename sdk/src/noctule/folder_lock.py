@@ -124,7 +124,7 @@ def _read(text: bytes) -> tuple[Owner | None, int | None]:
     try:
         told = json.loads(text)
         return Owner(*(str(told[name]) for name in ("role", "site", "name"))), int(told["pid"])
-    except (ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         return None, None
 
 

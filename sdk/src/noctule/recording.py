@@ -150,7 +150,7 @@ def _last_line(journal: Path) -> tuple[int, bytes]:
 def _is_json(line: bytes) -> bool:
     try:
         json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return False
     return True
 

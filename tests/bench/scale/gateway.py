@@ -105,8 +105,10 @@ def open_units(
     closing.callback(outbox.close)
     closing.callback(readers.close)
     opened = []
+    folder = data / known.name
+    folder.mkdir(parents=True)
     for index, unit in enumerate(known.units):
-        log = SweepLog(data / f"{known.name}.{unit.name}.sqlite", Retention())
+        log = SweepLog(folder / f"{unit.name}.sqlite", Retention())
         closing.callback(log.close)
         kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / f"{known.name}.clock-epoch"))
         on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers(), lambda *_: None)

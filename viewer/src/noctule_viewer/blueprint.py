@@ -24,7 +24,7 @@ def blueprint() -> rrb.Blueprint:
     """Views select entities by wildcard, so a unit that comes later needs no new layout."""
     heading = rrb.TextDocumentView(origin=f"/{rerun_paths.HEARTBEAT}", name="Noctule", titlebar=False)
     world = map_view([f"/{rerun_paths.WORLD}/**"], "Map", None)
-    beside = rrb.Vertical(*figure_views(), events_view(), row_shares=[2, 2, 2, 4])
+    beside = rrb.Vertical(states_view(), *figure_views(), events_view(), row_shares=[2, 2, 2, 4])
     return arranged(
         rrb.Horizontal(
             rrb.Vertical(heading, world, row_shares=[1, 12]), beside, column_shares=[_MAP_SHARE, _SIDE_SHARE]
@@ -54,13 +54,13 @@ def map_view(
 
 
 def figure_views(under: str = "", named: bool = True) -> list[rrb.View]:
-    """States of all units, their clocks, and the mapper's pace, over the last minutes; ``under`` as in Layout. The
-    clocks' lines are ``named`` if that leaves room for them.
+    """All units' clocks and the mapper's pace, over the last minutes; ``under`` as in Layout. The clocks' lines are
+    ``named`` if that leaves room for them.
     """
     units = f"/{under}units/**"
     pace = [f"/{under}{rerun_paths.mapper_counter(name)}" for name in ("contour_fit_ms", "contour_delay_ms")]
     clocks = figures_view(units, "Clock error, ms", named=named)
-    return [states_view(under), clocks, figures_view(pace, "Contour, ms")]
+    return [clocks, figures_view(pace, "Contour, ms")]
 
 
 def states_view(under: str = "") -> rrb.StateTimelineView:

@@ -53,7 +53,7 @@ def ask(host: str, web_port: int) -> str | None:
         try:
             page.request("GET", ALIVE)
             told = json.loads(page.getresponse().read(_LONGEST_ANSWER))
-        except (OSError, HTTPException, ValueError):
+        except (OSError, HTTPException, ValueError, RecursionError):
             return None
     relay = told.get("rerun") if isinstance(told, dict) else None
     return relay if isinstance(relay, str) else None

@@ -118,6 +118,6 @@ def _read(kept: Path) -> _Epoch:
         found = _Epoch(**json.loads(kept.read_text()))
         if found.epoch and isinstance(found.epoch, str) and isinstance(found.offset_s, float):
             return found
-    except (OSError, ValueError, TypeError):
+    except (OSError, ValueError, TypeError, RecursionError):
         pass  # the next look begins an epoch, which is what must follow
     return _Epoch("", "", 0.0)

@@ -76,8 +76,11 @@ class Heads:
         return None
 
 
-def read(path: Path, file: str) -> Heads:
-    """What the file at ``path`` says of a log with the identity ``file``. Raises OSError, but not if it is missing."""
+def read(path: Path, file: str = "") -> Heads:
+    """What the file at ``path`` says of a log with the identity ``file``, or of one that is not looked at.
+
+    Raises OSError, but not if the file is missing.
+    """
     try:
         text = path.read_bytes()
     except FileNotFoundError:
@@ -138,7 +141,7 @@ class HeadFile:
 
     def _write(self, line: int, content: Newest | Reserved) -> None:
         values = asdict(content)
-        text = json.dumps(values | {"checksum": checksum(*values.values()).hex()})
+        text = json.dumps(values | {"checksum": checksum(*values.values()).hex()}, separators=(",", ":"))
         os.pwrite(self._file, text.encode().ljust(_LINE_BYTES - 1) + b"\n", line * _LINE_BYTES)
 
 

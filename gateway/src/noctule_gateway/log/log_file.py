@@ -195,7 +195,7 @@ class LogFile:
 
     def _refuse_lost(self) -> None:
         """Make no new log where there was one. SQLite would, and delete its -wal."""
-        heads = head_file.read(head_path(self._path), "")
+        heads = head_file.read(head_path(self._path))
         size_bytes = _size_bytes(self._path)
         held = size_bytes or heads.newest or heads.reserved or _size_bytes(self._written[1])
         if size_bytes < HEADER_BYTES and held:
@@ -212,11 +212,21 @@ class LogFile:
     def _check_newest(self) -> None:
         rows = self._db.execute(_NEWEST).fetchall()
         check_rows(self._path, self._log, rows)
+        self._refuse_another_units(rows)
         last = rows[0][0] if rows else self.tail - 1
         if last > self.head or uncovered(self._gaps, last + 1, self.head):
             raise damaged(self._path, f"its last sweep is {last} and should be {self.head}")
         if rows and newest_differs(self._log, rows[0], self._gaps):
             raise damaged(self._path, f"sweep {last} is not the one that was logged last")
+
+    def _refuse_another_units(self, rows: Sequence[SweepRow]) -> None:
+        """The checksums of a file that was put in another unit's place are sound."""
+        unit = self._path.stem
+        if rows and (found := Sweep.FromString(rows[0][7]).unit) != unit:
+            raise LogError(
+                f"log {self._path} holds sweeps of unit {found!r}: put the file of unit {unit!r} back in its place, or "
+                f"stop the gateway and begin a new one: noctule-gateway repair {self._path.parent} --unit {unit}"
+            )
 
     def _agree_with_head_file(self, now: Instant) -> None:
         """Go on above every sequence that may have been used."""

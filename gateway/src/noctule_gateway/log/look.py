@@ -1,10 +1,11 @@
 """What a unit's log holds, every record of it checked: for the operator, by hand. It changes nothing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+from noctule.messages_pb2 import Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_files import SUFFIX
@@ -63,15 +64,18 @@ def look_at(path: Path) -> Look:
 def _look_at(unit: str, file: Salvage) -> Look:
     sound: list[int] = []
     bad: list[str] = []
+    strangers: set[str] = set()
     for found in file.sweeps():
         if found.row is None:
             bad.append(f"{found.log_sequence}: {found.reason}")
         else:
             sound.append(found.log_sequence)
+            strangers |= {Sweep.FromString(found.row[7]).unit} - {unit}
     log = file.log
     head, tail = (log.head, log.tail) if log else (max(sound, default=0), min(sound, default=1))
     stated = sum(gap.sequences(gap.first, gap.last) for gap in file.gaps if gap.damaged)
-    return Look(unit, len(sound), tail, head, stated, _trouble(file, bad, _missing(file, tail, head, sound, len(bad))))
+    trouble = _trouble(file, bad, _missing(file, tail, head, sound, len(bad)), strangers)
+    return Look(unit, len(sound), tail, head, stated, trouble)
 
 
 def _missing(file: Salvage, tail: int, head: int, sound: Sequence[int], bad: int) -> int:
@@ -79,13 +83,14 @@ def _missing(file: Salvage, tail: int, head: int, sound: Sequence[int], bad: int
     return max(uncovered(file.gaps, tail, head) - len(sound) - bad, 0)
 
 
-def _trouble(file: Salvage, bad: Sequence[str], missing: int) -> str:
+def _trouble(file: Salvage, bad: Sequence[str], missing: int, strangers: Collection[str]) -> str:
     more = f", and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
     troubles = [
         "its tables are not a log's" if file.strange else "",
         "its table log does not fit" if file.log is None else "",
         f"{len(bad)} more records can't be read (sweep {'; '.join(bad[:_MOST_NAMED])}{more})" if bad else "",
         f"{missing} sweeps are missing" if missing else "",
+        f"it holds sweeps of {', '.join(sorted(strangers))}" if strangers else "",
         file.integrity(),
     ]
     found = "; ".join(filter(None, troubles))

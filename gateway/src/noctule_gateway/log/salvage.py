@@ -152,7 +152,7 @@ class Salvage:
 
     def _log_id(self) -> str:
         """As the head file says, else the first record that can be read."""
-        heads = head_file.read(head_path(self._path), "")
+        heads = head_file.read(head_path(self._path))
         for line in (heads.newest, heads.reserved):
             if line is not None:
                 return line.log_id

@@ -95,6 +95,8 @@ class SweepLog:
 
     def read(self, first: int, max_records: int, max_bytes: int) -> LogSlice:
         """Committed records from log_sequence ``first`` on, at least one if there is one. Raises LogError."""
+        if not self._state.log_id:  # never opened: nobody knows how far it goes
+            raise LogError(self._state.error)
         with self._reader, self._reporting_damage():
             return self._reading_file().read(first, max_records, max_bytes, self._state.head)
 

@@ -89,7 +89,7 @@ def _contour(source: Path) -> Contour | None:
         return None
     try:
         fields = json.loads(source.read_text(encoding="utf-8"))
-    except ValueError:  # several lines of JSON, or none: the survey's reader says what is wrong
+    except (ValueError, RecursionError):  # several lines of JSON, or none: the survey's reader says what is wrong
         return None
     if not isinstance(fields, dict) or not _CONTOUR_FIELDS & fields.keys():
         return None

@@ -63,7 +63,7 @@ class Layout:
         return rrb.Horizontal(sweeps, beside, column_shares=[3, 2], name=unit)
 
     def _figures(self) -> rrb.Vertical:
-        _, clocks, contour = blueprint.figure_views(self.under, named=len(self.units) <= _MOST_LINES_NAMED)
+        clocks, contour = blueprint.figure_views(self.under, named=len(self.units) <= _MOST_LINES_NAMED)
         errors = blueprint.figures_view(f"{self._at(rerun_paths.MAP_ERRORS)}/**", "Errors that the map states, mm")
         explained = blueprint.figures_view(
             self._at(rerun_paths.map_fit("explained")), "Echoes that the map explains, %", named=False
