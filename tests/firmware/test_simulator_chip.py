@@ -2,129 +2,16 @@
 
 import random
 import re
-import select
-import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
+from firmware.small_programs import PREAMBLE, Compile, Run
 from system.processes import PATIENCE_S
 
-# 48 MHz, UART0 at 115385 baud on its pins, the watchdog off: what any program needs before it can say something.
-PREAMBLE = """
-#include <C8051F340.h>
-#include <stdint.h>
-
-uint8_t __sdcc_external_startup(void) { PCA0MD &= ~0x40; return 0; }
-
-void send(uint8_t byte) { SBUF0 = byte; while (!TI0); TI0 = 0; }
-uint8_t receive(void) { while (!RI0); RI0 = 0; return SBUF0; }
-void wait_us(uint16_t us) { PCA0H = 0; PCA0L = 0; while ((PCA0L | PCA0H << 8) < us * 4); }
-void wait_ms(uint8_t ms) { while (ms--) wait_us(1000); }
-
-void start(void) {
-    uint8_t i;
-    OSCICN = 0x83;
-    CLKMUL = 0x80;
-    for (i = 0; i != 60; i++);
-    CLKMUL |= 0xC0;
-    while (!(CLKMUL & 0x20));
-    FLSCL = 0x90;
-    CLKSEL = 3;
-    P0MDOUT = 0x10;
-    P1MDOUT = 0x06;
-    P1 = 0xF9;
-    P2MDOUT = 0x0F;
-    P2 = 0xF0;
-    P0SKIP = 0xCF;
-    XBR0 = 0x01;
-    XBR1 = 0x41;
-    CKCON = 0x08;
-    TMOD = 0x20;
-    TH1 = 0x30;
-    TR1 = 1;
-    SCON0 = 0x10;
-    PCA0MD = 0;
-    CR = 1;
-}
-"""
-
 SDCC_HEADER = Path("/usr/share/sdcc/include/mcs51/C8051F340.h")
-
-Compile = Callable[[str], Path]
-Run = Callable[[str], AbstractContextManager["Board"]]
-
-
-class Board:
-    """A running simulator and the connection to its only unit."""
-
-    def __init__(self, process: subprocess.Popen[str], connection: socket.socket):
-        self._process = process
-        self.connection = connection
-
-    def ask(self, question: bytes, answer_length: int) -> bytes:
-        """What the unit answers; fails with the simulator's words if it ends before."""
-        self.connection.sendall(question)
-        answer = b""
-        while len(answer) < answer_length:
-            readable, _, _ = select.select([self.connection], [], [], PATIENCE_S)
-            assert readable, f"only {answer.hex()} came"
-            part = self.connection.recv(answer_length - len(answer))
-            assert part, self.last_words()
-            answer += part
-        return answer
-
-    def last_words(self) -> str:
-        """What the simulator says as it ends."""
-        assert self._process.stderr is not None
-        return self._process.stderr.read()
-
-
-@pytest.fixture
-def compiled(tmp_path: Path) -> Compile:
-    """Compiles a C program."""
-
-    def compile_program(program: str) -> Path:
-        source = tmp_path / "program.c"
-        source.write_text(program)
-        memory = ["--xram-size", "4096", "--iram-size", "256"]
-        target = tmp_path / "program.ihx"
-        subprocess.run(["sdcc", "-mmcs51", *memory, source, "-o", target], check=True, cwd=tmp_path)
-        return target
-
-    return compile_program
-
-
-@pytest.fixture
-def running(compiled: Compile, tmp_path: Path) -> Run:
-    """Runs the main function that follows the preamble, with a wall 1 m in front of a unit at rest."""
-    room = tmp_path / "wall.toml"
-    room.write_text(
-        "name = 'wall'\nair_temperature_c = 20.0\n[sensor]\n"
-        "lobe = [{ range_m = 0.0, half_angle_deg = 179.0 }]\n"
-        "[[wall]]\nfrom_m = [1.0, -3.0]\nto_m = [1.0, 3.0]\n[unit]\nposition_m = [0.0, 0.0]\n"
-    )
-
-    @contextmanager
-    def run(main: str) -> Iterator[Board]:
-        image = compiled(PREAMBLE + main)
-        command = ["noctule-sim", "--firmware", image, "--room", room, "--tcp", "127.0.0.1:0", "--speed", "10"]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        with subprocess.Popen(command, **pipes) as process:
-            try:
-                assert process.stdout is not None
-                address = re.search(r"socket://([\d.]+):(\d+)", process.stdout.readline())
-                assert address, process.communicate()[1]
-                with socket.create_connection((address[1], int(address[2]))) as connection:
-                    yield Board(process, connection)
-            finally:
-                process.send_signal(signal.SIGTERM)
-
-    return run
 
 
 def fault_of(image: Path, *options: str) -> str:
@@ -174,96 +61,6 @@ def test_registers_are_where_sdccs_header_has_them_with_the_bits_that_it_names()
 def test_a_fault_in_one_of_several_units_names_it(compiled: Compile):
     words = fault_of(compiled(PREAMBLE + "void main(void) { P1 = USB0ADR; }"), "--units", "3")
     assert words.startswith("noctule-sim: unit 1: ")
-
-
-PING = """
-/* Triggers for this many quarter microseconds, then says whether ECHO rises within 20 ms. */
-void main(void) {
-    start();
-    for (;;) {
-        uint8_t quarters = receive();
-        uint16_t i;
-        uint8_t heard = 0;
-        PCA0H = 0; PCA0L = 0;
-        P1_1 = 1;
-        while (PCA0L < quarters);
-        P1_1 = 0;
-        for (i = 0; i != 40 && !heard; i++) { wait_us(500); heard = P1_0; }
-        while (P1_0);
-        send(heard);
-    }
-}
-"""
-
-
-def test_a_trigger_needs_10_us_to_give_a_ping(running: Run):
-    with running(PING) as board:
-        assert board.ask(bytes([60]), 1) == b"\x01"
-        assert board.ask(bytes([20]), 1) == b"\x00"
-        assert board.ask(bytes([60]), 1) == b"\x01"
-
-
-def test_a_trigger_pin_that_is_not_push_pull_gives_no_ping(running: Run):
-    with running(PING.replace("start();", "start(); P1MDOUT = 0x04;")) as board:
-        assert board.ask(bytes([60]), 1) == b"\x00"
-
-
-def test_echo_is_high_for_the_time_of_flight(running: Run):
-    program = """
-    void main(void) {
-        uint16_t rise, fall;
-        start();
-        PCA0CPM0 = 0x30;
-        receive();
-        P1_1 = 1; wait_us(15); P1_1 = 0;
-        while (!CCF0);
-        CCF0 = 0; rise = PCA0CPL0 | PCA0CPH0 << 8;
-        while (!CCF0);
-        fall = PCA0CPL0 | PCA0CPH0 << 8;
-        fall -= rise;
-        send(fall); send(fall >> 8);
-        for (;;);
-    }
-    """
-    with running(program) as board:
-        ticks = int.from_bytes(board.ask(b"g", 2), "little")
-    # 2 m there and back at 331.3 + 0.606 * 20 m/s, in ticks of 0.25 us
-    assert ticks == pytest.approx(2 / 343.42 * 4e6, abs=1.5)
-
-
-TURN = """
-static const __code uint8_t coils[8] = {0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9};
-/* Turns down by a full turn and says whether the home switch is closed: the end stop is behind it. */
-void main(void) {
-    uint16_t i;
-    start();
-    receive();
-    for (i = 4096; i != 0; i--) { P2 = 0xF0 | coils[i & 7]; wait_us(STEP_US); }
-    send(!P1_4);
-    for (;;);
-}
-"""
-
-
-def test_the_motor_turns_to_the_home_switch(running: Run):
-    with running(TURN.replace("STEP_US", "2000")) as board:
-        assert board.ask(b"g", 1) == b"\x01"
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        pytest.param("start(); P2MDOUT = 0;", id="coils not push-pull"),
-        pytest.param("start(); XBR1 = 0x01; XBR1 = 0x01;", id="crossbar off"),
-    ],
-)
-def test_the_motor_does_not_turn_if_the_chip_does_not_drive_it(running: Run, change: str):
-    program = TURN.replace("STEP_US", "2000").replace("start();", change)
-    program = program.replace("receive();", "XBR1 = 0x41; receive(); XBR1 = SAVED;")
-    program = program.replace("SAVED", "0x01" if "XBR1 = 0x01" in change else "0x41")
-    program = program.replace("send(!P1_4);", "XBR1 = 0x41; send(!P1_4);")
-    with running(program) as board:
-        assert board.ask(b"g", 1) == b"\x00"
 
 
 def test_a_watchdog_that_is_not_fed_resets_the_chip_and_xram_survives(running: Run):

@@ -1,24 +1,22 @@
 """The simulator's world as the real firmware meets it: rooms, the air, the motor, and what goes wrong on demand."""
 
-import contextlib
-import json
 import math
-import os
-import pty
-import re
-import subprocess
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import pytest
-from firmware.stepped_unit import IMAGE, SilenceError, SteppedUnit, stepped_unit
+from firmware.small_rooms import (
+    BEARINGS_PER_TURN,
+    SPEED_OF_SOUND_M_S,
+    STARE,
+    UNIT,
+    WALL,
+    range_m,
+    refusal,
+    stare,
+    unit_in,
+)
+from firmware.stepped_unit import SilenceError
 
-from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import (
     AskStatus,
     Configure,
@@ -32,62 +30,7 @@ from noctule_gateway.wire.frames import (
     Sweep,
 )
 
-WALL = """
-[[wall]]
-from_m = [2.0, -3.0]
-to_m = [2.0, 3.0]
-"""
-UNIT = """
-[unit]
-position_m = [0.0, 0.0]
-"""
-# 5 readings straight ahead, 60 ms apart.
-STARE = Configure(0, 0, 0, 5, 60, 600, 100, 0, 1)
-TICKS_PER_SECOND = 4_000_000
-BEARINGS_PER_TURN = 65536
-SPEED_OF_SOUND_M_S = 331.3 + 0.606 * 20.0
-
-
-@pytest.fixture(scope="module", autouse=True)
-def image() -> Path:
-    made = subprocess.run(["make", "-C", IMAGE.parents[1]], capture_output=True, text=True)
-    assert made.returncode == 0, made.stderr
-    return IMAGE
-
-
-def room_of(tmp_path: Path, text: str) -> Path:
-    room = tmp_path / "room.toml"
-    room.write_text('name = "room"\n' + text)
-    return room
-
-
-@contextmanager
-def unit_in(tmp_path: Path, text: str, *options: str) -> Iterator[SteppedUnit]:
-    """A unit that has been greeted in a room of its own."""
-    with stepped_unit("--room", str(room_of(tmp_path, text)), *options) as unit:
-        unit.greet()
-        yield unit
-
-
-def stare(unit: SteppedUnit) -> list[int]:
-    """The echoes of one sweep that only looks ahead."""
-    unit.command(STARE)
-    unit.command(Single(0))
-    sweep = unit.receive(Sweep, 60)
-    unit.acknowledge(sweep)
-    return [reading.echo for reading in sweep.readings]
-
-
-def range_m(echo: int) -> float:
-    return echo / TICKS_PER_SECOND * SPEED_OF_SOUND_M_S / 2
-
-
-def refusal(*options: str) -> str:
-    """What the simulator says when it refuses to run."""
-    command = ["noctule-sim", "--firmware", str(IMAGE), "--duration", "0.1", "--tcp", "127.0.0.1:0", *options]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert ended.returncode == 1, ended.stdout
-    return ended.stderr
+pytestmark = pytest.mark.usefixtures("firmware")
 
 
 # Parts that break. The kinds of no echo: firmware/README.md, "Unit to host".
@@ -302,159 +245,3 @@ def test_pings_faster_than_the_room_goes_quiet_hear_the_last_one(tmp_path):
         assert range_m(reading.echo) in (pytest.approx(2.6, abs=1e-3), pytest.approx(late_m, abs=2e-3))
     # Every other time of 63.
     assert 16 < early < 47
-
-
-# Several units in one room.
-
-FACING = """
-[[wall]]
-from_m = [-0.5, -3.0]
-to_m = [-0.5, 3.0]
-[[wall]]
-from_m = [3.0, -3.0]
-to_m = [3.0, 3.0]
-[[unit]]
-position_m = [0.0, 0.0]
-[[unit]]
-position_m = [1.5, 0.0]
-heading_deg = 180.0
-"""
-
-
-class Room:
-    """Units that share a room, run in step."""
-
-    def __init__(self, room: Path, *options: str):
-        command = ["noctule-sim", "--control", "--firmware", str(IMAGE), "--room", str(room), *options]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-    def step(self, **request: Any) -> dict[str, Any]:
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.write(json.dumps(request) + "\n")
-        self.process.stdin.flush()
-        return json.loads(self.process.stdout.readline())
-
-    def close(self) -> None:
-        assert self.process.stdin is not None and self.process.stdout is not None
-        self.process.stdin.close()
-        assert self.process.wait(10) == 0
-        self.process.stdout.close()
-
-
-def sweeps_of_both(room: Path, steps: int, units: int = 2) -> list[list[int]]:
-    """The echoes of each unit that stares ahead for a while, run in so many steps."""
-    fleet = Room(room, "--units", str(units))
-    try:
-        fleet.step(until_s=2.0)
-        # Not at the same pace, or they would miss each other every time or never.
-        plans = [Configure(1, 0, 0, 64, interval_ms, 600, 100, 0, 1) for interval_ms in (40, 44)]
-        fleet.step(feed=[(encode(plan) + encode(Home(2))).hex() for plan in plans[:units]])
-        fleet.step(until_s=20.0)
-        fleet.step(feed=[encode(Single(3)).hex()] * units)
-        heard = [bytearray() for _ in range(units)]
-        for step in range(1, steps + 1):
-            answer = fleet.step(until_s=20.0 + 6.0 * step / steps)
-            for line, sent in zip(heard, answer["sent"], strict=True):
-                line += bytes.fromhex(sent)
-    finally:
-        fleet.close()
-    echoes = []
-    for line in heard:
-        sweeps = [frame for frame in FrameReader().feed(bytes(line)) if isinstance(frame, Sweep)]
-        echoes.append([reading.echo for reading in sweeps[0].readings])
-    return echoes
-
-
-def test_units_that_face_each_other_hear_each_other(tmp_path):
-    room = room_of(tmp_path, FACING)
-    alone = sweeps_of_both(room, 1, units=1)[0]
-    assert [range_m(echo) for echo in alone] == pytest.approx([3.0] * 64, abs=1e-3)
-    first, second = sweeps_of_both(room, 1)
-    # At 1.5 m from one another they hear a burst at any time up to their own echo.
-    assert 10 < sum(range_m(echo) < 2.99 for echo in first) < 60
-    assert 5 < sum(range_m(echo) < 1.99 for echo in second) < 60
-
-
-def test_how_a_shared_room_is_stepped_through_changes_nothing(tmp_path):
-    room = room_of(tmp_path, FACING)
-    assert sweeps_of_both(room, 1) == sweeps_of_both(room, 977)
-
-
-def test_more_units_than_the_room_has_places_for_are_refused(tmp_path):
-    told = refusal("--room", str(room_of(tmp_path, FACING)), "--units", "3")
-    assert "places for 2 units" in told
-
-
-# What the operator sees.
-
-
-def test_a_run_begins_with_what_runs(tmp_path):
-    faults = tmp_path / "faults.toml"
-    faults.write_text('[[fault]]\nat_s = 1\nkind = "motor_stuck"\n')
-    command = ["noctule-sim", "--firmware", str(IMAGE), "--tcp", "127.0.0.1:0", "--seed", "5", "--speed", "max"]
-    ended = subprocess.run(
-        [*command, "--duration", "0.1", "--faults", str(faults)], capture_output=True, text=True, check=True
-    )
-    image = b"".join(bytes.fromhex(line[9:-2]) for line in IMAGE.read_text().split() if line[7:9] == "00")
-    assert re.search(r"unit 1: socket://127\.0\.0\.1:\d+, ", ended.stdout)
-    assert f"{len(image)} bytes, CRC-32 {zlib.crc32(image):08X}" in ended.stdout
-    assert "room paper: 5 walls, 1 cylinder, air at 21.0 degrees C" in ended.stdout
-    assert "seed 5, as fast as it can for 0.1 s, 1 fault" in ended.stdout
-    assert ended.stderr == ""
-
-
-def test_a_room_is_drawn_without_a_firmware(tmp_path):
-    drawing = tmp_path / "room.svg"
-    room = room_of(tmp_path, FACING.replace("to_m = [3.0, 3.0]", "to_m = [3.0, 3.0]\nabsorption = 0.7"))
-    subprocess.run(["noctule-sim", "--room", room, "--svg", drawing], check=True, cwd=tmp_path)
-    words = " ".join(ElementTree.parse(drawing).getroot().itertext())
-    assert all(word in words for word in ("room", "unit 1", "unit 2", "absorber", "70 %", "1 m"))
-
-
-def read_to_the_end(terminal: int) -> bytes:
-    """All that was written to a terminal whose other end is closed: it comes in pieces, and then an error."""
-    told = b""
-    with contextlib.suppress(OSError):
-        while piece := os.read(terminal, 65536):
-            told += piece
-    return told
-
-
-def test_a_shell_completes_the_command_line():
-    typed = "noctule-sim --fi"
-    script = f"""
-source <(noctule-sim --completion bash)
-COMP_WORDS=({typed}) COMP_CWORD=1 COMP_LINE='{typed}'
-_noctule__sim {typed} noctule-sim
-echo "${{COMPREPLY[*]}}"
-"""
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["--firmware"]
-
-
-@pytest.mark.parametrize("option", [["--completion", "bash"], ["--registers"]], ids=lambda option: option[0])
-def test_what_is_printed_to_a_full_disk_ends_without_a_panic(option):
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(["noctule-sim", *option], stdout=full, stderr=subprocess.PIPE, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_a_terminal_is_told_how_far_the_run_has_got():
-    leader, follower = pty.openpty()
-    command = ["noctule-sim", "--firmware", str(IMAGE), "--tcp", "127.0.0.1:0", "--duration", "1.5"]
-    try:
-        subprocess.run(command, stdout=subprocess.PIPE, stderr=follower, check=True, timeout=120)
-        os.close(follower)
-        told = read_to_the_end(leader).decode()
-    finally:
-        os.close(leader)
-    assert re.search(r"\r\x1b\[K\d\.\d s simulated, \d\.\d times real time, \d+ frames", told)
-    assert told.endswith("\r\x1b[K")
-
-
-def test_a_room_with_places_for_two_has_two_units_unless_told_otherwise():
-    command = ["noctule-sim", "--firmware", str(IMAGE), "--room", "lounge", "--tcp", "127.0.0.1:0", "--duration", "0.1"]
-    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert re.findall(r"unit (\d): socket:.*sharing the room", told) == ["1", "2"]
-    told = subprocess.run([*command, "--units", "1"], capture_output=True, text=True, check=True).stdout
-    assert re.findall(r"unit (\d): socket:", told) == ["1"]
