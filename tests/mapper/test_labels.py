@@ -76,3 +76,10 @@ def test_a_label_without_room_is_left_out_and_the_more_important_one_stays() -> 
 
 def test_nothing_has_no_labels() -> None:
     assert labels(Contour(), {}) == []
+
+
+def test_a_units_name_keeps_off_a_cylinder_below_it() -> None:
+    units = {"u1": (2.0, 1.5 + 0.3 + 18 * PX_M)}  # its name would hang on the circle's upper edge
+    (name,) = [label for label in labels(room(), units) if label.kind == "unit"]
+    lowest_m = name.place_m[1] - (10 + 10) * PX_M  # Rerun draws a label ten pixels below its place, and half as high
+    assert lowest_m > 1.5 + 0.3 or abs(name.place_m[0] - 2.0) > 0.3

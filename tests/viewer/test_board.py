@@ -90,6 +90,12 @@ def test_units_that_need_attention_are_counted_and_named_on_top(site: Site) -> N
     assert "2 of 20 units need attention: u7: fault: the stepper is stuck / u12: disconnected: the line is" in heading
 
 
+def test_the_table_names_a_units_trouble_without_what_it_does_meanwhile(site: Site) -> None:
+    site.unit("u3", UnitStatus.STATE_SWEEPING, "silent: no echo at 61 bearings")
+    (row,) = [line for line in documents.table(site.units(), BEGAN_S).splitlines() if "u3" in line]
+    assert row.split(" | ")[-1] == "silent: no echo at 61 bearings |"
+
+
 def test_units_of_which_the_same_is_to_be_said_are_named_together(site: Site) -> None:
     site.mapper()
     for number in range(1, 21):

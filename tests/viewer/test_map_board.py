@@ -11,6 +11,7 @@ from viewer.test_unit_pictures import BEAM_RAD, components
 from noctule import rerun_paths
 from noctule.messages_pb2 import Contour, Corner, Cylinder, Point, UnitPose, UnitStatus, Wall
 from noctule.site import Pose2
+from noctule_mapper.rerun_view.labels import labels
 from noctule_viewer.board import fit_figures, plan_marks
 from noctule_viewer.board.changes import SHOWN_S, Changes
 from noctule_viewer.board.heard_sweeps import HeardSweep
@@ -77,7 +78,7 @@ def test_a_wall_that_is_gone_is_told(settled: Changes) -> None:
     assert told(settled, 640.0) == [("wall", True, 600.0)]
     drawn = components(plan_marks.draw_changes(settled.changes(640.0), 700.0), rerun_paths.CHANGES)
     assert drawn["Points2D:labels"] == ["gone 1 min ago"]
-    assert drawn["Points2D:positions"] == [[0.0, 1.5]]
+    assert drawn["Points2D:positions"] == [pytest.approx([0.0, 2.7])]  # a wall's length stands at its middle
     dashes = np.array(drawn["LineStrips2D:strips"])
     assert len(dashes) > 10
     assert np.all(dashes[..., 0] == 0.0)
@@ -85,6 +86,18 @@ def test_a_wall_that_is_gone_is_told(settled: Changes) -> None:
 
 def wall(start_m: float, end_m: float) -> Wall:
     return Wall(start=Point(x_m=start_m, y_m=1.0), end=Point(x_m=end_m, y_m=1.0))
+
+
+def test_the_label_of_a_new_wall_does_not_lie_on_its_length(settled: Changes) -> None:
+    contour = room(chair(1.0))
+    contour.walls.append(wall(1.0, 3.0))
+    settled.note(contour, 610.0)
+    drawn = components(plan_marks.draw_changes(settled.changes(625.0), 625.0), rerun_paths.CHANGES)
+    ((x_m, y_m),) = drawn["Points2D:positions"]
+    (length,) = [label for label in labels(contour, {}) if label.text == "2.00 m"]
+    px_m = 4.0 / 340.0  # of a map of four metres on a small page, as the mapper's labels have it
+    letters_px = 7 * len("new 15 s ago") / 2 + 7 * len("2.00 m") / 2
+    assert abs(length.place_m[0] - x_m) > letters_px * px_m or abs(length.place_m[1] - y_m) > 20 * px_m
 
 
 @pytest.mark.parametrize("merged_first", [False, True])

@@ -101,10 +101,13 @@ def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
 
 
 def _clearest(choices: Sequence[Label], contour: Contour | None, units_m: Sequence[Place], px_m: float) -> list[Label]:
-    """``choices``, those first that cover the fewest of ``units_m`` and of the walls of ``contour``."""
+    """``choices``, those first that cover the fewest of ``units_m`` and of the walls and cylinders of ``contour``."""
     walls_m = contour.walls if contour is not None else ()
     lines = [((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m)) for each in walls_m]
     lines += [(place, place) for place in units_m]
+    for circle in contour.cylinders if contour is not None else ():
+        x_m, y_m, radius_m = circle.x_m, circle.y_m, circle.radius_m
+        lines += [((x_m - radius_m, y_m), (x_m + radius_m, y_m)), ((x_m, y_m - radius_m), (x_m, y_m + radius_m))]
 
     def covered(label: Label) -> int:
         centre_m = (label.place_m[0], label.place_m[1] - _HANGS_PX * px_m)

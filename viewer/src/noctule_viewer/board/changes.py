@@ -14,6 +14,7 @@ _SETTLES_S = 120.0  # a map that has just begun: all of it is new
 _GONE_AFTER_S = 20.0  # what is missing from one contour may be in the next one
 _SAME_PLACE_M, _SAME_DIRECTION_DEG = 0.15, 8.0
 _MOST_OBJECTS = 500
+_LABEL_AT = 0.1  # of a wall
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,14 @@ class Object:
 
     @cached_property
     def middle(self) -> Point:
-        """Where its label belongs."""
+        """Half way along."""
         return (self.start[0] + self.end[0]) / 2, (self.start[1] + self.end[1]) / 2
+
+    @property
+    def label_place(self) -> Point:
+        """Where its label belongs: a wall's length stands at its middle."""
+        (x_m, y_m), (end_x_m, end_y_m) = self.start, self.end
+        return x_m + _LABEL_AT * (end_x_m - x_m), y_m + _LABEL_AT * (end_y_m - y_m)
 
     @cached_property
     def length_m(self) -> float:

@@ -44,7 +44,7 @@ def table(units: Sequence[UnitHealth], now_s: float) -> str:
     lines = ["| unit | health | since | last sweep | trouble |", "| --- | --- | --- | --- | --- |"]
     for unit in _worst_first(units):
         well = unit.health is Health.WELL
-        health, trouble = (unit.words, "") if well else (f"**{unit.health.value.upper()}**", unit.words)
+        health, trouble = (unit.words, "") if well else (f"**{unit.health.value.upper()}**", _trouble(unit))
         cells = (unit.unit, _cell(health), _since(unit, now_s), _swept(unit, now_s), _cell(trouble))
         lines.append(f"| {' | '.join(cells)} |")
     if len(units) == MOST_UNITS:
@@ -93,12 +93,17 @@ def _worst_first(units: Sequence[UnitHealth]) -> list[UnitHealth]:
     return sorted(units, key=lambda each: _WORST_FIRST.index(each.health))
 
 
+def _trouble(unit: UnitHealth) -> str:
+    """Without what the unit does meanwhile: of words like ``sweeping: silent: no echo at 61 bearings`` what matters."""
+    first, mark, rest = unit.words.partition(": ")
+    return rest if mark and first in _AT_WORK else unit.words
+
+
 def _in_short(unit: UnitHealth) -> str:
-    """``away``, ``silent``, ``fault``: of words like ``sweeping: silent: no echo at 61 bearings`` what matters."""
+    """``away``, ``silent``, ``fault``."""
     if unit.health is Health.AWAY:
         return unit.health.value
-    first, *rest = unit.words.split(": ")
-    word = rest[0] if rest and first in _AT_WORK else first
+    word, *_ = _trouble(unit).split(": ")
     return word if len(word) <= _SHORT_WORDS else word[: _SHORT_WORDS - 3] + "..."
 
 

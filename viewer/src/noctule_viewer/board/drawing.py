@@ -76,6 +76,6 @@ def _marks(units: Sequence[UnitHealth], heard: Heard) -> rr.Points2D:
     return rr.Points2D(
         [heard.stands_m[unit.unit] for unit in unwell],
         colors=[_MARKS[unit.health] for unit in unwell],
-        radii=rr.Radius.ui_points(11.0),
+        radii=rr.Radius.ui_points(15.0),
         draw_order=_MARK_ORDER,
     )

@@ -34,7 +34,7 @@ def draw_changes(changes: Sequence[Change], now_s: float) -> Entries:
     lines = rr.LineStrips2D(strips, colors=colours, radii=radii, draw_order=_ORDER)
     labelled = changes[:_MOST_LABELS]
     labels = rr.Points2D(
-        [change.object.middle for change in labelled],
+        [change.object.label_place for change in labelled],
         labels=[f"{'gone' if change.gone else 'new'} {age(now_s - change.since_s)}" for change in labelled],
         colors=[_GONE if change.gone else _NEW for change in labelled],
         radii=rr.Radius.ui_points(0.1),
