@@ -115,11 +115,6 @@ def test_what_makes_no_sense_is_a_mistake_of_the_command_line(line: str, empty: 
     assert said and "Traceback" not in said, said
 
 
-@pytest.mark.parametrize("line", [f"{program} {option}" for program in PROGRAMS for option in ("--help", "--version")])
-def test_help_and_version_are_no_failure(line: str, empty: Path) -> None:
-    assert _typed(line, empty)[0] == 0
-
-
 def _typed(line: str, folder: Path) -> tuple[int, str]:
     """Exit status of a command line, and all that it printed."""
     done = subprocess.run(
