@@ -115,16 +115,21 @@ def test_retention_by_size_removes_the_oldest_and_counts_them(tmp_path: Path) ->
         assert log.state == state
 
 
-def test_sequences_are_never_used_again_after_age_has_removed_all(tmp_path: Path) -> None:
+def test_the_newest_sweep_stays_whatever_its_age_and_is_known_when_the_unit_sends_it_again(tmp_path: Path) -> None:
+    """A gateway was killed between a sweep's commit and its acknowledgement, for longer than its log kept sweeps: the
+    unit sent the sweep again, and it was logged twice.
+    """
     path = tmp_path / "u1.sqlite"
     with opened(path) as log:
         append(log, arrival(1), arrival(2))
     with opened(path, Retention(max_age_s=100.0), now=lambda: Instant(0.0, "boot", 101.0)) as log:
-        assert (log.state.head, log.state.tail, log.state.removed, log.state.size_bytes) == (2, 3, 2, 0)
-        assert read(log) == []
-        (result,) = append(log, arrival(3))
-    assert isinstance(result, Committed)
-    assert result.log_sequence == 3
+        assert (log.state.head, log.state.tail, log.state.removed) == (2, 2, 1)
+        again, fresh = append(log, arrival(2), arrival(3))
+        assert (log.state.head, log.state.tail, log.state.removed) == (3, 3, 2)
+    assert isinstance(again, Committed)
+    assert (again.log_sequence, again.fresh) == (2, False)
+    assert isinstance(fresh, Committed)
+    assert (fresh.log_sequence, fresh.fresh) == (3, True)
 
 
 def test_a_read_is_bounded_by_count_and_by_bytes_but_gives_at_least_one(tmp_path: Path) -> None:

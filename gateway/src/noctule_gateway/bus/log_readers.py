@@ -12,11 +12,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 
+from noctule_gateway.bus.log_reply import MAX_RECORDS
+
 MAX_CLIENTS = 64  # that wait for answers at once
 MAX_WAITING = 64  # queries of one client
 CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
-REST = 9.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
+REST = 30.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
 LONGEST_REST_S = 0.3  # an answer that took long mostly waited, for the disk or the client, and kept no unit waiting
+# Records in such a client's answer: while one is made a unit's sweep waits at each of its twenty steps for Python.
+FEW = 20
 STALE_AFTER_S = 5.0  # a query that has waited so long is not answered: most clients have given up and ask again
 THREADS = 8
 LONGEST_NAME = 64
@@ -27,7 +31,7 @@ _log = logging.getLogger(__name__)
 @dataclass(frozen=True)
 class _Query:
     since_s: float
-    answer: Callable[[], object]
+    answer: Callable[[int], object]
     say_late: Callable[[], object]
 
 
@@ -44,8 +48,9 @@ class LogReaders:
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
-    def submit(self, client: str, answer: Callable[[], object], say_late: Callable[[], object]) -> bool:
-        """Have ``answer`` called soon; False where it is refused. From any thread, never waiting.
+    def submit(self, client: str, answer: Callable[[int], object], say_late: Callable[[], object]) -> bool:
+        """Have ``answer`` called soon, with the most records that it may hold; False where it is refused. From any
+        thread, never waiting.
 
         ``say_late`` is called instead after STALE_AFTER_S: a client that still waits must not think that nobody is
         there.
@@ -83,10 +88,11 @@ class LogReaders:
     def _answer_next(self, client: str) -> None:
         with self._lock:
             query = self._waiting[client].popleft()
+            crowded = len(self._waiting[client]) >= CROWD
         begun_s = self._now()
         try:
             if begun_s - query.since_s < STALE_AFTER_S:
-                query.answer()
+                query.answer(FEW if crowded else MAX_RECORDS)
             else:
                 query.say_late()
         except Exception:
@@ -97,7 +103,6 @@ class LogReaders:
                 self._cut_off.pop(client, None)
                 self._full = False
                 return
-            crowded = len(self._waiting[client]) >= CROWD
             rest_s = min(REST * (self._now() - begun_s), LONGEST_REST_S) if crowded else 0.0
         if rest_s:
             later = threading.Timer(rest_s, self._go_on, (client,))

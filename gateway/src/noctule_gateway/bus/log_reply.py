@@ -18,10 +18,10 @@ _SWEEPS_TAG = LogRecords.SWEEPS_FIELD_NUMBER << 3 | 2  # a field with a length: 
 _MORE = 0x80
 
 
-def read_records(log: SweepLog, parameter: Callable[[str], str | None]) -> bytes:
-    """The LogRecords that ``from=N;max=M`` asks for, as many as one reply may hold. Raises ValueError and LogError."""
-    first, most = (_number(name, parameter(name), default) for name, default in (("from", 1), ("max", MAX_RECORDS)))
-    return encoded(log.read(first, min(most, MAX_RECORDS), MAX_REPLY_BYTES))
+def read_records(log: SweepLog, parameter: Callable[[str], str | None], most: int = MAX_RECORDS) -> bytes:
+    """The LogRecords that ``from=N;max=M`` asks for, ``most`` of them. Raises ValueError and LogError."""
+    first, asked = (_number(name, parameter(name), default) for name, default in (("from", 1), ("max", most)))
+    return encoded(log.read(first, min(asked, most), MAX_REPLY_BYTES))
 
 
 def encoded(found: LogSlice) -> bytes:

@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import Future
+from functools import partial
 
 import zenoh
 
@@ -89,13 +90,13 @@ class UnitOnBus:
 
     def _on_log_query(self, query: zenoh.Query) -> None:
         name = query.attachment.to_bytes()[:LONGEST_NAME].decode(errors="replace") if query.attachment else ""
-        if not self._readers.submit(name, lambda: self._answer_from_log(query), lambda: _refuse(query, _TOO_LATE)):
+        if not self._readers.submit(name, partial(self._answer_from_log, query), lambda: _refuse(query, _TOO_LATE)):
             query.drop()  # an error reply might wait, on Zenoh's own thread
 
-    def _answer_from_log(self, query: zenoh.Query) -> None:
+    def _answer_from_log(self, query: zenoh.Query, most: int) -> None:
         with query:
             try:
-                records = read_records(self._log, query.parameters.get)
+                records = read_records(self._log, query.parameters.get, most)
             except (LogError, ValueError) as error:
                 query.reply_err(str(error))
             else:

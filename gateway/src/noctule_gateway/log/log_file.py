@@ -33,7 +33,7 @@ kernel_boot = ?, since_boot_s = ?, checksum = ?"""
 
 @dataclass(frozen=True)
 class Retention:
-    """How much a log keeps: the oldest records go when the records' bytes or their age pass this.
+    """How much a log keeps: the oldest records go when the records' bytes or their age pass this, but for the newest.
 
     The age is the time elapsed since the commit, as elapsed.py counts it.
     """
@@ -296,15 +296,19 @@ class LogFile:
         return after, Committed(sweep.log_sequence, record, fresh=True)
 
     def _trim(self, log: Log, retention: Retention) -> Log:
-        """Remove the oldest records that are too much or too old. A damaged row's age is not believed."""
+        """Remove the oldest records that are too much or too old. A damaged row's age is not believed.
+
+        The newest one stays: its acknowledgement may be lost, and the unit sends it again however late.
+        """
         removed_bytes = 0
         last = 0
+        (newest,) = self._db.execute("SELECT max(log_sequence) FROM sweeps").fetchone()
         rows = self._db.execute(_OLDEST)
         for row in rows:
             check_rows(self._path, log, [row])
             too_much = log.size_bytes - removed_bytes > retention.max_bytes
             too_old = log.elapsed.seconds - row[6] > retention.max_age_s
-            if not (too_much or too_old):
+            if row[0] == newest or not (too_much or too_old):
                 break
             last = row[0]
             removed_bytes += len(row[7])
