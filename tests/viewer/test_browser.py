@@ -54,6 +54,11 @@ def is_fresh(shown: Screen) -> bool:
     return second_s is not None and second_s > first_s + REDRAWN_S
 
 
+def knows_its_age(shown: Screen) -> bool:
+    """Nothing is old, and the page has been open for longer than it waits to be told by Rerun's viewer."""
+    return shown.page.evaluate("performance.now()") > 45_000 and not shown.page.locator("#noctule-stale").is_visible()
+
+
 def drawn_s(shown: Screen) -> float | None:
     """When what the page shows was drawn, by the clock; None if that is longer ago than FRESH_S."""
     taken_s = time.time()
@@ -70,11 +75,13 @@ def test_the_page_shows_the_room_as_units_come_and_says_when_the_mapper_is_gone(
         wait_for(lambda: site.shows_room(shown), "the room of one unit is not shown")
         with second_hand(site.relay.url, SITE, IN_THE_CYLINDER_M):
             wait_for(lambda: is_fresh(shown), "the page does not show the present")
+        wait_for(lambda: knows_its_age(shown), "the page does not know how old what it shows is")
         site.sweep_as(3)
         wait_for(lambda: site.shows_room(shown), "the room of three units is not shown")
         wait_for(lambda: says_that_all_is_well(site, shown), "the page does not say that all is well")
         site.live.running.kill("mapper")
         wait_for(lambda: not says_that_all_is_well(site, shown), "the mapper is not missed")
+        wait_for(shown.page.locator("#noctule-alarm").is_visible, "the page has no red stripe")
         assert shown.complaints() == []
 
 

@@ -191,7 +191,13 @@ def test_what_stands_is_not_drawn_again_each_second() -> None:
         assert (rerun_paths.CHANGES in found) == (second == 0)
         count += len(found)
     assert count <= 2
-    assert paths(board.statics()) == {rerun_paths.FLOOR_PLAN}
+    assert paths(board.statics()) == {rerun_paths.WORLD, rerun_paths.FLOOR_PLAN}
+
+
+def test_y_points_up_also_where_no_mapper_draws() -> None:
+    drawn = components(MapBoard(SitePlan("attic")).statics(), rerun_paths.WORLD)
+    ((_, up, _),) = np.reshape(drawn["Transform3D:mat3x3"], (1, 3, 3))
+    assert list(up) == [0, -1, 0]  # Rerun's own y points down
 
 
 def test_a_floor_plan_that_is_not_given_any_more_is_taken_away() -> None:

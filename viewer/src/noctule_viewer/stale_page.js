@@ -82,9 +82,10 @@
       return `The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}: this page shows the past.`;
     if (shown_s === null) {
       const waited_s = (now_ms - opened_ms) / 1000;
+      const why = is_drawn() ? "this computer can't keep up" : "nothing is drawn on it";
       return waited_s < COMES_WITHIN_S
         ? ""
-        : `Nothing has come from the relay for ${duration(waited_s)}: nothing is drawn on it, or its port can't be reached from here.`;
+        : `Nothing has come from the relay for ${duration(waited_s)}: ${why}, or its port can't be reached from here.`;
     }
     if (!has_hours) return "";
     const old_s = now_s() - shown_s;
@@ -106,9 +107,8 @@
   }
 
   function is_far_behind() {
-    const open_s = (Date.now() - opened_ms) / 1000;
-    const old_s = shown_s === null ? open_s : now_s() - shown_s;
-    return is_drawn() && has_hours && !looks_back && Math.min(open_s, old_s) > LOADS_AGAIN_AFTER_S;
+    if (shown_s === null || !has_hours || looks_back || !is_drawn()) return false;
+    return Math.min((Date.now() - opened_ms) / 1000, now_s() - shown_s) > LOADS_AGAIN_AFTER_S;
   }
 
   function duration(s) {

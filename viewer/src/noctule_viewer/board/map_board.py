@@ -37,7 +37,10 @@ class MapBoard:
         self._path_turns = Turns(_PATHS_EVERY_S, now)
 
     def statics(self) -> Entries:
-        """What stands for good: a floor plan without lines too, for a recording may give an earlier one back."""
+        """What stands for good: y points up, which the mapper says too, but that may come later or not at all. A floor
+        plan without lines too, because a recording may give an earlier one back.
+        """
+        yield rerun_paths.WORLD, rr.Transform3D(mat3x3=[[1, 0, 0], [0, -1, 0], [0, 0, 1]])
         lines = rr.LineStrips2D(
             self._plan.floor_plan_m,
             colors=[_FLOOR_PLAN],

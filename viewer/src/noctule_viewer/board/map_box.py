@@ -10,6 +10,7 @@ Point = tuple[float, float]
 
 _MARGIN = 0.12  # of the larger side
 _LEAST_MARGIN_M = 0.4
+_HEARD_M = 2.0  # around units, before there is a map: most of what they hear
 _GROWS_BY = 0.5  # of the larger side: a survey that grows a hundredfold needs a dozen boxes
 _SHRINKS_BELOW = 0.4  # of a side
 _MOST_LINES = 12
@@ -53,7 +54,7 @@ def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | No
     of_map = bool(map_m)
     if before is not None and before.of_map >= of_map and tight.side_m >= _SHRINKS_BELOW * before.side_m:
         return before if before.holds(tight) else _grown(before, tight)
-    margin_m = max(_LEAST_MARGIN_M, _MARGIN * tight.side_m)
+    margin_m = max(_LEAST_MARGIN_M if of_map else _HEARD_M, _MARGIN * tight.side_m)
     return MapBox(
         tight.left_m - margin_m, tight.bottom_m - margin_m, tight.right_m + margin_m, tight.top_m + margin_m, of_map
     )
