@@ -69,7 +69,7 @@ def test_what_is_no_rfc2217_is_named_as_the_lines_error(sent: bytes, open_before
 
     with server(send, timeout_s=3.0 if open_before else 0.3) as address:
         try:
-            with pytest.raises(LineError, match="what its server sends is not RFC 2217"):
+            with pytest.raises(LineError, match=r"what its server sends is not RFC 2217$"):
                 port = open_port(address)
                 while True:
                     port.read(1.0)

@@ -4,6 +4,7 @@ pyserial's own reader thread dies of a telnet command that it did not expect, an
 ends the line instead, and reads no faster than the line is emptied, so that TCP makes a flooding server wait.
 """
 
+import logging
 import queue
 import socket
 import threading
@@ -16,6 +17,8 @@ from serial import rfc2217
 
 from noctule_gateway.errors import LineError
 from noctule_gateway.line.keepalive import watch_far_end
+
+_log = logging.getLogger(__name__)
 
 _CHUNK_BYTES = 1024
 _MOST_WAITING_BYTES = 65536  # more than the line brings during the longest step of the negotiation, 3 s
@@ -137,8 +140,9 @@ class _BoundedSerial(rfc2217.Serial):
         """The reader thread, in place of pyserial's: nothing that it meets may end more than this line."""
         try:
             self._read_telnet()
-        except Exception as error:
-            self.failure = f"what its server sends is not RFC 2217 ({error})"
+        except Exception:
+            _log.debug("the reader of %s failed", self.portstr, exc_info=True)
+            self.failure = "what its server sends is not RFC 2217"
         finally:
             self._read_buffer.put(None)
 
