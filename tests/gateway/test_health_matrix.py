@@ -95,6 +95,12 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
         (60165, 8, "slips 1 in 100"),  # late
         (60194, 27, "carried into another room"),  # too noisy: few of the bearings that used to answer do
         (60002, 24, "turned 5 degrees back"),  # a bearing is silent: there is nothing where it looks now
+        (70015, 8, "slips 1 in 100"),  # late: not sure twice
+        (70349, 8, "slips 1 in 100"),  # turned: the slips of the last sweep are too alike
+        (61005, 28, "moved 5 cm"),  # ranges jumped: the sweep in which it began shows half of the motion
+        (70319, 29, "moved 20 cm"),  # ranges jumped: both explain the same marks
+        (70275, 30, "moved 20 cm and turned 20 degrees"),  # ranges jumped: by more than any air does
+        (70313, 30, "moved 20 cm and turned 20 degrees"),  # slipped, after it was named
     ],
 )
 def test_what_once_had_a_wrong_name_or_a_late_one_has_its_own_in_time(seed: int, draw: int, name: str) -> None:

@@ -14,9 +14,10 @@ _GOOD, _GOOD_SLIPS = 1.6, 2.0  # nats an echo, no more than so much worse than u
 _FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained
 _LEAST_GAIN = 30.0  # of a bearing that is off over none
 _SLIPS_NATS, _PLAY_NATS = 12.0, 15.0  # over one angle, since they have more freedom
-_SLIPS_FIT = 0.3  # nats an echo, that slips have to fit better than one angle
+_SLIPS_FIT = 0.2  # nats an echo, that slips have to fit better than one angle
 _SLIPS_SHARE = 0.5  # of the bearings that are off: what stands in an open door changes fewer
 _LEAST_OFF = 4  # half steps between bearings, from the least angle to the largest, of slips and of play
+_TO_SLIP = 3  # sweeps, in which a turned or moved unit gains nothing by slips
 _TO_PLAY = 3  # sweeps, of which one is of the other sense
 _TO_TURN = 4  # sweeps that are asked together: within these a motor that loses steps shows it
 
@@ -54,9 +55,9 @@ def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) 
     worse = (usual_fit - best.fit) / heard_share
     if best.gain < _LEAST_GAIN or worse > _FOREIGN_ECHO:
         return None
-    good, sweeps = (_GOOD_SLIPS, 1) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
+    good, sweeps = (_GOOD_SLIPS, _TO_SLIP) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
     told = _slipped if slips else _with_play if plays else _turned
-    is_sure = worse <= good and best.since <= len(tables) - sweeps
+    is_sure = worse <= good and best.since <= len(tables) - sweeps and (slips or many is None)
     return BearingsOff(told(best, tables[0]), is_sure, one.off[0] if told is _turned else 0)
 
 

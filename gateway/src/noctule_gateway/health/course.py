@@ -34,8 +34,9 @@ def slipped(tables: Sequence[Table], one: Aligned, least_gain: float) -> Aligned
     path = [first + at for at in _course(rows, none - first)]
     last = path[-sum(len(table.rows) for table in tables[-FIT_OF:]) :]
     share = sum(at != none for at in last) / len(last)
+    since = next((n for n, at in enumerate(path) if at != none), len(path)) // len(tables[0].rows)
     fit = last_fit(tables, path, [turned_at] * len(path))
-    return Aligned((min(path) - none, max(path) - none), gain, 0, fit, share)
+    return Aligned((min(path) - none, max(path) - none), gain, since, fit, share)
 
 
 def _all_courses(rows: list[tuple[bool, list[float]]], none: int) -> float:

@@ -193,11 +193,11 @@ class Judge:
         return named
 
     def _as_it_stands(self, found: Suspicion) -> Suspicion:
-        """What slips or has play is also off by one angle for a while: then this is what still stands."""
-        if found.kind != messages.FAULT_KIND_TURNED:
-            return found
-        loose = [kind for kind in (messages.FAULT_KIND_SLIPPED, messages.FAULT_KIND_PLAY) if kind in self._findings]
-        return replace(found, kind=loose[0]) if loose else found
+        """What slips or has play is also off by one angle for a while, and what was moved hears other things at other
+        ranges: then this is what still stands.
+        """
+        causes = [kind for kind in _CAUSES.get(found.kind, ()) if kind in self._findings]
+        return replace(found, kind=causes[0]) if causes else found
 
     def _learn(self, sweep: Readings, found: list[Suspicion], odd: bool) -> None:
         spoiled = any(FAULTS[kind].spoils for kind in self._findings)
@@ -244,6 +244,17 @@ _ELSEWHERE = frozenset(
     }
 )
 """While one of these stands, the unit looks elsewhere: its past says nothing of a single bearing."""
+
+_CAUSES = {
+    messages.FAULT_KIND_TURNED: (
+        messages.FAULT_KIND_MOVED,
+        messages.FAULT_KIND_SLIPPED,
+        messages.FAULT_KIND_PLAY,
+    ),
+    messages.FAULT_KIND_SLIPPED: (messages.FAULT_KIND_MOVED,),
+    messages.FAULT_KIND_RANGES_JUMPED: (messages.FAULT_KIND_MOVED,),
+}
+"""What looks like the first while one of the others stands is that other."""
 
 _AGAINST_THE_PAST = _OF_THE_PLACE | {messages.FAULT_KIND_SILENT, messages.FAULT_KIND_BLOCKED}
 

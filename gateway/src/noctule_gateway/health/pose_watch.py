@@ -27,6 +27,7 @@ _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
 _LEAST_SHIFT_GAIN = 3.5
 _MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
+_JUMP_LEADS = 3.0  # nats, over a motion: where both explain the same marks, it does so by 4
 _ASKED, _TO_SHIFT = 4, 2  # sweeps together
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
 _LEAST_STABLE = 8  # bearings: fewer tell too little
@@ -114,12 +115,13 @@ class PoseWatch:
             return None
         marks, measured = marks_of(sweeps, past), sweeps[-1].air_measured
         found = [each for each in (motion_of(marks, measured), jump_of(marks, measured)) if each is not None]
-        best = max(found, key=lambda each: each.gain + _MARK_NATS * each.fitting, default=None)
+        best = max(found, key=_likely, default=None)
         if best is None or best.gain < _LEAST_SHIFT_GAIN:
             return None
         if not best.moved_m:  # each of them has to show it: the half of one that was moved looks like a jump
-            alone = [gain_of(best, marks_of([sweep], past), measured) for sweep in sweeps]
-            if min(alone) < _LEAST_SHIFT_GAIN:
+            alone = [marks_of([sweep], past) for sweep in sweeps]
+            gains, motion = [gain_of(best, each, measured) for each in alone], motion_of(alone[-1], measured)
+            if min(gains) < _LEAST_SHIFT_GAIN or (motion is not None and motion.gain > gains[-1]):
                 return None
         return best
 
@@ -179,3 +181,7 @@ class PoseWatch:
         self.strange = True
         words = f"ranges scatter by {100 * scatter:.0f} cm and do not repeat themselves"
         return Suspicion(messages.FAULT_KIND_TOO_NOISY, 15.0, words)
+
+
+def _likely(shift: Shift) -> float:
+    return shift.gain + _MARK_NATS * shift.fitting - (0.0 if shift.moved_m else _JUMP_LEADS)

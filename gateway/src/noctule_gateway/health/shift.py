@@ -23,6 +23,7 @@ _LEAST_SPREAD_RAD = math.radians(100.0)  # of the marks that a jump explains: a 
 _LEAST_MOVED_M, _MOST_MOVED_M = 0.025, 0.5
 _LEAST_SHARE = 0.012  # of a range: 7 kelvin
 _LEAST_SHARE_ASSUMED = 0.03  # 17 kelvin: where nobody measures the air's temperature, a heating does less
+_MOST_SHARE = 0.12  # in air of -40 degrees C, told for 20, ranges are 11.8 % too long
 _LEAST_M = 0.03
 _MOTION_NATS, _JUMP_NATS, _AIR_NATS = 8.0, 4.0, 2.0  # two figures within 60 cm, one, and one that is small
 _FITS_M = 3 * _SIGMA_M
@@ -65,7 +66,7 @@ def jump_of(marks: Sequence[Mark], air_measured: bool) -> Shift | None:
     rest, best = _rest(marks, air_measured), None
     for one in marks:
         share, length_m = one.longer_m / one.range_m, one.longer_m
-        if abs(share) >= _least_share(air_measured):
+        if _least_share(air_measured) <= abs(share) <= _MOST_SHARE:
             best = _better(best, marks, rest, _by_share(share), f"all ranges are {share:+.1%}")
         if abs(length_m) >= _LEAST_M:
             best = _better(best, marks, rest, _by_length(length_m), f"all ranges are {100 * length_m:+.0f} cm")

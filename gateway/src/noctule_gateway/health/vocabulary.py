@@ -41,6 +41,7 @@ FAULTS: dict[FaultKind, Fault] = {
     messages.FAULT_KIND_SLIPPED: Fault(
         "check the motor's 5 V and that nothing brakes it; lower its speed (configure --top-speed-half-steps-s), then "
         "let it find home: noctule rpc SITE UNIT home",
+        named_after=1,
         most_sure=0.95,
     ),
     messages.FAULT_KIND_PLAY: Fault(
