@@ -13,8 +13,10 @@ import numpy as np
 
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
 from noctule_mapper.placement.hypothesis_worth import settled
-from noctule_mapper.placement.joint_search import Pairs, margin_alone, search
+from noctule_mapper.placement.joint_search import search
 from noctule_mapper.placement.landmarks import landmarks_of
+from noctule_mapper.placement.one_by_one import margin_alone
+from noctule_mapper.placement.pairs import Pairs
 from noctule_mapper.placement.pose_adjustment import grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
