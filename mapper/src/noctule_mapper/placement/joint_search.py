@@ -23,6 +23,7 @@ from noctule_mapper.placement.unit_views import UnitView
 _MOST_HYPOTHESES = 10
 _MOST_BRANCHES = 6
 _MOST_COMPLETED = 16  # hypotheses, those that were dropped among them
+_MOST_IMPROVED = 8
 _HOPELESS_NATS = 14.0  # below the best
 
 
@@ -55,7 +56,7 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
             ended.append(_completed(one, order, fixed, pairs))
     followed = weighed(distinct(ended), fixed)
     more_nats = lost_nats(followed)
-    hopeful = [one for one in followed if one.worth_nats > -_HOPELESS_NATS]
+    hopeful = [one for one in followed if one.worth_nats > -_HOPELESS_NATS][:_MOST_IMPROVED]
     followed = under_best([*(improved(one, order, fixed, pairs) for one in hopeful), *followed[len(hopeful) :]])
     left = [
         replace(one, worth_nats=-one.dropped_nats - more_nats)
