@@ -56,14 +56,21 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
             ended.append(_completed(one, order, fixed, pairs))
     followed = weighed(distinct(ended), fixed)
     more_nats = lost_nats(followed)
-    hopeful = [one for one in followed if one.worth_nats > -_HOPELESS_NATS][:_MOST_IMPROVED]
-    followed = under_best([*(improved(one, order, fixed, pairs) for one in hopeful), *followed[len(hopeful) :]])
+    followed = _with_improved(followed, order, fixed, pairs)
     left = [
         replace(one, worth_nats=-one.dropped_nats - more_nats)
         for one in left
         if not any(is_part(one, other) for other in followed)
     ]
     return [_in_frame_of(known, one) for one in [*followed, *left]]
+
+
+def _with_improved(
+    followed: Sequence[Hypothesis], order: Sequence[UnitView], fixed: int, pairs: Pairs
+) -> list[Hypothesis]:
+    """The hypotheses, the best first, after each unit of the hopeful ones has gone where it is worth most."""
+    hopeful = [one for one in followed if one.worth_nats > -_HOPELESS_NATS][:_MOST_IMPROVED]
+    return under_best([*(improved(one, order, fixed, pairs) for one in hopeful), *followed[len(hopeful) :]])
 
 
 def _completed(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
