@@ -14,10 +14,12 @@ from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, judged_room, rectan
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.placement.hypotheses import Hypothesis
 from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
-from noctule_mapper.placement.joint_search import Pairs, joined, margin_alone, moved
+from noctule_mapper.placement.joint_search import joined
 from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import landmarks_of
+from noctule_mapper.placement.one_by_one import improved, margin_alone
 from noctule_mapper.placement.pair_poses import pair_poses
+from noctule_mapper.placement.pairs import Pairs, moved
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
 from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.placement.reflector_models import PlacedUnit
@@ -265,6 +267,26 @@ def test_a_unit_that_stood_nowhere_is_found_once_all_others_stand() -> None:
     without = arrangement(units[:-1])
     found = joined(without, [one.view for one in units], 1, Pairs()).pose_of("u5")
     assert found is not None and is_near(found, units[-1].pose)
+
+
+def test_units_that_stand_wrong_or_nowhere_go_where_all_together_are_worth_most() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    astray = replace(units[1], pose=units[1].pose + np.array([0.8, -0.5, 1.0]))
+    wrong = arrangement([units[0], astray, *units[2:-1]])
+    better = improved(wrong, [one.view for one in units[1:]], 1, Pairs())
+    for one in units:
+        pose = better.pose_of(one.view.unit)
+        assert pose is not None and is_near(pose, one.pose)
+    gained_nats = joint_nats(better.placed, fixed=1) - joint_nats(wrong.placed, fixed=1)
+    assert better.worth_nats == pytest.approx(gained_nats, abs=1e-6)
+
+
+def test_a_unit_that_shares_nothing_with_the_others_goes_nowhere() -> None:
+    units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
+    (stranger,) = placed(rectangle(2.3, 2.9), np.array([(0.9, 1.2, 0.3)]))
+    stranger = replace(stranger, view=replace(stranger.view, unit="u9"), pose=units[1].pose + np.array([0.1, 0.2, 2.0]))
+    better = improved(arrangement([*units, stranger]), [stranger.view], 1, Pairs())
+    assert better.pose_of("u9") is None
 
 
 def test_dropped_arrangements_lose_what_all_of_their_likes_lost_and_nothing_by_few() -> None:

@@ -7,9 +7,7 @@ What a unit was worth when it joined depends on who stood where then. So hypothe
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from noctule_mapper.placement.hypotheses import Hypothesis
+from noctule_mapper.placement.hypotheses import Hypothesis, distinct
 from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
@@ -29,8 +27,13 @@ def lost_nats(followed: Sequence[Hypothesis]) -> float:
 def weighed(hypotheses: Sequence[Hypothesis], fixed: int) -> list[Hypothesis]:
     """The hypotheses, the best first, by what their units are worth together. The first ``fixed`` poses are known."""
     at_rest = [replace(one, placed=settled(one.placed, fixed)) for one in hypotheses]
-    nats = np.array([joint_nats(one.placed, fixed) for one in at_rest])
-    return [replace(at_rest[at], worth_nats=float(nats[at] - nats.max())) for at in np.argsort(-nats)]
+    return under_best([replace(one, worth_nats=joint_nats(one.placed, fixed)) for one in at_rest])
+
+
+def under_best(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Those that differ, the best first, by their worth under the best one's."""
+    chosen = distinct(hypotheses)
+    return [replace(one, worth_nats=one.worth_nats - chosen[0].worth_nats) for one in chosen]
 
 
 def settled(placed: tuple[PlacedUnit, ...], fixed: int) -> tuple[PlacedUnit, ...]:

@@ -6,39 +6,25 @@ side by side. The known unit joins like any other; then all of a hypothesis move
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from noctule_mapper.placement.hypotheses import Hypothesis, distinct, is_part, is_same
-from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
+from noctule_mapper.placement.hypotheses import Hypothesis, distinct, is_part
+from noctule_mapper.placement.hypothesis_worth import lost_nats, under_best, weighed
 from noctule_mapper.placement.landmarks import landmarks_of
+from noctule_mapper.placement.one_by_one import improved
+from noctule_mapper.placement.pairs import Pairs, inverse, moved
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
-from noctule_mapper.placement.pose_search import Standing, pair_starts, standings
+from noctule_mapper.placement.pose_search import Standing, standings
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 
 _MOST_HYPOTHESES = 10
 _MOST_BRANCHES = 6
 _MOST_COMPLETED = 16  # hypotheses, those that were dropped among them
+_MOST_IMPROVED = 8
 _HOPELESS_NATS = 14.0  # below the best
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Poses of one unit in the frame of another, kept by the two units' names."""
-
-    starts: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
-
-    def of(self, view: UnitView, one: UnitView) -> np.ndarray:
-        key = view.unit, one.unit
-        if key not in self.starts:
-            self.starts[key] = pair_starts(view, one)
-        return self.starts[key]
-
-    def at(self, view: UnitView, placed: Sequence[PlacedUnit]) -> np.ndarray:
-        """Poses (k, 3) of the unit in the frame of those that are placed."""
-        return np.concatenate([moved(one.pose, self.of(view, one.view)) for one in placed])
 
 
 def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pairs) -> list[Hypothesis]:
@@ -70,12 +56,21 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
             ended.append(_completed(one, order, fixed, pairs))
     followed = weighed(distinct(ended), fixed)
     more_nats = lost_nats(followed)
+    followed = _with_improved(followed, order, fixed, pairs)
     left = [
         replace(one, worth_nats=-one.dropped_nats - more_nats)
         for one in left
         if not any(is_part(one, other) for other in followed)
     ]
     return [_in_frame_of(known, one) for one in [*followed, *left]]
+
+
+def _with_improved(
+    followed: Sequence[Hypothesis], order: Sequence[UnitView], fixed: int, pairs: Pairs
+) -> list[Hypothesis]:
+    """The hypotheses, the best first, after each unit of the hopeful ones has gone where it is worth most."""
+    hopeful = [one for one in followed if one.worth_nats > -_HOPELESS_NATS][:_MOST_IMPROVED]
+    return under_best([*(improved(one, order, fixed, pairs) for one in hopeful), *followed[len(hopeful) :]])
 
 
 def _completed(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
@@ -102,20 +97,6 @@ def joined(hypothesis: Hypothesis, order: Sequence[UnitView], fixed: int, pairs:
         if best is None or best[0] <= 0:
             return hypothesis
         hypothesis = _with(hypothesis, best[1], best[2], hypothesis.waiting)
-
-
-def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float:
-    """By how much the unit's pose stands above all others, and above none, if all other units stand as they are; in
-    nats.
-    """
-    own = next(one for one in placed if one.view.unit == unit)
-    others = [one for one in placed if one is not own]
-    marks = landmarks_of(others, grouped(others))
-    starts = np.concatenate([own.pose[None], pairs.at(own.view, others)])
-    here, elsewhere = [-np.inf], [0.0]
-    for one in standings(own.view, marks, others, starts):
-        (here if is_same(one.pose, own.pose) else elsewhere).append(one.worth_nats)
-    return float(max(here) - np.logaddexp.reduce(elsewhere))
 
 
 def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
@@ -199,18 +180,3 @@ def _in_frame_of(known: Sequence[PlacedUnit], hypothesis: Hypothesis) -> Hypothe
         replace(one, pose=moved(to_site, one.pose[None])[0]) for one in hypothesis.placed if one.view.unit not in names
     ]
     return replace(hypothesis, placed=(*known, *others))
-
-
-def moved(frame: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Poses (k, 3) that are stated in the frame of a pose (3,), as poses outside."""
-    cosine, sine = np.cos(frame[2]), np.sin(frame[2])
-    x_m, y_m, heading_rad = poses.T
-    return np.stack(
-        [frame[0] + cosine * x_m - sine * y_m, frame[1] + sine * x_m + cosine * y_m, frame[2] + heading_rad], axis=1
-    )
-
-
-def inverse(pose: np.ndarray) -> np.ndarray:
-    """The pose of the outside in the frame of ``pose`` (3,)."""
-    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-    return np.array([-cosine * pose[0] - sine * pose[1], sine * pose[0] - cosine * pose[1], -pose[2]])

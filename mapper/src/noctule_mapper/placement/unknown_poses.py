@@ -13,8 +13,10 @@ import numpy as np
 
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
 from noctule_mapper.placement.hypothesis_worth import settled
-from noctule_mapper.placement.joint_search import Pairs, margin_alone, search
+from noctule_mapper.placement.joint_search import search
 from noctule_mapper.placement.landmarks import landmarks_of
+from noctule_mapper.placement.one_by_one import margin_alone
+from noctule_mapper.placement.pairs import Pairs
 from noctule_mapper.placement.pose_adjustment import grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
@@ -24,7 +26,7 @@ from noctule_mapper.readings.angles import wrapped
 # These err in different ways, so it is their sum that tells right from wrong. A room whose walls are all in one
 # right-angled frame looks alike from several sides, and may go on alike where nobody has heard it.
 LEAST_MARGIN_NATS = 5.0  # of either
-SUM_NATS, SQUARE_SUM_NATS = 16.0, 18.0  # of both
+SUM_NATS, SQUARE_SUM_NATS = 16.0, 21.0  # of both
 _SQUARE_RAD, _SURE_WALL = np.radians(9.0), 0.9
 _ADRIFT = "it and the units about it share too few walls with those whose poses are known"
 _MOST_POSITION_SIGMA_M, _MOST_HEADING_SIGMA_RAD = 0.035, np.radians(1.0)

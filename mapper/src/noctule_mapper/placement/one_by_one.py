@@ -1,0 +1,88 @@
+"""Each unit by itself, with all others where they are: whether it should stand elsewhere, and how much its pose stands
+out.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from noctule_mapper.placement.hypotheses import Hypothesis, is_same
+from noctule_mapper.placement.joint_worth import joint_nats
+from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
+from noctule_mapper.placement.pairs import Pairs
+from noctule_mapper.placement.pose_adjustment import adjusted, grouped
+from noctule_mapper.placement.pose_search import Standing, standings
+from noctule_mapper.placement.reflector_models import Members, PlacedUnit
+from noctule_mapper.placement.unit_views import UnitView
+
+_MOST_ROUNDS = 3
+_TRIED_BELOW_NATS = 6.0  # what the one unit makes of a move and what all make of it differ by less, mostly
+_LEAST_GAIN_NATS = 0.3  # of a move
+
+
+def improved(hypothesis: Hypothesis, views: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
+    """The hypothesis after each of ``views`` in turn has gone where all units together are worth more, or nowhere,
+    until none gains by that. The first ``fixed`` poses are known. The search misses it where a unit joined early and
+    went by the few that stood already.
+    """
+    placed, nats = hypothesis.placed, joint_nats(hypothesis.placed, fixed)
+    began_nats = nats
+    for _ in range(_MOST_ROUNDS):
+        round_nats = nats
+        for view in views:
+            for other in _moves(placed, view, fixed, pairs):
+                other_nats = joint_nats(other, fixed)
+                if other_nats > nats + _LEAST_GAIN_NATS:
+                    placed, nats = other, other_nats
+        if nats == round_nats:
+            break
+    return replace(hypothesis, placed=placed, worth_nats=hypothesis.worth_nats + nats - began_nats)
+
+
+def _moves(placed: Sequence[PlacedUnit], view: UnitView, fixed: int, pairs: Pairs) -> Iterator[tuple[PlacedUnit, ...]]:
+    """The arrangement with one unit at the best other place, and with it nowhere, where that may be worth more."""
+    around = _others(placed, view.unit)
+    here, elsewhere = _standings(placed, view, around, pairs)
+    here_nats = max((one.worth_nats for one in here), default=0.0)
+    if elsewhere and elsewhere[0].worth_nats > here_nats - _TRIED_BELOW_NATS:
+        new = [*around.units, PlacedUnit(view, elsewhere[0].pose, elsewhere[0].covariance)]
+        yield tuple(adjusted(new, grouped(new, around.groups, len(around.units), around.marks), fixed))
+    if len(placed) > len(around.units) > 1 and here_nats < _TRIED_BELOW_NATS:
+        yield tuple(adjusted(around.units, around.groups, fixed))
+
+
+def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float:
+    """By how much the unit's pose stands above all others, and above none, if all other units stand as they are; in
+    nats.
+    """
+    view = next(one.view for one in placed if one.view.unit == unit)
+    here, elsewhere = _standings(placed, view, _others(placed, unit), pairs)
+    below = np.logaddexp.reduce([0.0, *(one.worth_nats for one in elsewhere)])
+    return float(max((one.worth_nats for one in here), default=-np.inf) - below)
+
+
+@dataclass(frozen=True, eq=False)  # of arrays
+class _Others:
+    """All units but one, and what they hear together."""
+
+    units: list[PlacedUnit]
+    groups: tuple[Members, ...]
+    marks: Landmarks
+
+
+def _others(placed: Sequence[PlacedUnit], unit: str) -> _Others:
+    others = [one for one in placed if one.view.unit != unit]
+    groups = grouped(others)
+    return _Others(others, groups, landmarks_of(others, groups))
+
+
+def _standings(
+    placed: Sequence[PlacedUnit], view: UnitView, others: _Others, pairs: Pairs
+) -> tuple[list[Standing], list[Standing]]:
+    """Where a unit may stand by the others, the worthiest first: where it does stand, and elsewhere."""
+    own = [one.pose for one in placed if one.view.unit == view.unit]
+    starts = np.concatenate([np.reshape(own, (-1, 3)), pairs.at(view, others.units)])
+    found = standings(view, others.marks, others.units, starts)
+    here = [one for one in found if any(is_same(one.pose, pose) for pose in own)]
+    return here, [one for one in found if one not in here]
