@@ -123,7 +123,7 @@ class Programs:
 
     def check(self) -> None:
         """Fail, showing its log, if a program has ended by itself."""
-        for name, process in self._running.items():
+        for name, process in list(self._running.items()):
             assert process.poll() is None, f"{name} ended with {process.returncode}; its log:\n{self.log(name)}"
 
     def kill_all(self) -> None:
