@@ -1,6 +1,9 @@
 """What the tests of the bus share: a real router on a free port, sessions that get closed, things to wait on."""
 
+import os
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -9,9 +12,21 @@ import pytest
 import zenoh
 from google.protobuf.message import Message
 
-from noctule import bus
+from noctule import bus, keys, survey
+from noctule.messages_pb2 import (
+    POSE_STATE_OPEN,
+    Contour,
+    Pose,
+    Reading,
+    Sweep,
+    Touch,
+    UnitPose,
+    Wall,
+)
+from noctule.replay import Replay
 
 PATIENCE_S = 120.0
+NOCTULE = (sys.executable, "-c", "from noctule.cli import app; app()")
 
 
 class Collected(list[Any]):
@@ -132,3 +147,74 @@ def known() -> Callable[[zenoh.Session, str], None]:
 def collected() -> Collected:
     """An empty collection."""
     return Collected()
+
+
+# ---- The command noctule, and a site that it is asked about
+
+
+def sweeps(count=3):
+    for n in range(count):
+        echo = Reading(bearing_rad=0.5, time_of_flight_s=0.01)
+        sweep = Sweep(site="room", unit="u1", log_id="a", log_sequence=n + 1, readings=[echo, Reading()])
+        sweep.start.FromMilliseconds(1_000_000 + n)
+        yield sweep
+
+
+@pytest.fixture
+def survey_file(tmp_path):
+    path = tmp_path / "survey.jsonl"
+    with path.open("w") as stream:
+        survey.write(sweeps(), stream)
+    return path
+
+
+@pytest.fixture
+def site(far):
+    """A site with one unit that has swept three times, and a contour."""
+    schemas = bus.declare_schemas(far.session)
+    contour = bus.StatePublisher(far.session, keys.contour("room"), Contour)
+    unknown = UnitPose(unit="u2", stated=Pose(sigma_position_m=100), state=POSE_STATE_OPEN, detail="parallel walls")
+    walls = [Wall(rho_m=1.5), Wall(rho_m=2, chance=0.997)]
+    contour.put(Contour(site="room", version=1, walls=walls, touches=[Touch()], sweeps=3, poses=[unknown]))
+    replay = Replay(far.session, "room")
+    replay.run(sweeps(), None)
+    yield replay
+    replay.close()
+    contour.close()
+    schemas.undeclare()
+
+
+@pytest.fixture
+def start(endpoint):
+    """Starts the command; whatever still runs at the end is killed."""
+    running = []
+
+    def start(*command, stdin=None, stdout=subprocess.PIPE):
+        environment = os.environ | {"NOCTULE_CONNECT": endpoint, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"}
+        running.append(
+            subprocess.Popen(command, env=environment, stdin=stdin, stdout=stdout, stderr=subprocess.PIPE, text=True)
+        )
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def noctule(start):
+    return lambda *arguments: start(*NOCTULE, *map(str, arguments))
+
+
+def finish(process):
+    out, err = process.communicate(timeout=PATIENCE_S)
+    return process.returncode, out, err
+
+
+def line_with(process, text):
+    """The first line of output that holds ``text``; the test's own timeout ends the wait."""
+    for line in process.stdout:
+        if text in line:
+            return line
+    raise AssertionError(f"it ended without {text!r}: {process.stderr.read()}")

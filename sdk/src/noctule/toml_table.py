@@ -19,6 +19,7 @@ _ALIKE = 0.7  # of difflib; "seriel" and "serial" are 0.83 alike, "x_m" and "y_m
 Found = list[tuple[Place, int, str]]  # place, line (0 where it is not known) and words of each mistake
 
 _MOST_NAMED = 20  # mistakes of one file: a screenful
+_LONGEST_SHOWN = 80  # characters of a value
 
 
 @dataclass
@@ -75,7 +76,7 @@ class Table:
         if isinstance(value, str) and value:
             return value
         if value is not None:
-            self.mistake(key, f'is {value!r}: give it as text, {key} = "..."')
+            self.mistake(key, f'is {shown(value)}: give it as text, {key} = "..."')
         return ""
 
     def number(self, key: str, bound: Number) -> float:
@@ -102,14 +103,14 @@ class Table:
         if isinstance(value, int) and not isinstance(value, bool) and least <= value <= most:
             return value
         if value is not None:
-            self.mistake(key, f"is {value!r}: give a whole number from {least} to {most}")
+            self.mistake(key, f"is {shown(value)}: give a whole number from {least} to {most}")
         return least
 
     def flag(self, key: str, default: bool) -> bool:
         """True or false."""
         value = self.entries[key] if self.has(key) else default
         if not isinstance(value, bool):
-            self.mistake(key, f"is {value!r}: give true or false")
+            self.mistake(key, f"is {shown(value)}: give true or false")
             return default
         return value
 
@@ -117,7 +118,7 @@ class Table:
         """One of ``choices``, the first where the field was left out or is wrong."""
         value = self.entries[key] if self.has(key) else choices[0]
         if value not in choices:
-            self.mistake(key, f"is {value!r}: choose {' or '.join(repr(choice) for choice in choices)}")
+            self.mistake(key, f"is {shown(value)}: choose {' or '.join(repr(choice) for choice in choices)}")
             return choices[0]
         return value
 
@@ -136,7 +137,7 @@ class Table:
         read = []
         for index, row in enumerate(value):
             if not isinstance(row, list) or len(row) != len(columns) or not all(map(is_number, row)):
-                self.mistake(f"{key}[{index}]", f"is {row!r}: give {form}, finite numbers")
+                self.mistake(f"{key}[{index}]", f"is {shown(row)}: give {form}, finite numbers")
                 continue
             cells = zip(row, columns.items(), strict=True)
             read.append(tuple(self._cell(f"{key}[{index}], {name},", cell, bound) for cell, (name, bound) in cells))
@@ -149,7 +150,7 @@ class Table:
         value = self.entries[key] if self.has(key) else {}
         found = self.found
         if not isinstance(value, dict):
-            self.mistake(key, f"is {value!r}: make it a table, {key} = {{ ... }}")
+            self.mistake(key, f"is {shown(value)}: make it a table, {key} = {{ ... }}")
             value, found = {}, []
         name = f"{self.name}.{key}" if self.name else f"[{key}]"
         return Table(self.file, name, value, self.lines, found, (*self.place, key))
@@ -186,21 +187,30 @@ class Table:
 
     def _checked(self, key: str, value: object, bound: Number) -> float:
         if not is_number(value):
-            self.mistake(key, f"is {value!r}: give a finite number")
+            self.mistake(key, f"is {shown(value)}: give a finite number")
         elif not bound.least <= value <= bound.most:
-            self.mistake(key, f"is {value}: {bound.allowed()}")
+            self.mistake(key, f"is {shown(value)}: {bound.allowed()}")
         else:
             return float(value)
         return bound.most
 
     def _checked_angle(self, key: str, value: object, bound: Number) -> float:
         if not is_number(value):
-            self.mistake(key, f"is {value!r}: give a finite number")
+            self.mistake(key, f"is {shown(value)}: give a finite number")
         elif not bound.least <= math.radians(value) <= bound.most:
-            self.mistake(key, f"is {value}: {bound.allowed(math.degrees(1), 'degrees')}")
+            self.mistake(key, f"is {shown(value)}: {bound.allowed(math.degrees(1), 'degrees')}")
         else:
             return math.radians(value)
         return bound.most
+
+
+def shown(value: object) -> str:
+    """A value as a mistake quotes it: no longer than a line."""
+    try:
+        text = repr(value)
+    except ValueError:
+        return "a number of thousands of digits"  # which Python does not write out
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
 
 
 def is_number(value: object) -> TypeGuard[int | float]:

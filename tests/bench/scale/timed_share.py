@@ -15,8 +15,9 @@ from typing import TextIO
 from noctule import logs
 from noctule.messages_pb2 import Contour, Features, GridTile, Sweep
 from noctule_mapper.cli import app
+from noctule_mapper.live.intake import SweepIntake
 from noctule_mapper.live.publish import MapPublisher
-from noctule_mapper.live.service import LiveMapper, LiveSettings
+from noctule_mapper.live.service import LiveSettings
 from noctule_mapper.sharing import site_process
 
 _map_site = site_process.map_site
@@ -31,10 +32,10 @@ def timed_map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat
 
 
 def _note_times(file: TextIO) -> None:
-    deliver, publish = LiveMapper.deliver, MapPublisher.publish_map
+    deliver, publish = SweepIntake.deliver, MapPublisher.publish_map
     lock, waiting = threading.Lock(), set[int]()  # starts of sweeps that no contour rests on yet
 
-    def timed_deliver(self: LiveMapper, sweeps: Sequence[Sweep]) -> None:
+    def timed_deliver(self: SweepIntake, sweeps: Sequence[Sweep]) -> None:
         deliver(self, sweeps)
         now_ns = time.time_ns()
         starts = [sweep.start.ToNanoseconds() for sweep in sweeps]
@@ -57,7 +58,7 @@ def _note_times(file: TextIO) -> None:
             waiting.difference_update(shown)
         file.write("".join(f"c {now_ns} {start}\n" for start in shown))
 
-    LiveMapper.deliver, MapPublisher.publish_map = timed_deliver, timed_publish
+    SweepIntake.deliver, MapPublisher.publish_map = timed_deliver, timed_publish
 
 
 if __name__ == "__main__":

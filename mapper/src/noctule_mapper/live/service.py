@@ -1,9 +1,8 @@
-"""The live mapper: follows a site's sweeps, keeps its map, and shows it on the bus and to those who watch."""
+"""The live mapper: has the logs of a site read, keeps its map, and shows it on the bus and to those who watch."""
 
 import logging
 import re
 import threading
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -19,23 +18,18 @@ from noctule.client import Client
 from noctule.errors import BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.log_follower import LogFollower
-from noctule.messages_pb2 import Contour, Cursor, ServiceStatus, Sweep, UnitStatus
+from noctule.messages_pb2 import Contour, ServiceStatus, UnitStatus
 from noctule.rivals import Rivals
 from noctule.systemd import ServiceManager
 from noctule_mapper.live.config import LiveConfig, to_toml
-from noctule_mapper.live.map_messages import MapProcessError, MapSettings, MapState
+from noctule_mapper.live.intake import SweepIntake
+from noctule_mapper.live.map_messages import MapSettings, MapState
 from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.publish import MapPublisher
-from noctule_mapper.live.refused import RefusedSweeps
 from noctule_mapper.live.remote_map import RemoteMap
-from noctule_mapper.live.store import Change, SweepStore
-from noctule_mapper.live.store_file import StoreError
+from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.troubles import Troubles
-from noctule_mapper.readings import faulty
-from noctule_mapper.readings.faulty import Suspect
-from noctule_mapper.readings.sweep import SweepError, SweepReadings, from_message, identity_of
 from noctule_mapper.rerun_view.no_log import NoLog
-from noctule_mapper.window import Identity, lasting
 
 if TYPE_CHECKING:
     from noctule_mapper.rerun_view.log import RerunLog
@@ -127,18 +121,16 @@ class LiveMapper:
         self._publisher = MapPublisher(client.session, settings.site, settings.service)
         self._schemas = bus.declare_schemas(client.session)
         self._troubles = Troubles(log.show_event)
+        self._intake = SweepIntake(settings.config, store, log, self._troubles, lambda *change: self._map.take(*change))
         self._map = RemoteMap(
             nursery,
             MapSettings(settings.config, settings.site, settings.service, settings.fit_turn),
-            self._held,
+            self._intake.held,
             self._show,
-            self._set_aside,
+            self._intake.set_aside,
             self._troubles,
         )
-        self._follower = LogFollower(client, self.deliver, store.cursors())
-        self._aside = {identity for _, identity, _ in store.sweeps_set_aside()}
-        self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(self._aside))
-        self._refused = RefusedSweeps(log.show_event)
+        self._follower = LogFollower(client, self._intake.deliver, store.cursors())
         self._rivals = Rivals(
             client.session,
             keys.service_status(settings.site, keys.ANY),
@@ -151,16 +143,7 @@ class LiveMapper:
 
     def start(self) -> None:
         """Rebuild the map from the store, and go on from where it ends."""
-        if self._store.damage:
-            self._troubles.begin("store", self._store.damage)
-        for unit, identity, reason in self._store.sweeps_set_aside()[-1:]:
-            self._tell_set_aside(unit, identity, reason)
-        read = [(sweep.unit, self._read(sweep)) for sweep in self._store.sweeps()]
-        for unit, found in read:
-            self._note(unit, found)
-        held = [found for _, found in read if isinstance(found, SweepReadings)]
-        for readings in held:
-            self._log.recall_sweep(readings)
+        held = self._intake.recall()
         self._map.start(held)
         self._follower.start()
         if self._settings.rerun_url:  # else every status would be decoded for nobody
@@ -168,64 +151,6 @@ class LiveMapper:
             self._client.on_alive(self._tell_alive)
         self._watch.begin(lambda: [self._publisher.status])
         self._log.show_event(f"mapper started with {len(held)} sweeps from its store")
-
-    def deliver(self, sweeps: Sequence[Sweep]) -> None:
-        """Take in sweeps of one unit's log, in order: into the store with the cursor, then onto the map."""
-        last, suspects = sweeps[-1], faulty.suspects(sweeps)
-        cursor = Cursor(unit=last.unit, log_id=last.log_id, log_sequence=last.log_sequence)
-        usable = self._usable(sweeps, suspects)
-        change = self._commit([sweep for sweep, _ in usable.values()], cursor, suspects)
-        self._tell_suspects(last.unit, suspects, change)
-        new = [usable[identity_of(sweep)][1] for sweep in change.entered]
-        self._map.take(change.left, new)
-        self._counts["sweeps_taken"] += len(sweeps)
-        for readings in new:
-            self._log.show_sweep(readings)
-
-    def _usable(
-        self, sweeps: Sequence[Sweep], suspects: Sequence[Suspect]
-    ) -> dict[Identity, tuple[Sweep, SweepReadings]]:
-        """Those that can be mapped, with their readings, without those that the window would let go of at once: where
-        much has gathered in a log, that is nearly all, and to read them costs most of the time. So sweeps that can't be
-        mapped are noted where they were read, and not among the others.
-        """
-        asked = dict[Identity, SweepReadings | SweepError | None]()
-
-        def is_usable(sweep: Sweep) -> bool:
-            identity = identity_of(sweep)
-            if identity not in asked:
-                left_out = identity in self._aside or any(suspect.has(sweep) for suspect in suspects)
-                asked[identity] = None if left_out else self._read(sweep)
-            return isinstance(asked[identity], SweepReadings)
-
-        kept = lasting(sweeps, is_usable, self._settings.config.window.sweeps_per_place)
-        for sweep in sweeps:  # in the log's order, which is not the one in which they were asked for
-            if (found := asked.get(identity_of(sweep))) is not None:
-                self._note(sweep.unit, found)
-        return {
-            identity: (sweep, readings)
-            for sweep in kept
-            if isinstance(readings := asked[identity := identity_of(sweep)], SweepReadings)
-        }
-
-    def _tell_suspects(self, unit: str, suspects: Sequence[Suspect], change: Change) -> None:
-        """Say which sweeps of the map are taken out of it."""
-        for suspect in suspects:
-            taken = sum(log_id == suspect.log_id and suspect.first <= n <= suspect.last for log_id, n in change.left)
-            self._counts["sweeps_taken_out"] += taken
-            if taken:
-                text = f"{unit}: sweeps {suspect.first} to {suspect.last} are taken out of the map: {suspect.reason}"
-                _log.warning("%s", text)
-                self._log.show_event(text, "WARN")
-
-    def _commit(self, sweeps: Sequence[Sweep], cursor: Cursor, suspects: Sequence[Suspect]) -> Change:
-        try:
-            change = self._store.commit(sweeps, [cursor], suspects)
-        except StoreError as error:
-            self._troubles.begin("commit", f"{error}; the sweeps wait in the gateways' logs")
-            raise
-        self._troubles.end("commit", "the mapper's store can be written again")
-        return change
 
     def report(self) -> None:
         """Publish how the mapper fares. Raises RuntimeError where the store is damaged."""
@@ -245,8 +170,7 @@ class LiveMapper:
         """What became of sweeps, contours, and what was to be shown."""
         follower = {f"log_{name}": count for name, count in self._follower.counters().items()}
         bus_ = {f"bus_{name}": count for name, count in self._client.counters().items()}
-        counts = dict(self._counts) | {"sweeps_unusable": self._refused.count()}
-        return counts | self._map.counters() | follower | bus_ | self._log.counters()
+        return self._intake.counters() | self._map.counters() | follower | bus_ | self._log.counters()
 
     def statuses(self) -> Sequence[ServiceStatus | Contour]:
         """The last status, and the contour if there is one. From any thread, never waiting."""
@@ -282,46 +206,12 @@ class LiveMapper:
         parts = (
             self._watch.detail(),
             self._troubles.detail(),
-            self._refused.detail(),
+            self._intake.detail(),
             self._publisher.detail(),
             "" if self._contour.walls else self._contour.note,
         )
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
-
-    def _held(self) -> list[SweepReadings]:
-        """What the store holds and can be mapped."""
-        read = map(self._read, self._store.sweeps())
-        return [found for found in read if isinstance(found, SweepReadings)]
-
-    def _read(self, sweep: Sweep) -> SweepReadings | SweepError:
-        """The sweep's readings, or why it can't be mapped."""
-        try:
-            return from_message(sweep, self._settings.config.mapper.sensor)
-        except SweepError as error:
-            return error
-
-    def _note(self, unit: str, found: SweepReadings | SweepError) -> None:
-        """Note for the status whether a sweep of ``unit`` can be mapped."""
-        if isinstance(found, SweepError):
-            self._refused.refuse(unit, found)
-        else:
-            self._refused.accept(unit)
-
-    def _set_aside(self, readings: SweepReadings, error: MapProcessError) -> None:
-        """Keep a sweep that broke the map off it, after a restart too."""
-        self._store.set_aside(readings.identity, error.reason)
-        self._aside.add(readings.identity)
-        self._counts["sweeps_set_aside"] += 1
-        self._tell_set_aside(readings.unit, readings.identity, error.reason, error)
-
-    def _tell_set_aside(self, unit: str, identity: Identity, reason: str, error: Exception | None = None) -> None:
-        log_id, sequence = identity
-        text = (
-            f"sweeps that broke the map and are set aside: {self._counts['sweeps_set_aside']}, the last one sweep "
-            f"{sequence} of {log_id!r} (unit {unit!r}, {reason}); mapping goes on, please report it"
-        )
-        self._troubles.begin("set aside", text, error)
 
     def _show(self, state: MapState) -> None:
         """Number the state and show it. Raises StoreError where no number can be had."""

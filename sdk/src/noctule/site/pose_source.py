@@ -5,7 +5,7 @@ import math
 from noctule.bounds import WRITTEN_HEADING_RAD, Number, number
 from noctule.site.model import FixedPose, Pose2, PoseKey, PoseSource, UnknownPose, WaypointPath
 from noctule.survey_path import walk
-from noctule.toml_table import Table
+from noctule.toml_table import Table, shown
 
 _MAX_WAYPOINTS = 0xFFFF  # a unit counts them in 16 bits, and 0xFFFF means none
 # What a tape measure and a look along the wall are good to (1 to 5 cm, 1 to 5 degrees): the error of a fixed pose that
@@ -29,7 +29,7 @@ def pose_source(unit: Table) -> PoseSource:
     if written == "unknown":
         return UnknownPose()
     if isinstance(written, str):
-        unit.mistake("pose", f'is {written!r}: make it a table, pose = {{ ... }}, or give "unknown" or "key"')
+        unit.mistake("pose", f'is {shown(written)}: make it a table, pose = {{ ... }}, or give "unknown" or "key"')
         unit.has("pose_sigma")
         return UnknownPose()
     if unit.has("path"):

@@ -11,7 +11,7 @@ from noctule.errors import KeyFormatError, SiteFileError
 from noctule.messages_pb2 import SweepPlan
 from noctule.site.model import Sensor, Site, Unit
 from noctule.site.pose_source import pose_source
-from noctule.toml_table import Table
+from noctule.toml_table import Table, shown
 
 PINGS = (1, 3, 5)  # of which there is a median
 _MAX_SERIAL = 0xFFFFFFFE  # 0xFFFFFFFF is a unit that was flashed without one
@@ -44,9 +44,9 @@ def _name(table: Table, key: str) -> str:
     try:
         if value == keys.ANY:
             raise KeyFormatError("'*' stands for all names and can't be one")
-        return keys.name(value, "it") if value else value
+        return keys.name(value, "the name") if value else value
     except KeyFormatError as error:
-        table.mistake(key, f"is {value!r}: {error}")
+        table.mistake(key, f"is wrong: {error}")
         return ""
 
 
@@ -93,17 +93,17 @@ def _address(unit: Table) -> str:
     scheme, found, _ = address.partition("://")
     if not found:
         if re.fullmatch(r"[^/]+:\d+", address):
-            unit.mistake("address", f"is {address!r}: {form}")
+            unit.mistake("address", f"is {shown(address)}: {form}")
         return address
     if scheme not in _SCHEMES:
-        unit.mistake("address", f"is {address!r}: {scheme}:// is not known, {form}")
+        unit.mistake("address", f"is {shown(address)}: {scheme}:// is not known, {form}")
         return address
     try:
         parts = urlsplit(address)
         if not parts.hostname or not parts.port:
             raise ValueError("host and port must both be there, the port from 1 to 65535")
     except ValueError as error:
-        unit.mistake("address", f"is {address!r}: {error}; {form}")
+        unit.mistake("address", f"is {shown(address)}: {error}; {form}")
     return address
 
 
