@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -62,6 +62,17 @@ def native_viewer(relay: Relay) -> Iterator[ViewerClient]:
     finally:
         process.terminate()
         process.wait()
+
+
+def picture_of(viewer: ViewerClient) -> np.ndarray:
+    """What is shown, (height, width, 3) bytes. A busy machine takes longer than the 15 s that Rerun waits for it."""
+
+    def taken() -> bytes | None:
+        with suppress(TimeoutError):
+            return viewer.take_screenshot()
+        return None
+
+    return np.array(Image.open(io.BytesIO(wait_until(taken, "no picture"))).convert("RGB"))
 
 
 def log_room(relay: Relay) -> None:
@@ -186,7 +197,7 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
     with native_viewer(relay) as viewer:
 
         def rows() -> list[float]:
-            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
+            picture = picture_of(viewer)
             return [row for colour in (WALL, CYLINDER) if (row := middle_row(picture, colour)) is not None]
 
         wait_until(lambda: len(rows()) == 2, "wall and cylinder are not to be seen", every_s=0.5)
@@ -213,7 +224,7 @@ def test_time_travel_does_not_move_the_map_of_a_watched_site(running: Programs) 
     with native_viewer(relay) as viewer:
 
         def wall(with_mark: bool) -> tuple[float, float] | None:
-            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))[:, :700].astype(int)
+            picture = picture_of(viewer)[:, :700].astype(int)
             near_wall, near_mark = (np.abs(picture - colour).max(axis=-1) < 24 for colour in (WALL, MARK))
             if bool(near_mark.sum() > 100) != with_mark or near_wall.sum() < 1000:
                 return None
@@ -240,7 +251,7 @@ def test_cells_of_the_grid_that_nobody_has_looked_into_are_as_dark_as_the_ground
     with native_viewer(relay) as viewer:
 
         def colours() -> set[tuple[int, ...]]:
-            picture = np.array(Image.open(io.BytesIO(viewer.take_screenshot())).convert("RGB"))
+            picture = picture_of(viewer)
             ground = picture[200:700, 20:880]  # of the map, clear of what stands around it
             found, counts = np.unique(ground.reshape(-1, 3), axis=0, return_counts=True)
             return {tuple(map(int, colour)) for colour in found[counts > 1000]}
