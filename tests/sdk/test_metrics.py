@@ -4,6 +4,7 @@ import contextlib
 import os
 import re
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -13,6 +14,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import generate_latest
 from prometheus_client.parser import text_string_to_metric_families
+from system.processes import wait_until
 
 from noctule import metrics, metrics_server
 from noctule.messages_pb2 import Contour, ServiceStatus, UnitStatus
@@ -179,6 +181,22 @@ def test_connections_that_ask_nothing_take_no_more_than_eight_threads(served: tu
         idle = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(9)]
         assert idle[8].recv(1) == b""  # closed at once, because eight are open
         assert threading.active_count() - before <= 8
+
+
+@pytest.mark.parametrize(
+    "asked", [b"", b"GET", b"GET http://[ HTTP/1.1\r\n\r\n", b"\0" * 70_000, b"GET / HTTP/9\r\n\r\n"]
+)
+def test_a_port_scanner_that_hangs_up_leaves_no_traceback_in_the_log(
+    served: tuple[Served, int], caplog: pytest.LogCaptureFixture, asked: bytes
+) -> None:
+    _, port = served
+    with socket.create_connection(("127.0.0.1", port), timeout=60) as scanner:
+        scanner.sendall(asked)
+        # On close() the far end gets a reset.
+        scanner.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    scrape(port)
+    wait_until(lambda: not any("process_request" in each.name for each in threading.enumerate()), "it is still served")
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_without_a_host_the_address_is_on_loopback() -> None:

@@ -329,3 +329,28 @@ def test_whatever_a_log_replies_a_reader_goes_on_or_waits_and_skips_nothing_unco
     for sweep in delivered:
         assert sweep.log_sequence > by_log.get(sweep.log_id, 0)
         by_log[sweep.log_id] = sweep.log_sequence
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_a_strangers_sweep_that_came_before_the_logs_own_under_its_number_is_told_once(together, caplog):
+    delivered = []
+    unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))
+    forged = [Log().sweep(n) for n in (5, 6)]
+    for sweep in forged:
+        sweep.waypoint = 77
+    own = [Log().sweep(n) for n in (5, 6, 7)]
+    for batch in [[*forged, *own]] if together else [forged, own[:2], own[2:]]:
+        assert unit.take(batch)
+    assert delivered == [*forged, own[2]]
+    assert counts["refused"] == 2
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert told.startswith("unit u1: two different sweeps came live as number 5 of log a, and the first was taken")
+
+
+def test_a_live_sweep_that_comes_again_and_again_is_no_strangers(caplog):
+    delivered = []
+    unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=0))
+    for first in range(1, 500, 3):
+        assert unit.take([Log().sweep(max(n, 1)) for n in range(first - 100, first + 3)])
+    assert sequences(delivered) == list(range(1, 502))
+    assert (counts["refused"], caplog.records) == (0, [])

@@ -2,6 +2,7 @@
 
 import logging
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -96,14 +97,15 @@ class _Server(ThreadingMixIn, TCPServer):
             self._free.release()
 
     def handle_error(self, _request: Any, _client_address: Any) -> None:
-        _log.exception("a scrape failed")
+        if not isinstance(sys.exception(), OSError):  # who asked went away
+            _log.exception("a scrape failed")
 
 
 class _Handler(BaseHTTPRequestHandler):
     timeout = _QUIET_S
 
     def do_GET(self) -> None:
-        if urlsplit(self.path).path not in ("/", "/metrics"):
+        if self.path.partition("?")[0] not in ("/", "/metrics"):
             self.send_error(404, "The metrics are at /metrics")
             return
         page = cast(_Server, self.server).page()

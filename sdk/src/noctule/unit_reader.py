@@ -8,6 +8,7 @@ from noctule.errors import BusError
 from noctule.messages_pb2 import Cursor, LogGap, LogRecords, Sweep
 from noctule.unit_records import sift
 
+_LATEST = 64  # live sweeps that are remembered
 MAX_LOGS_LEFT = 16  # of a unit, that a reader could go on with; a unit has one new log where a disk was replaced
 
 _log = logging.getLogger(__name__)
@@ -33,6 +34,8 @@ class UnitReader:
         self._counts = counts
         self._left: dict[str, Cursor] = {}  # where other logs of this unit were left, should one come back
         self._taken_before = range(0)  # sequences that were delivered, and that the log then had still to give
+        self._latest: dict[int, int] = {}  # hashes of live sweeps that were delivered, by log_sequence
+        self._told_twice = False
         self._turns = 0  # to another log, since one last gave what was asked of it
 
     def is_behind(self, log_id: str, head: int) -> bool:
@@ -40,7 +43,10 @@ class UnitReader:
         return log_id != self.cursor.log_id or head > self.cursor.log_sequence
 
     def take(self, live: Sequence[Sweep]) -> bool:
-        """Deliver those of ``live`` that follow on; False where the log must be asked for what lies between."""
+        """Deliver those of ``live`` that follow on; False where the log must be asked for what lies between.
+
+        A live sweep may be a stranger's. Where the log's own comes too, under the same number, both are told.
+        """
         following: list[Sweep] = []
         next_sequence = self.cursor.log_sequence + 1
         for sweep in live:
@@ -50,6 +56,9 @@ class UnitReader:
             if sweep.log_sequence == next_sequence:
                 following.append(sweep)
                 next_sequence += 1
+                self._remember(sweep)
+            elif self._latest.get(sweep.log_sequence, (found := _hash(sweep))) != found:
+                self._refuse_second(sweep)
         self._commit(following)
         return True
 
@@ -85,6 +94,23 @@ class UnitReader:
             self._pass_over(records)
         return self.cursor.log_sequence < records.head
 
+    def _remember(self, live: Sweep) -> None:
+        self._latest[live.log_sequence] = _hash(live)
+        if len(self._latest) > _LATEST:
+            del self._latest[next(iter(self._latest))]
+
+    def _refuse_second(self, sweep: Sweep) -> None:
+        self._counts["refused"] += 1
+        if not self._told_twice:
+            self._told_twice = True
+            _log.error(
+                "unit %s: two different sweeps came live as number %d of log %s, and the first was taken: somebody "
+                "else publishes on the unit's key; certificates keep strangers out",
+                self.unit,
+                sweep.log_sequence,
+                sweep.log_id,
+            )
+
     def _turn_to(self, records: LogRecords) -> None:
         """Read another log of this unit, from its tail if it is new.
 
@@ -92,6 +118,7 @@ class UnitReader:
         """
         self._turns += 1
         self._taken_before = range(0)
+        self._latest.clear()
         if self.cursor.log_id:
             _log.warning("unit %s has log %s instead of %s", self.unit, records.log_id, self.cursor.log_id)
             self._left[self.cursor.log_id] = self.cursor
@@ -185,3 +212,7 @@ class UnitReader:
                 before + 1,
                 after - 1,
             )
+
+
+def _hash(sweep: Sweep) -> int:
+    return hash(sweep.SerializeToString(deterministic=True))
