@@ -77,7 +77,8 @@ def test_units_cuts_no_word_on_a_narrow_terminal(start):
     os.close(ours)
     assert finish(process)[0] == 0
     words = re.sub(r"\x1b\[[\d;]*m", "", shown.decode())
-    assert "sweeping" in words and "replay" in words and time.strftime("%Y-%m-%d %H:%M") in words
+    assert "sweeping" in words and "replay" in words
+    assert re.search(time.strftime("%Y-%m-%d") + r" \d\d:\d\d", words)
     assert "\u2026" not in words and max(map(len, words.splitlines())) <= 80
     assert "A wider terminal, or --json, shows also: " in words
 
