@@ -24,7 +24,7 @@ from mapper.room import LabelledSweep, Room, paper_path, paper_room, survey
 from scipy.stats import chi2
 
 from noctule.messages_pb2 import Sweep
-from noctule_mapper.config import SensorConfig
+from noctule_mapper.config import LimitConfig, SensorConfig
 from noctule_mapper.contour.contour import Contour, PoseState
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.stands import Stands, deviation
@@ -210,6 +210,18 @@ def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed:
     verdict = judge_fixed(aligned(mapped(surveyed), room, true), room, surveyed, told)
     assert len(verdict.due) > 4
     assert (verdict.missed, verdict.false) == ((), ())
+
+
+def test_walls_are_reported_whose_directions_only_the_poses_leave_open() -> None:
+    """A room in which two units hear the same two walls and know hardly how they are turned themselves."""
+    room, true, surveyed = taped_room(np.random.default_rng(50072))
+    contour = mapped(surveyed)
+    told = posed_label_fit(room, surveyed, true).room
+    verdict = judge_fixed(aligned(contour, room, true), room, surveyed, told)
+    assert len(verdict.due) > 1
+    assert (verdict.missed, verdict.false) == ((), ())
+    limit_rad = LimitConfig().most_theta_sigma_rad
+    assert max(np.sqrt(wall.covariance[0, 0]) for wall in contour.walls) > limit_rad
 
 
 @cache
