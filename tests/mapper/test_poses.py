@@ -184,7 +184,7 @@ def nats_of_the_first(away: tuple[float, float, float], is_doubted: bool) -> flo
     [
         ((0.0, 0.0, 0.0), (0.5, 0.5, np.radians(30)), 1.0),
         ((0.3, 0.0, 0.0), (0.5, 0.5, np.radians(30)), np.exp(-0.5 * 0.6**2)),
-        ((2.0, 0.0, 1.0), (0.5, 0.5, np.radians(30)), np.exp(-3.0)),
+        ((4.0, 0.0, 1.0), (0.5, 0.5, np.radians(30)), np.exp(-20.0)),
         (tuple(TRUE[1] - TRUE[0]), (TAPE_M, TAPE_M, TAPE_RAD), 1 / 2),
     ],
 )

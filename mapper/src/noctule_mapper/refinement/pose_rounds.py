@@ -27,9 +27,7 @@ _STILL = 1.0  # sigmas of the pose: what moves less leaves every echo with its r
 _NEIGHBOURS = 8  # by whose map and plateaus a unit is sought: the cost stays bounded
 _LEAST_STANDS = 3  # of two that disagree nobody can tell which is wrong
 _SOUGHT_NATS = 15.0  # so much more a unit must hear elsewhere to be tried there
-_BETTER_NATS = 3.0  # so much more the map must be worth with it there, all that was known beforehand counted
-# So much if its stated pose then is wrong: walls of one room look alike. True ones gain 27 and more, a false one 13.
-_WRONG_NATS = 20.0
+_PROOF_NATS = 3.0  # so much more the map must be worth with it there, all that was known beforehand counted
 _WRONG_SQUARE = 25.0  # of a pose's deviation from the stated one: by chance in one of 65,000
 _LEAST_KNOWN = (0.001, np.radians(0.2))  # metres and radians: labels may be wrong, so no fitted pose is exact
 _SOUGHT = (0.03, np.radians(3.0))  # how well a pose is known that two plateaus tell
@@ -67,8 +65,7 @@ def posed(data: Evidence, fitted: Callable[[Evidence], Final]) -> tuple[Evidence
         tried.add(number)
         elsewhere = with_stands(data, _put(final.data.stands, number, pose))
         elsewhere, other = _named(*_still(elsewhere, fitted(elsewhere), fitted), fitted)
-        is_accused = np.any(other.data.stands.is_doubted & ~final.data.stands.is_doubted)
-        if other.worth > final.worth + (_WRONG_NATS if is_accused else _BETTER_NATS):
+        if other.worth > final.worth + _PROOF_NATS:
             data, final = elsewhere, other
     return with_stands(data, final.data.stands), final
 

@@ -20,6 +20,7 @@ _SAME_HEADING_RAD = np.radians(6.0)
 _LEAST_SINE = 0.3  # of the angle between two walls that tell a place
 _MARGIN_M = 0.3  # a wall may go on so far beyond its last foot
 _MOST_POSES = 1500
+_MOST_FAR_NATS = 3.0  # that a pose far from the stated one is the less likely when a unit is sought
 
 
 def relocated(
@@ -39,7 +40,7 @@ def relocated(
     tried = np.concatenate([pose[None], tried])
     away = tried - pose
     away[:, 2] = wrapped(away[:, 2])
-    gain = _gains(heard, pose, tried, reflectors) - far_nats(away)
+    gain = _gains(heard, pose, tried, reflectors) - far_nats(away, _MOST_FAR_NATS)
     best = int(gain.argmax())
     more = float(gain[best] - gain[0])
     return (more, tried[best]) if more > least else None
