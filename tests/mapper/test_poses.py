@@ -24,10 +24,14 @@ from mapper.room import LabelledSweep, Room, paper_path, paper_room, survey
 from scipy.stats import chi2
 
 from noctule.messages_pb2 import Sweep
-from noctule_mapper.config import SensorConfig
+from noctule_mapper.config import LimitConfig, SensorConfig
 from noctule_mapper.contour.contour import Contour, PoseState
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.stands import Stands, deviation
 from noctule_mapper.readings.sweep import from_message
+from noctule_mapper.refinement.joint_fit import Shared
+from noctule_mapper.refinement.pose_errors import Errors
+from noctule_mapper.refinement.poses import stated_nats
 
 # No room from these seeds on was ever looked at while the mapper was made.
 FIRST_SEED, ROOMS, WRONG_ROOMS = 94_000, 40, 16
@@ -153,6 +157,48 @@ def test_a_configured_bias_has_been_measured_and_the_face_stands_off_the_axis() 
     assert (read.sigma_bias_m, read.face_offset_m, read.face_offset_sigma_m) == (0, 0.02, 0.005)
 
 
+def nats_of_the_first(away: tuple[float, float, float], is_doubted: bool) -> float:
+    """What the pose of the first of three units, each stated by tape measure, adds to the worth of a map that knows all
+    poses to 1 mm and 1 mrad, if it is ``away`` from its stated one.
+    """
+    units, sigma = np.arange(3), np.tile([TAPE_M, TAPE_M, TAPE_RAD], (3, 1))
+    sensors = np.zeros((3, 3))
+    stands = Stands(
+        unit=units,
+        stated=TRUE[:3],
+        sigma=sigma,
+        is_doubted=np.array([is_doubted, False, False]),
+        now=TRUE[:3] + np.outer([1, 0, 0], away),
+        known=sigma[:, 1:],
+        sensor_sigma=sensors,
+        sensor_now=sensors,
+        sensor_known=sensors,
+    )
+    nothing, unmoved = np.zeros((0, 3)), np.zeros((3, 3))
+    shared = Shared(units, deviation(stands), sigma, unmoved, units, nothing, nothing, nothing)
+    return stated_nats(stands, shared, Errors(units, 1e-6 * np.eye(9), np.zeros((0, 9)), None))
+
+
+@pytest.mark.parametrize(
+    ("away", "spread", "likelihood"),
+    [
+        ((0.0, 0.0, 0.0), (0.5, 0.5, np.radians(30)), 1.0),
+        ((0.3, 0.0, 0.0), (0.5, 0.5, np.radians(30)), np.exp(-0.5 * 0.6**2)),
+        ((4.0, 0.0, 1.0), (0.5, 0.5, np.radians(30)), np.exp(-20.0)),
+        (tuple(TRUE[1] - TRUE[0]), (TAPE_M, TAPE_M, TAPE_RAD), 1 / 2),
+    ],
+)
+def test_a_wrong_pose_must_make_up_for_how_unlikely_it_was(
+    away: tuple[float, float, float], spread: tuple[float, float, float], likelihood: float
+) -> None:
+    """By Bayes: a hundredth of the stated poses is wrong, and mostly by half a metre and 30 degrees, or the unit stands
+    where one of the two others should. Against the pose as stated it is the less likely, the wider it may be spread.
+    """
+    spreads = np.prod(spread) / (TAPE_M**2 * TAPE_RAD)
+    more = nats_of_the_first(away, is_doubted=True) - nats_of_the_first((0.0, 0.0, 0.0), is_doubted=False)
+    assert more == pytest.approx(np.log(likelihood / 100 / spreads))
+
+
 @pytest.mark.parametrize("seed", [5014, 5074])
 def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed: int) -> None:
     """Rooms in which other walls than the true ones explain the echoes nearly as well. In the one a wrong map was kept
@@ -164,6 +210,18 @@ def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed:
     verdict = judge_fixed(aligned(mapped(surveyed), room, true), room, surveyed, told)
     assert len(verdict.due) > 4
     assert (verdict.missed, verdict.false) == ((), ())
+
+
+def test_walls_are_reported_whose_directions_only_the_poses_leave_open() -> None:
+    """A room in which two units hear the same two walls and know hardly how they are turned themselves."""
+    room, true, surveyed = taped_room(np.random.default_rng(50072))
+    contour = mapped(surveyed)
+    told = posed_label_fit(room, surveyed, true).room
+    verdict = judge_fixed(aligned(contour, room, true), room, surveyed, told)
+    assert len(verdict.due) > 1
+    assert (verdict.missed, verdict.false) == ((), ())
+    limit_rad = LimitConfig().most_theta_sigma_rad
+    assert max(np.sqrt(wall.covariance[0, 0]) for wall in contour.walls) > limit_rad
 
 
 @cache

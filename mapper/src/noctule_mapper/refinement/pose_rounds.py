@@ -26,7 +26,8 @@ _MOST_ROUNDS = 3
 _STILL = 1.0  # sigmas of the pose: what moves less leaves every echo with its reflector
 _NEIGHBOURS = 8  # by whose map and plateaus a unit is sought: the cost stays bounded
 _LEAST_STANDS = 3  # of two that disagree nobody can tell which is wrong
-_MOVES_NATS = 15.0  # so much more a unit must hear elsewhere, and the map be worth with it there
+_SOUGHT_NATS = 15.0  # so much more a unit must hear elsewhere to be tried there
+_PROOF_NATS = 3.0  # so much more the map must be worth with it there, all that was known beforehand counted
 _WRONG_SQUARE = 25.0  # of a pose's deviation from the stated one: by chance in one of 65,000
 _LEAST_KNOWN = (0.001, np.radians(0.2))  # metres and radians: labels may be wrong, so no fitted pose is exact
 _SOUGHT = (0.03, np.radians(3.0))  # how well a pose is known that two plateaus tell
@@ -63,9 +64,9 @@ def posed(data: Evidence, fitted: Callable[[Evidence], Final]) -> tuple[Evidence
         number, pose = sought
         tried.add(number)
         elsewhere = with_stands(data, _put(final.data.stands, number, pose))
-        elsewhere, other = _still(elsewhere, fitted(elsewhere), fitted)
-        if other.worth > final.worth + _MOVES_NATS:
-            data, final = _named(elsewhere, other, fitted)
+        elsewhere, other = _named(*_still(elsewhere, fitted(elsewhere), fitted), fitted)
+        if other.worth > final.worth + _PROOF_NATS:
+            data, final = elsewhere, other
     return with_stands(data, final.data.stands), final
 
 
@@ -129,7 +130,7 @@ def _sought(final: Final, tried: set[int]) -> tuple[int, np.ndarray] | None:
     found = []
     for number in set(stands.fine.tolist()) - tried:
         heard = final.plateaus.take(final.plateaus.stand == number)
-        elsewhere = relocated(heard, stands.now[number], _found_by_others(final, number), _MOVES_NATS)
+        elsewhere = relocated(heard, stands.now[number], _found_by_others(final, number), _SOUGHT_NATS)
         if elsewhere is not None:
             found.append((elsewhere[0], number, elsewhere[1]))
     if not found:

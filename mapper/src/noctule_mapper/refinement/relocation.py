@@ -12,6 +12,7 @@ import numpy as np
 from noctule_mapper.contour.reflectors import Crossing, Line, Reflector
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.refinement.poses import far_nats
 
 Pose = np.ndarray  # (x_m, y_m, heading_rad)
 _SIGMA_M, _SIGMA_RAD = 0.02, np.radians(2.0)  # of a pose from two plateaus, in range and in direction
@@ -19,8 +20,7 @@ _SAME_HEADING_RAD = np.radians(6.0)
 _LEAST_SINE = 0.3  # of the angle between two walls that tell a place
 _MARGIN_M = 0.3  # a wall may go on so far beyond its last foot
 _MOST_POSES = 1500
-# A pose far from the stated one is the less likely, as by a Gaussian of these widths, but by so many nats at most.
-_FAR_M, _FAR_RAD, _MOST_FAR_NATS = 0.5, np.radians(30.0), 3.0
+_MOST_FAR_NATS = 3.0  # that a pose far from the stated one is the less likely when a unit is sought
 
 
 def relocated(
@@ -39,8 +39,8 @@ def relocated(
         return None
     tried = np.concatenate([pose[None], tried])
     away = tried - pose
-    far = 0.5 * (np.hypot(away[:, 0], away[:, 1]) / _FAR_M) ** 2 + 0.5 * (wrapped(away[:, 2]) / _FAR_RAD) ** 2
-    gain = _gains(heard, pose, tried, reflectors) - np.minimum(far, _MOST_FAR_NATS)
+    away[:, 2] = wrapped(away[:, 2])
+    gain = _gains(heard, pose, tried, reflectors) - far_nats(away, _MOST_FAR_NATS)
     best = int(gain.argmax())
     more = float(gain[best] - gain[0])
     return (more, tried[best]) if more > least else None
