@@ -120,9 +120,9 @@ def test_the_page_says_how_old_what_it_shows_is_and_whether_somebody_looks_back(
         wait_until(lambda: re.fullmatch(late, bar(shown)), "the page's age is not told")
         relay.drawn_s = time.time() + 60.0  # until the end of this test
         wait_until(lambda: bar(shown).endswith("s old: this computer can't keep up."), "who is late is not told")
-        shown.evaluate("window.noctuleEvent(JSON.stringify({type: 'pause'}))")
+        shown.keyboard.press(" ")
         drawn(shown, ago_s=7_300.0)
-        back = "You look back 2 h. The second button at the lower left follows the present."
+        back = "You look back 2 h, or the page is late: the second button at the lower left follows the present."
         wait_until(lambda: bar(shown) == back, "who looks back is not told")
         drawn(shown, ago_s=1.0)
         wait_until(lambda: bar(shown) == "", "a page that shows the present is called old")
@@ -135,7 +135,7 @@ def test_a_page_that_is_far_behind_loads_again_unless_somebody_looks_back(files:
     with served(port, files, relay):
         shown.goto(f"http://127.0.0.1:{port}/?url=x")
         relay.drawn_s = time.time() + PATIENCE_S
-        shown.evaluate("window.noctuleEvent(JSON.stringify({type: 'pause'}))")
+        shown.keyboard.press(" ")
         drawn(shown, ago_s=1_000.0)
         for _ in range(160):  # 320 s of the page's clock
             pass_time(shown)

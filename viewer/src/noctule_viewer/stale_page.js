@@ -39,11 +39,13 @@
   // What Rerun's viewer says of itself, as JSON.
   window.noctuleEvent = (json) => {
     const event = JSON.parse(json);
-    if (event.type === "pause") looks_back = true;
     if (event.type !== "time_update" && event.type !== "timeline_change") return;
     has_hours = event.time > LEAST_TIME_NS;
     shown_s = event.time / NS_PER_S;
   };
+
+  // Rerun tells nobody that its time was stopped: whoever has touched an old page may have done it.
+  for (const touch of ["pointerdown", "keydown"]) window.addEventListener(touch, () => (looks_back = true), true);
 
   async function look() {
     if (asking) {
@@ -93,7 +95,8 @@
       looks_back = false;
       return "";
     }
-    if (looks_back) return `You look back ${duration(old_s)}. The second button at the lower left follows the present.`;
+    if (looks_back) 
+      return `You look back ${duration(old_s)}, or the page is late: the second button at the lower left follows the present.`;
     const why = is_drawn() ? "this computer can't keep up" : "nothing is drawn any more, or this computer can't keep up";
     return `What you see is ${duration(old_s)} old: ${why}.`;
   }
