@@ -12,6 +12,7 @@ from mapper.rerun_relay import relay
 from system.processes import wait_until
 
 from mapper import room
+from noctule import keys
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
@@ -306,6 +307,21 @@ def test_a_store_that_takes_no_more_is_told_once_and_in_the_status_and_costs_no_
     log = site.running.log("mapper")
     assert (log.count("the sweeps wait in the gateways' logs"), log.count("Traceback")) == (1, 0)
     assert site.running.end("mapper") == 0
+
+
+def test_the_status_says_whose_log_can_not_be_read_and_why(site: LiveSite) -> None:
+    statuses: list[ServiceStatus] = []
+    site.client.on_service_status(statuses.append)
+    session = site.client.session
+    sick = session.declare_queryable(keys.log(SITE, "u9"), lambda query: query.reply_err(b"its disk is gone"))
+    served = session.liveliness().declare_token(keys.alive(SITE, "u9"))
+    site.start_mapper()
+    wait_until(
+        lambda: statuses and "the log of u9 can't be read: " in statuses[-1].detail, "the status does not say it"
+    )
+    assert "its disk is gone" in statuses[-1].detail
+    sick.undeclare()
+    served.undeclare()
 
 
 def test_the_first_echo_of_an_uncalibrated_sensor_makes_a_map_with_nothing_on_it(site: LiveSite) -> None:

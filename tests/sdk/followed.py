@@ -18,6 +18,7 @@ class LoggedUnit:
         self._unit, self._lose, self._dice = unit, lose, dice or random.Random(0)
         self.log_id, self.keep, self.sweeps = log_id, keep, []
         self.asked = 0
+        self.trouble = ""  # for which the log can't be read
         self._key = keys.log("room", unit)
         self._publisher = bus.declare_publisher(session, keys.sweep("room", unit), Sweep)
         self._status = bus.StatePublisher(session, keys.unit_status("room", unit), UnitStatus)
@@ -47,6 +48,9 @@ class LoggedUnit:
 
     def _answer(self, query):
         self.asked += 1
+        if self.trouble:
+            query.reply_err(self.trouble.encode())
+            return
         head, tail = self.head, self.tail
         first = max(int(query.parameters.get("from")), tail)
         sweeps = self.sweeps[first - 1 : min(head, first - 1 + int(query.parameters.get("max")))]

@@ -238,6 +238,20 @@ def test_a_store_that_fails_gets_the_same_sweeps_again_and_meanwhile_nothing_mov
     assert follower.counters()["failed"] >= 3
 
 
+def test_whose_log_can_not_be_read_and_why_is_told_as_long_as_it_can_not(open_session, follow):
+    well, sick, store = LoggedUnit(open_session(), "u1"), LoggedUnit(open_session(), "u2"), Store()
+    sick.trouble = "its disk is gone"
+    follower = follow(store)
+    well.sweep()
+    wait_until(lambda: "u2" in follower.unread(), "it is not told")
+    unread = follower.unread()
+    assert list(unread) == ["u2"] and "its disk is gone" in unread["u2"]
+    sick.trouble = ""
+    wait_until(lambda: not follower.unread(), "it is still told")
+    sick.sweep()
+    store.wait_for(lambda stored: stored.of("u1") == stored.of("u2") == [1])
+
+
 def test_a_store_that_fails_is_told_in_one_line_until_it_has_taken_something(open_session, follow, caplog):
     failing = threading.Event()
     failing.set()

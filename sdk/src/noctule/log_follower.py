@@ -30,10 +30,10 @@ class _BackOff:
     def __init__(self) -> None:
         self.not_before_s = -inf
         self._retry_s = FIRST_RETRY_S
-        self._told = ""
+        self.told = ""  # the last failure since a success
 
     def succeeded(self) -> None:
-        self.not_before_s, self._retry_s, self._told = -inf, FIRST_RETRY_S, ""
+        self.not_before_s, self._retry_s, self.told = -inf, FIRST_RETRY_S, ""
 
     def failed(self) -> float:
         """Seconds until the next try."""
@@ -43,7 +43,7 @@ class _BackOff:
 
     def is_news(self, text: str) -> bool:
         """Whether the last failure since a success was another one."""
-        told, self._told = self._told, text
+        told, self.told = self.told, text
         return text != told
 
 
@@ -145,6 +145,11 @@ class LogFollower:
         with self._changed:
             found = {name: unit.reader.cursor for name, unit in self._units.items()}
         return {name: cursor for name, cursor in found.items() if cursor.log_id}
+
+    def unread(self) -> dict[str, str]:
+        """By unit, why its log can't be read, while it can't."""
+        with self._changed:
+            return {name: unit.asks.told for name, unit in sorted(self._units.items()) if unit.asks.told}
 
     def counters(self) -> dict[str, int]:
         """Sweeps ``delivered`` (``pulled`` from logs), ``lost``, ``damaged``, ``refused``; tries that ``failed``."""

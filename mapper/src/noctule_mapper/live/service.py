@@ -3,7 +3,7 @@
 import logging
 import re
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -38,6 +38,7 @@ _log = logging.getLogger(__name__)
 
 _STATUS_INTERVAL_S = 1.0
 _JOIN_EVERY_S = 1.0
+_MOST_NAMED = 5  # units
 _LONGEST_DETAIL = bounds.text("ServiceStatus", "detail").longest
 
 
@@ -207,6 +208,7 @@ class LiveMapper:
             self._watch.detail(),
             self._troubles.detail(),
             self._intake.detail(),
+            told_unread(self._follower.unread()),
             self._publisher.detail(),
             "" if self._contour.walls else self._contour.note,
         )
@@ -224,8 +226,8 @@ class LiveMapper:
             _log.info("%s", summary(state.contour))
             self._log.show_event(summary(state.contour))
         if _kind(state.contour.note) != _kind(self._contour.note):
-            _log.info("%s", state.contour.note or "the contour lacks nothing any more")
-            self._log.show_event(state.contour.note or "the contour lacks nothing any more")
+            _log.info("%s", state.contour.note or "the contour lacks nothing")
+            self._log.show_event(state.contour.note or "the contour lacks nothing")
         self._contour = state.contour
 
     def _tell_alive(self, unit: str, alive: bool) -> None:
@@ -269,6 +271,14 @@ def summary(contour: Contour) -> str:
     """A contour in a line: ``5 walls, 5 corners, 1 cylinder from 44 sweeps``."""
     counted = [f"{count} {noun}{'' if count == 1 else 's'}" for noun, count in _objects(contour).items()]
     return f"{', '.join(counted)} from {contour.sweeps} sweep{'' if contour.sweeps == 1 else 's'}"
+
+
+def told_unread(logs: Mapping[str, str]) -> str:
+    """Which units' logs can't be read, and why the first of them; empty while all can."""
+    if not logs:
+        return ""
+    units = [*list(logs)[:_MOST_NAMED], *(["..."] if len(logs) > _MOST_NAMED else [])]
+    return f"the log of {', '.join(units)} can't be read: {next(iter(logs.values()))}"
 
 
 def _kind(note: str) -> str:
