@@ -95,7 +95,7 @@
       looks_back = false;
       return "";
     }
-    if (looks_back) 
+    if (looks_back)
       return `You look back ${duration(old_s)}, or the page is late: the second button at the lower left follows the present.`;
     const why = is_drawn() ? "this computer can't keep up" : "nothing is drawn any more, or this computer can't keep up";
     return `What you see is ${duration(old_s)} old: ${why}.`;
