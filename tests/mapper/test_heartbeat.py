@@ -17,9 +17,24 @@ def heartbeat(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heartbeat]:
 
 
 def test_a_mapper_that_waits_for_its_router_is_not_silent_however_long_it_waits(heartbeat: Heartbeat) -> None:
-    ServiceManager().waiting("no router")
-    assert heartbeat.silent_s(1000.0) == 0.0
-    assert heartbeat.silent_s(9000.0) == 0.0
+    heartbeat.begin(1000.0)
+    for second in range(1001, 1400):
+        ServiceManager().waiting("no router")
+        assert heartbeat.silent_s(float(second)) == 0.0
+
+
+def test_a_mapper_that_hangs_as_it_begins_is_silent_from_its_start_on(heartbeat: Heartbeat) -> None:
+    heartbeat.begin(1000.0)
+    assert [heartbeat.silent_s(1000.0 + 0.5 * look) for look in range(1, 63)][-1] == 31.0
+    assert not heartbeat.is_ready
+
+
+def test_a_mapper_that_is_ready_makes_no_progress_by_waiting(heartbeat: Heartbeat) -> None:
+    manager = ServiceManager()
+    manager.serving("all is well")
+    assert heartbeat.silent_s(1000.0) == 0.0 and heartbeat.is_ready
+    manager.waiting("no router")
+    assert heartbeat.silent_s(1000.5) == 0.5
 
 
 def test_a_mapper_that_makes_no_progress_is_silent_from_its_last_ping_on(heartbeat: Heartbeat) -> None:
@@ -45,5 +60,5 @@ def test_what_the_process_before_has_sent_is_forgotten(heartbeat: Heartbeat) -> 
     manager.serving("all is well")
     heartbeat.silent_s(1000.0)
     manager.serving("all is well")
-    heartbeat.begin()
-    assert heartbeat.silent_s(5000.0) == 0.0
+    heartbeat.begin(1001.0)
+    assert (heartbeat.silent_s(1001.5), heartbeat.is_ready) == (0.5, False)

@@ -16,25 +16,25 @@ class Heartbeat:
         self._receiver = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._receiver.bind("")  # the kernel chooses an abstract address, which begins with a zero byte
         self.address = "@" + self._receiver.getsockname()[1:].decode()
-        self._silent_s: float | None = None
-        self._looked_at_s = 0.0
+        self.is_ready = False
+        self._silent_s = self._looked_at_s = 0.0
 
-    def begin(self) -> None:
+    def begin(self, now_s: float) -> None:
         """Forget the process before."""
         self._messages()
-        self._silent_s = None
+        self.is_ready, self._silent_s, self._looked_at_s = False, 0.0, now_s
 
     def silent_s(self, now_s: float) -> float:
-        """For how long the process has made no progress; 0 until it is ready, which takes as long as its router does.
+        """For how long the process has made no progress. Until it is ready, to wait for a router is progress too.
 
         Of the time between two calls LONGEST_LOOK_S counts at most.
         """
-        if any("WATCHDOG=1" in message.splitlines() for message in self._messages()):
-            self._silent_s = 0.0
-        elif self._silent_s is not None:
-            self._silent_s += min(now_s - self._looked_at_s, LONGEST_LOOK_S)
+        told = {line.partition("=")[0] for message in self._messages() for line in message.splitlines()}
+        self.is_ready = self.is_ready or "READY" in told
+        progress = "WATCHDOG" in told or (not self.is_ready and "EXTEND_TIMEOUT_USEC" in told)
+        self._silent_s = 0.0 if progress else self._silent_s + min(now_s - self._looked_at_s, LONGEST_LOOK_S)
         self._looked_at_s = now_s
-        return self._silent_s or 0.0
+        return self._silent_s
 
     def close(self) -> None:
         """Listen no more."""

@@ -26,6 +26,7 @@ from noctule_mapper.sharing.heartbeat import Heartbeat
 
 _ASK_AGAIN_S = 0.5
 HANGS_AFTER_S = 30.0  # without progress, while this process ran
+_STARTS_WITHIN_S = 300.0  # in the same way: a large store is read, and its map made
 
 _log = logging.getLogger(__name__)
 
@@ -73,7 +74,8 @@ class SiteProcess:
         if self._process is not None and not self._process.is_alive():
             self._note_end(self._process, mine, now_s)
         if self._process is not None:
-            if (silent_s := self._heartbeat.silent_s(now_s)) >= self._hangs_after_s:
+            silent_s = self._heartbeat.silent_s(now_s)
+            if silent_s >= (self._hangs_after_s if self._heartbeat.is_ready else _STARTS_WITHIN_S):
                 _log.error("the mapper of site %s has made no progress for %.0f s: it is killed", self.site, silent_s)
                 self._process.kill()
             elif not mine:
@@ -108,7 +110,7 @@ class SiteProcess:
 
     def _start(self, now_s: float) -> None:
         _log.info("maps site %s", self.site)
-        self._heartbeat.begin()
+        self._heartbeat.begin(now_s)
         process = self._context.Process(
             target=map_site,
             args=(self._settings, self._log_format, self._heartbeat.address),
