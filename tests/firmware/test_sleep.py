@@ -19,7 +19,7 @@ def millions_of_instructions(duration_s: int) -> float:
     return float(rate[1]) * duration_s
 
 
-# firmware/README.md, Layout: millions of instructions/s, and a tenth more for rounding
+# firmware/README.md, Layout: millions of instructions/s, and a little more for rounding
 MOST_WHILE_IDLE = 0.075
 
 

@@ -20,6 +20,7 @@ from noctule.messages_pb2 import Sweep
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.log_file import Arrival, Committed, LogFile, Retention
 from noctule_gateway.log.look import look_at_all
+from noctule_gateway.log.repair import repair
 from noctule_gateway.log.sweep_log import SweepLog
 
 KEEP_ALL = Retention()
@@ -227,12 +228,28 @@ def test_the_log_of_another_unit_is_refused_in_words_and_not_gone_on_with(
     with opened(tmp_path / "u1.sqlite") as log:
         (result,) = append(log, arrival(3))
         assert isinstance(result, LogError)
-        assert "holds sweeps of unit 'u2': put the file of unit 'u1' back in its place" in log.state.error
+        assert "holds sweeps of unit 'u2': stop the gateway and put all files of unit 'u1' back" in log.state.error
         with pytest.raises(LogError, match="of unit 'u2'"):
             read(log)
     assert (tmp_path / "u1.sqlite").read_bytes() == before
     (look,) = (each for each in look_at_all(tmp_path) if each.unit == "u1")
-    assert look.trouble == "the file is damaged: it holds sweeps of u2"
+    assert (look.trouble, look.strangers, look.is_sound) == ("", ("u2",), False)
+    assert str(look).endswith("; it holds sweeps of u2")
+    assert not any(each.set_aside for each in repair(tmp_path, []))  # they may be all that there is of u2's
+
+
+def test_a_log_that_is_exchanged_for_another_units_is_not_read_as_this_ones(tmp_path: Path) -> None:
+    for unit in ("u1", "u2"):
+        with opened(tmp_path / f"{unit}.sqlite") as log:
+            append(log, *(arrival(number, unit=unit) for number in range(3)))
+    with opened(tmp_path / "u1.sqlite") as log:
+        append(log, arrival(3))
+        for suffix in ("", "-head"):
+            (tmp_path / f"u2.sqlite{suffix}").replace(tmp_path / f"u1.sqlite{suffix}")
+        (failed,) = append(log, arrival(4))
+        assert isinstance(failed, LogError)
+        with pytest.raises(LogError):
+            read(log)
 
 
 @pytest.mark.parametrize(

@@ -77,6 +77,13 @@ def bar(shown: Page) -> str:
     return found.inner_text() if found.is_visible() else ""
 
 
+RED, BLUE = "rgb(179, 38, 30)", "rgb(47, 93, 138)"
+
+
+def colour(shown: Page) -> str:
+    return shown.locator("#noctule-stale").evaluate("bar => getComputedStyle(bar).backgroundColor")
+
+
 def pass_time(shown: Page) -> bool:
     """Two seconds for the page's clock, after which it looks once."""
     shown.clock.run_for(2_000)
@@ -96,6 +103,9 @@ def test_the_page_says_when_its_relay_is_frozen_and_when_it_is_gone_and_loads_ag
         relay.silent_s = 32.0  # as long as it takes the viewer to notice, see test_pulse.py
         told = "The relay has not answered for 32 s: this page shows the past."
         wait_until(lambda: pass_time(shown) and bar(shown) == told, "a frozen relay is not told")
+        shown.keyboard.press(" ")  # who touches the page looks back no more than before
+        pass_time(shown)
+        assert (bar(shown), colour(shown)) == (told, RED)
         relay.silent_s = 0.0
         wait_until(lambda: pass_time(shown) and not bar(shown), "a relay that answers again is not told")
     wait_until(lambda: pass_time(shown) and bar(shown), "a relay that is gone is not told")
@@ -124,6 +134,7 @@ def test_the_page_says_how_old_what_it_shows_is_and_whether_somebody_looks_back(
         drawn(shown, ago_s=7_300.0)
         back = "You look back 2 h, or the page is late: the second button at the lower left follows the present."
         wait_until(lambda: bar(shown) == back, "who looks back is not told")
+        assert colour(shown) == BLUE
         drawn(shown, ago_s=1.0)
         wait_until(lambda: bar(shown) == "", "a page that shows the present is called old")
 
@@ -145,6 +156,26 @@ def test_a_page_that_is_far_behind_loads_again_unless_somebody_looks_back(files:
         drawn(shown, ago_s=1_000.0)
         with shown.expect_event("load"):
             pass_time(shown)
+
+
+def test_a_page_that_nobody_sees_is_not_called_old_and_loads_again_when_far_behind(
+    files: tuple[str, int], shown: Page
+) -> None:
+    (port,) = free_ports(1)
+    relay = Relay()
+    shown.clock.install()
+    with served(port, files, relay):
+        with shown.expect_response("**/noctule/alive"):
+            shown.goto(f"http://127.0.0.1:{port}/?url=x")
+            pass_time(shown)
+        shown.evaluate("Object.defineProperty(document, 'hidden', { value: true })")
+        for _ in range(60):  # two minutes
+            pass_time(shown)
+        assert (bar(shown), shown.title()) == ("", "Noctule")
+        relay.drawn_s = time.time() + PATIENCE_S * 10
+        with shown.expect_event("load"):
+            for _ in range(120):
+                pass_time(shown)
 
 
 def test_the_page_says_when_nothing_comes_from_its_relay(files: tuple[str, int], shown: Page) -> None:

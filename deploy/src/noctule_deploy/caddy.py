@@ -34,7 +34,7 @@ def caddyfile(viewer: Viewer, web: Web) -> str:
 			path /
 			not query url=*
 		}}
-		redir @bare /?url={relay}&theme=dark&hide_welcome_screen
+		redir @bare /?url={relay}
 		@reads path {_READS}
 		reverse_proxy @reads h2c://127.0.0.1:{viewer.port} {{
 			flush_interval -1

@@ -9,8 +9,8 @@ class NoctuleError(Exception):
 
 def in_words(error: Exception) -> str:
     """What a command says of an error: of one of the system's which file it is, without Python's number."""
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
     return str(error)
 
 

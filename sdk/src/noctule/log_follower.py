@@ -280,6 +280,7 @@ class LogFollower:
                 unit.asks.succeeded()
             else:  # nobody serves the unit, or its gateway has refused the question: not at once again
                 unit.asks.failed()
+                unit.asks.told = ""
             unit.standing = Standing.ANSWERS
         except Exception as error:  # a panic of Zenoh is none, and ends the thread
             of_log = error is answer.error or isinstance(error, BusError)

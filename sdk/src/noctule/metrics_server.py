@@ -97,7 +97,7 @@ class _Server(ThreadingMixIn, TCPServer):
             self._free.release()
 
     def handle_error(self, _request: Any, _client_address: Any) -> None:
-        if not isinstance(sys.exception(), OSError):  # who asked went away
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):  # who asked went away
             _log.exception("a scrape failed")
 
 

@@ -51,16 +51,21 @@ class UnitReader:
         next_sequence = self.cursor.log_sequence + 1
         for sweep in live:
             if sweep.log_id != self.cursor.log_id or sweep.log_sequence > next_sequence:
-                self._commit(following)
+                self._take(following)
                 return False
             if sweep.log_sequence == next_sequence:
                 following.append(sweep)
                 next_sequence += 1
-                self._remember(sweep)
             elif self._latest.get(sweep.log_sequence, (found := _hash(sweep))) != found:
                 self._refuse_second(sweep)
-        self._commit(following)
+        self._take(following)
         return True
+
+    def _take(self, live: Sequence[Sweep]) -> None:
+        self._commit(live)
+        self._latest.update((sweep.log_sequence, _hash(sweep)) for sweep in live)
+        while len(self._latest) > _LATEST:
+            del self._latest[next(iter(self._latest))]
 
     def read(self, records: LogRecords, asked: Cursor) -> bool:
         """Deliver what a reply of the log holds, asked for when the cursor was ``asked``; whether the log has more.
@@ -94,18 +99,14 @@ class UnitReader:
             self._pass_over(records)
         return self.cursor.log_sequence < records.head
 
-    def _remember(self, live: Sweep) -> None:
-        self._latest[live.log_sequence] = _hash(live)
-        if len(self._latest) > _LATEST:
-            del self._latest[next(iter(self._latest))]
-
     def _refuse_second(self, sweep: Sweep) -> None:
         self._counts["refused"] += 1
         if not self._told_twice:
             self._told_twice = True
             _log.error(
                 "unit %s: two different sweeps came live as number %d of log %s, and the first was taken: somebody "
-                "else publishes on the unit's key; certificates keep strangers out",
+                "else publishes on the unit's key, from which certificates keep strangers, or its log was restored "
+                "from a copy",
                 self.unit,
                 sweep.log_sequence,
                 sweep.log_id,

@@ -12,7 +12,7 @@ def url(bind: str, port: int) -> str:
 
 def page(bind: str, port: int, web_port: int) -> str:
     """What to open in a browser."""
-    return f"http://{bind}:{web_port}/?url={quote(url(bind, port), safe='')}&theme=dark&hide_welcome_screen"
+    return f"http://{bind}:{web_port}/?url={quote(url(bind, port), safe='')}"
 
 
 DEFAULT_URL = url(DEFAULT_BIND, DEFAULT_PORT)

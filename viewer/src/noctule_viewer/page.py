@@ -4,8 +4,10 @@ Rerun's own server gives the files. This one, in front of it, forbids the browse
 """
 
 import json
+import logging
 import re
 import secrets
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -17,10 +19,13 @@ from pathlib import Path
 from shutil import copyfileobj
 from socketserver import ThreadingTCPServer
 from time import time
-from typing import cast
+from typing import Any, cast
 from urllib.parse import quote
 
+_log = logging.getLogger(__name__)
+
 _SOURCE_TIMEOUT_S = 10.0
+_QUIET_S = 60.0  # after which a connection that asks nothing is closed
 ALIVE = "/noctule/alive"
 PAGE_MEMORY = "1GB"
 """What a page takes at the most: beyond it the oldest is dropped. The whole of a relay's history fits in."""
@@ -89,6 +94,10 @@ class _Server(ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
+    def handle_error(self, _request: Any, _client_address: Any) -> None:
+        if not isinstance(sys.exception(), ConnectionError | TimeoutError):  # who asked went away
+            _log.exception("a part of the page was not sent")
+
     def __init__(self, address: tuple[str, int], source: tuple[str, int], relay: str, state: State) -> None:
         self.source, self.relay, self.state = source, relay, state
         self.run = secrets.token_hex(8)  # of this program, by which a page knows that it was started again
@@ -96,6 +105,8 @@ class _Server(ThreadingTCPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
+    timeout = _QUIET_S
+
     def do_GET(self) -> None:
         server = cast(_Server, self.server)
         if self.path.partition("?")[0] == ALIVE:

@@ -78,27 +78,31 @@
     show();
   }
 
+  // The words of the bar and its colour; no words where nothing is wrong.
   function age() {
     const now_ms = Date.now();
     if (relay_is_silent || unanswered >= SILENT_AFTER_LOOKS)
-      return `The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}: this page shows the past.`;
+      return [`The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}: this page shows the past.`, PAST];
+    if (document.hidden) return ["", PAST]; // a browser draws no tab that nobody sees
     if (shown_s === null) {
       const waited_s = (now_ms - opened_ms) / 1000;
+      if (waited_s < COMES_WITHIN_S) return ["", PAST];
       const why = is_drawn() ? "this computer can't keep up" : "nothing is drawn on it";
-      return waited_s < COMES_WITHIN_S
-        ? ""
-        : `Nothing has come from the relay for ${duration(waited_s)}: ${why}, or its port can't be reached from here.`;
+      return [`Nothing has come from the relay for ${duration(waited_s)}: ${why}, or its port can't be reached from here.`, PAST];
     }
-    if (!has_hours) return "";
+    if (!has_hours) return ["", PAST];
     const old_s = now_s() - shown_s;
     if (old_s < OLD_AFTER_S) {
       looks_back = false;
-      return "";
+      return ["", PAST];
     }
     if (looks_back)
-      return `You look back ${duration(old_s)}, or the page is late: the second button at the lower left follows the present.`;
+      return [
+        `You look back ${duration(old_s)}, or the page is late: the second button at the lower left follows the present.`,
+        LOOKING_BACK,
+      ];
     const why = is_drawn() ? "this computer can't keep up" : "nothing is drawn any more, or this computer can't keep up";
-    return `What you see is ${duration(old_s)} old: ${why}.`;
+    return [`What you see is ${duration(old_s)} old: ${why}.`, PAST];
   }
 
   function now_s() {
@@ -110,8 +114,9 @@
   }
 
   function is_far_behind() {
-    if (shown_s === null || !has_hours || looks_back || !is_drawn()) return false;
-    return Math.min((Date.now() - opened_ms) / 1000, now_s() - shown_s) > LOADS_AGAIN_AFTER_S;
+    if (!has_hours || looks_back || !is_drawn()) return false;
+    const behind_s = shown_s === null ? Infinity : now_s() - shown_s;
+    return Math.min((Date.now() - opened_ms) / 1000, behind_s) > LOADS_AGAIN_AFTER_S;
   }
 
   function duration(s) {
@@ -120,12 +125,12 @@
   }
 
   function show() {
-    const words = age();
+    const [words, colour] = age();
     bar.hidden = words === "";
     bar.textContent = bar.hidden || !alarms.length ? words : `${words} Now: ${alarms.join("; ")}`;
     stripe.hidden = !alarms.length;
     document.title = alarms.length ? `\u26a0 ${alarms.join("; ")}` : bar.hidden ? "Noctule" : `\u26a0 ${words}`;
-    bar.style.background = looks_back ? LOOKING_BACK : PAST;
+    bar.style.background = colour;
     const canvas = document.querySelector("canvas");
     if (!canvas) return;
     const height = bar.hidden ? 0 : bar.offsetHeight; // the page goes on below the bar: alarms are at its top

@@ -25,6 +25,11 @@ class AuditLook:
     cut: int  # files whose last line a crash has cut
     trouble: str
 
+    @property
+    def is_sound(self) -> bool:
+        """Nothing was altered."""
+        return not self.trouble
+
     def __str__(self) -> str:
         numbers = f"{self.first} to {self.last}" if self.sound else "none"
         cut = f", {self.cut} unfinished at the end of a file, as a crash leaves them" if self.cut else ""

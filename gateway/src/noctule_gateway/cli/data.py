@@ -67,5 +67,5 @@ def backup(
 def _tell(looks: "list[Look | AuditLook]") -> None:
     for each in looks:
         typer.echo(str(each))
-    if any(each.trouble for each in looks):
+    if not all(each.is_sound for each in looks):
         raise typer.Exit(1)

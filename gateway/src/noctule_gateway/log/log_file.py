@@ -224,8 +224,8 @@ class LogFile:
         unit = self._path.stem
         if rows and (found := Sweep.FromString(rows[0][7]).unit) != unit:
             raise LogError(
-                f"log {self._path} holds sweeps of unit {found!r}: put the file of unit {unit!r} back in its place, or "
-                f"stop the gateway and begin a new one: noctule-gateway repair {self._path.parent} --unit {unit}"
+                f"log {self._path} holds sweeps of unit {found!r}: stop the gateway and put all files of unit {unit!r} "
+                f"back, or begin a new log: noctule-gateway repair {self._path.parent} --unit {unit}"
             )
 
     def _agree_with_head_file(self, now: Instant) -> None:

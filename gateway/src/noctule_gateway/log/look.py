@@ -1,6 +1,6 @@
 """What a unit's log holds, every record of it checked: for the operator, by hand. It changes nothing."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,9 @@ _MOST_NAMED = 20  # damaged sweeps of one log
 
 @dataclass(frozen=True)
 class Look:
-    """What was found. ``stated``: sweeps that the log itself says it has lost; ``trouble`` is empty if all is sound."""
+    """What was found. ``stated``: sweeps that the log itself says it has lost; ``trouble``: how it is damaged, empty if
+    it is not; ``strangers``: other units whose sweeps it holds, as where the files of two units were exchanged.
+    """
 
     unit: str
     sweeps: int = 0
@@ -25,11 +27,19 @@ class Look:
     head: int = 0
     stated: int = 0
     trouble: str = ""
+    strangers: tuple[str, ...] = ()
+
+    @property
+    def is_sound(self) -> bool:
+        """All records can be read, and all are the unit's."""
+        return not self.trouble and not self.strangers
 
     def __str__(self) -> str:
         bounds = f"{self.tail} to {self.head}" if self.head >= self.tail else "none"
         lost = f", {self.stated} lost to damage before" if self.stated else ""
-        return f"{self.unit}: {self.sweeps} sound sweeps, sequences {bounds}{lost}; {self.trouble or 'all is sound'}"
+        strangers = f"it holds sweeps of {', '.join(self.strangers)}" if self.strangers else ""
+        found = "; ".join(filter(None, (self.trouble, strangers))) or "all is sound"
+        return f"{self.unit}: {self.sweeps} sound sweeps, sequences {bounds}{lost}; {found}"
 
 
 def look_at_all(data: Path, tell: Callable[[str, int, int], None] = lambda *_: None) -> list[Look]:
@@ -74,8 +84,8 @@ def _look_at(unit: str, file: Salvage) -> Look:
     log = file.log
     head, tail = (log.head, log.tail) if log else (max(sound, default=0), min(sound, default=1))
     stated = sum(gap.sequences(gap.first, gap.last) for gap in file.gaps if gap.damaged)
-    trouble = _trouble(file, bad, _missing(file, tail, head, sound, len(bad)), strangers)
-    return Look(unit, len(sound), tail, head, stated, trouble)
+    trouble = _trouble(file, bad, _missing(file, tail, head, sound, len(bad)))
+    return Look(unit, len(sound), tail, head, stated, trouble, tuple(sorted(strangers)))
 
 
 def _missing(file: Salvage, tail: int, head: int, sound: Sequence[int], bad: int) -> int:
@@ -83,14 +93,13 @@ def _missing(file: Salvage, tail: int, head: int, sound: Sequence[int], bad: int
     return max(uncovered(file.gaps, tail, head) - len(sound) - bad, 0)
 
 
-def _trouble(file: Salvage, bad: Sequence[str], missing: int, strangers: Collection[str]) -> str:
+def _trouble(file: Salvage, bad: Sequence[str], missing: int) -> str:
     more = f", and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
     troubles = [
         "its tables are not a log's" if file.strange else "",
         "its table log does not fit" if file.log is None else "",
         f"{len(bad)} more records can't be read (sweep {'; '.join(bad[:_MOST_NAMED])}{more})" if bad else "",
         f"{missing} sweeps are missing" if missing else "",
-        f"it holds sweeps of {', '.join(sorted(strangers))}" if strangers else "",
         file.integrity(),
     ]
     found = "; ".join(filter(None, troubles))

@@ -98,7 +98,10 @@ class SweepLog:
         if not self._state.log_id:  # never opened: nobody knows how far it goes
             raise LogError(self._state.error)
         with self._reader, self._reporting_damage():
-            return self._reading_file().read(first, max_records, max_bytes, self._state.head)
+            found = self._reading_file().read(first, max_records, max_bytes, self._state.head)
+        if found.log_id != self._state.log_id:  # another file has been put in its place
+            raise LogError(self._state.error or f"log {self._path} was exchanged for another")
+        return found
 
     def last_of_boot(self, boot: int) -> tuple[int, Sweep] | None:
         """Start tick and record of the newest sweep made under ``boot``, a boot_of_life; None if there is none.

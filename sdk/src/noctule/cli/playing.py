@@ -31,7 +31,8 @@ def play(
 
     They may take ``timeout_s``, then BusError is raised; None: stay. Raises OSError where there is no such file.
     """
-    file.stat()  # else a mistyped name would wait for a router
+    with file.open("rb"):  # else a mistyped name would wait for a router
+        pass
     with (
         awake.told_to_end() as over,
         joined_until(over, site, connect, tls, listen) as client,

@@ -50,7 +50,7 @@ class Board:
         self.close()
 
     def troubles(self) -> list[str]:
-        """The worst of each site where not all is well, by what was drawn last. From any thread."""
+        """The worst of each site where not all is well. From any thread."""
         return [site.worst for site in self._sites if site.worst]
 
     def close(self) -> None:
@@ -82,6 +82,8 @@ class Board:
     def _wait_for(self, recording: rr.RecordingStream) -> None:
         """Until the relay has taken what it was given: more would pile up in this process."""
         while not self._closed.wait(_ALARMS_EVERY_S):
+            for site in self._sites:
+                site.judge(site.heard())
             try:
                 recording.flush(timeout_sec=_FLUSH_TIMEOUT_S)
                 return

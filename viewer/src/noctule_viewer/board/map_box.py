@@ -52,7 +52,8 @@ def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | No
     xs, ys = zip(*points_m, strict=True)
     tight = MapBox(min(xs), min(ys), max(xs), max(ys))
     of_map = bool(map_m)
-    if before is not None and before.of_map >= of_map and tight.side_m >= _SHRINKS_BELOW * before.side_m:
+    fits = not of_map or (before is not None and tight.side_m >= _SHRINKS_BELOW * before.side_m)
+    if before is not None and before.of_map >= of_map and fits:
         return before if before.holds(tight) else _grown(before, tight)
     margin_m = max(_LEAST_MARGIN_M if of_map else _HEARD_M, _MARGIN * tight.side_m)
     return MapBox(

@@ -27,7 +27,7 @@ class SiteBoard:
     def __init__(self, plan: SitePlan, state: SiteState, under: str = "", most_tabs: int = MOST_TABS) -> None:
         self.site, self.under = plan.site, under
         self._most_tabs = most_tabs
-        self.worst = ""  # trouble, by what was drawn last
+        self.worst = ""  # trouble, by what was judged last
         self._state = state
         self._map = MapBoard(plan)
         self._health = UnitsHealth()
@@ -50,13 +50,18 @@ class SiteBoard:
         """What the site has said until now."""
         return self._state.heard()
 
+    def judge(self, heard: Heard) -> list[UnitHealth]:
+        """How the units fare, and what is the worst."""
+        units = self._health.of(heard)
+        self.worst = documents.worst(self.site, units, heard)
+        return units
+
     def entries(self, heard: Heard, elsewhere: Sequence[str] = ()) -> Entries:
         """What is due now; ``elsewhere`` are the troubles of the other sites."""
-        units = self._health.of(heard)
+        units = self.judge(heard)
         with_tabs = units[: self._most_tabs]
         self._units = tuple(unit.unit for unit in units)
         self._box = map_box.shown(heard.contour, heard.stands_m.values(), self._box)
-        self.worst = documents.worst(self.site, units, heard)
         yield from drawing.draw_alarms(self.site, units, heard, elsewhere)
         if self._is_due(_UNITS_EVERY_S, "units"):
             yield from drawing.draw_units(units, heard)
