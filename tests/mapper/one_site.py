@@ -1,6 +1,6 @@
 """A program that keeps the mapper of one site running, as ``noctule-mapper share`` does, and is quick to call it hung:
 
-``one_site.py SITE DATA ENDPOINT HANGS_AFTER_S``
+``one_site.py SITE DATA ENDPOINT HANGS_AFTER_S STARTS_WITHIN_S``
 """
 
 import sys
@@ -17,10 +17,10 @@ _STEP_S = 0.2  # as in noctule_mapper.sharing.service
 
 def main() -> None:
     """Run until the process is killed."""
-    site, data, endpoint, hangs_after_s = sys.argv[1:]
+    site, data, endpoint, *limits_s = sys.argv[1:]
     set_up(LogFormat.TEXT)
     settings = LiveSettings(site, "m1", Path(data), [endpoint], None, LiveConfig())
-    kept = SiteProcess(settings, LogFormat.TEXT, forking_context(), float(hangs_after_s))
+    kept = SiteProcess(settings, LogFormat.TEXT, forking_context(), *map(float, limits_s))
     while True:
         kept.step(mine=True, other=None, now_s=time.monotonic())
         time.sleep(_STEP_S)

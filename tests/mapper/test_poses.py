@@ -157,9 +157,9 @@ def test_a_configured_bias_has_been_measured_and_the_face_stands_off_the_axis() 
     assert (read.sigma_bias_m, read.face_offset_m, read.face_offset_sigma_m) == (0, 0.02, 0.005)
 
 
-def nats_of_the_first(away: tuple[float, float, float], is_doubted: bool) -> float:
+def nats_of_the_first(away: tuple[float, float, float], is_doubted: bool, known_to: float = 1e-3) -> float:
     """What the pose of the first of three units, each stated by tape measure, adds to the worth of a map that knows all
-    poses to 1 mm and 1 mrad, if it is ``away`` from its stated one.
+    poses to ``known_to`` metres and radians, if it is ``away`` from its stated one.
     """
     units, sigma = np.arange(3), np.tile([TAPE_M, TAPE_M, TAPE_RAD], (3, 1))
     sensors = np.zeros((3, 3))
@@ -176,7 +176,7 @@ def nats_of_the_first(away: tuple[float, float, float], is_doubted: bool) -> flo
     )
     nothing, unmoved = np.zeros((0, 3)), np.zeros((3, 3))
     shared = Shared(units, deviation(stands), sigma, unmoved, units, nothing, nothing, nothing)
-    return stated_nats(stands, shared, Errors(units, 1e-6 * np.eye(9), np.zeros((0, 9)), None))
+    return stated_nats(stands, shared, Errors(units, known_to**2 * np.eye(9), np.zeros((0, 9)), None))
 
 
 @pytest.mark.parametrize(
@@ -197,6 +197,10 @@ def test_a_wrong_pose_must_make_up_for_how_unlikely_it_was(
     spreads = np.prod(spread) / (TAPE_M**2 * TAPE_RAD)
     more = nats_of_the_first(away, is_doubted=True) - nats_of_the_first((0.0, 0.0, 0.0), is_doubted=False)
     assert more == pytest.approx(np.log(likelihood / 100 / spreads))
+
+
+def test_a_map_that_tells_nothing_of_a_wrong_pose_gains_nothing_by_that() -> None:
+    assert nats_of_the_first((0.0, 0.0, 0.0), is_doubted=True, known_to=2.0) == pytest.approx(-np.log(100))
 
 
 @pytest.mark.parametrize("seed", [5014, 5074])

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import psutil
 from mapper.live_site import SITE, live_site
-from system.processes import ROOT, Programs, wait_until
+from system.processes import ROOT, Programs, free_ports, programs, wait_until
 from system.test_shared_operations import maps_a_site
 
 from noctule.messages_pb2 import ServiceStatus
 
-HANGS_AFTER_S = 6.0  # six pings
+HANGS_AFTER_S, NEVER_S = 6.0, 1e6  # six pings
 KILLED = "it is killed"
 
 
@@ -25,7 +25,7 @@ def test_a_pause_of_all_processes_kills_no_mapper_and_a_mapper_that_alone_is_sto
     tmp_path: Path,
 ) -> None:
     with live_site(tmp_path) as site:
-        arguments = (SITE, str(tmp_path / "data"), site.endpoint, str(HANGS_AFTER_S))
+        arguments = (SITE, str(tmp_path / "data"), site.endpoint, str(HANGS_AFTER_S), str(NEVER_S))
         env = {"PYTHONPATH": str(ROOT / "tests")}
         site.running.start("keeper", sys.executable, "-m", "mapper.one_site", *arguments, env=env)
 
@@ -53,3 +53,22 @@ def test_a_pause_of_all_processes_kills_no_mapper_and_a_mapper_that_alone_is_sto
         before = len(said)
         wait_until(lambda: starts() == 2 and len(said) > before + 1, "the mapper that hangs is not replaced")
         assert site.running.log("keeper").count(KILLED) == 1
+
+
+def test_a_mapper_that_hangs_as_it_begins_is_replaced(tmp_path: Path) -> None:
+    with programs(tmp_path) as running:
+        nobody = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+        arguments = (SITE, str(tmp_path / "data"), nobody, str(NEVER_S), str(HANGS_AFTER_S))
+        env = {"PYTHONPATH": str(ROOT / "tests")}
+        running.start("keeper", sys.executable, "-m", "mapper.one_site", *arguments, env=env)
+
+        def log() -> str:
+            running.check()
+            return running.log("keeper")
+
+        wait_until(lambda: "waiting for it" in log(), "no mapper that waits for its router")
+        time.sleep(HANGS_AFTER_S + 1.0)  # to wait is not to hang
+        assert KILLED not in log()
+        next(filter(maps_a_site, processes(running))).suspend()
+        wait_until(lambda: log().count(f"maps site {SITE}") == 2, "the mapper that hangs is not replaced")
+        assert log().count(KILLED) == 1

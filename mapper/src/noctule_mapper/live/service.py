@@ -208,7 +208,7 @@ class LiveMapper:
             self._watch.detail(),
             self._troubles.detail(),
             self._intake.detail(),
-            told_unread(self._follower.unread()),
+            unread_detail(self._follower.unread()),
             self._publisher.detail(),
             "" if self._contour.walls else self._contour.note,
         )
@@ -273,7 +273,7 @@ def summary(contour: Contour) -> str:
     return f"{', '.join(counted)} from {contour.sweeps} sweep{'' if contour.sweeps == 1 else 's'}"
 
 
-def told_unread(logs: Mapping[str, str]) -> str:
+def unread_detail(logs: Mapping[str, str]) -> str:
     """Which units' logs can't be read, and why the first of them; empty while all can."""
     if not logs:
         return ""

@@ -85,7 +85,7 @@ def held_by(normal: Normal, stands: Stands, parameters: int) -> np.ndarray:
     return errors_of(known, stands, parameters).held_objects(known.covariance[:parameters, :parameters])
 
 
-def beside_poses_of(normal: Normal, parameters: int) -> np.ndarray:
+def with_poses_known(normal: Normal, parameters: int) -> np.ndarray:
     """The covariance of the objects, (parameters, parameters), if the poses and the sensors were known."""
     return np.linalg.inv(normal.own[:parameters, :parameters])
 

@@ -36,14 +36,15 @@ _BEST_STATED = (0.005, 0.005, np.radians(0.5))  # metres and radians
 
 def stated_nats(stands: Stands, shared: Shared, errors: Errors) -> float:
     """What fitted poses add to a map's worth, by what was known of them beforehand: how unlikely they are, and how much
-    of what was possible the map leaves to them (Laplace's approximation of the evidence).
+    of what was possible the map leaves to them (Laplace's approximation of the evidence), which is not more than all.
     """
     number = errors.open
     pose = stands.now[number] + shared.shift[number]
     beforehand = [_beforehand(stands, int(one), at) for one, at in zip(number, pose, strict=True)]
     width = np.array([widths for _, widths in beforehand]).ravel()
     left = errors.poses / np.outer(width, width)
-    return float(0.5 * np.linalg.slogdet(left)[1] + sum(nats for nats, _ in beforehand))
+    shares = np.minimum(np.linalg.eigvalsh(left), 1.0)
+    return float(0.5 * np.log(shares).sum() + sum(nats for nats, _ in beforehand))
 
 
 def _beforehand(stands: Stands, number: int, pose: np.ndarray) -> tuple[float, np.ndarray]:
@@ -55,7 +56,7 @@ def _beforehand(stands: Stands, number: int, pose: np.ndarray) -> tuple[float, n
     if not stands.is_doubted[number]:
         sigma = np.maximum(stands.sigma[number], _EXACT)
         return float(-0.5 * ((away[number] / sigma) ** 2).sum()), sigma
-    found = [(-_WRONG_NATS - float(far_nats(away[number][None], _ELSEWHERE_NATS)[0]), FAR)]
+    found = [(-_WRONG_NATS - float(far_pose_nats(away[number][None], _ELSEWHERE_NATS)[0]), FAR)]
     others = stands.fine[stands.fine != number]
     for other in others:
         sigma = np.maximum(stands.sigma[other], _TAPE)
@@ -64,7 +65,7 @@ def _beforehand(stands: Stands, number: int, pose: np.ndarray) -> tuple[float, n
     return max(found, key=lambda one: one[0] - np.log(one[1]).sum())
 
 
-def far_nats(away: np.ndarray, most_nats: float) -> np.ndarray:
+def far_pose_nats(away: np.ndarray, most_nats: float) -> np.ndarray:
     """How much less likely a wrong pose is that is ``away`` (n, 3) from the stated one than one beside it, (n,), by
     ``most_nats`` at most.
     """

@@ -22,7 +22,7 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.map_search import best_map, links_of, made_by
 from noctule_mapper.refinement.model_selection import determined, may_be_a_corner, sure_stretch
-from noctule_mapper.refinement.pose_errors import beside_poses_of, sensors_of
+from noctule_mapper.refinement.pose_errors import sensors_of, with_poses_known
 from noctule_mapper.refinement.pose_rounds import Final, posed
 from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
@@ -162,16 +162,16 @@ _LOOSE_M = 0.01  # so little a plateau's range weighs beside its readings
 
 
 def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfig) -> list[Reflector]:
-    """The fitted objects that the echoes determine well enough; of fine sweeps a wall beside the poses, for how these
-    lie to one another is in its error, however well its echoes agree.
+    """The fitted objects that the echoes determine well enough. A wall of fine sweeps is judged as if poses and sensors
+    were known: their errors stay in its stated covariance.
     """
-    beside_poses = replace(last.fit, held=beside_poses_of(last.normal, int(last.fit.offsets[-1])))
+    posed = replace(last.fit, held=with_poses_known(last.normal, int(last.fit.offsets[-1])))
     return [
         one
         for number, one in enumerate(last.fit.objects)
         if determined(
             one,
-            (beside_poses if isinstance(one, Line) and scene.data.has_fine else last.fit).held_covariance_of(number),
+            (posed if isinstance(one, Line) and scene.data.has_fine else last.fit).held_covariance_of(number),
             len(np.unique(scene.data.place[made_by(number, claims, last.share)])),
             scene.data,
             config,

@@ -12,7 +12,7 @@ import numpy as np
 from noctule_mapper.contour.reflectors import Crossing, Line, Reflector
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
-from noctule_mapper.refinement.poses import far_nats
+from noctule_mapper.refinement.poses import far_pose_nats
 
 Pose = np.ndarray  # (x_m, y_m, heading_rad)
 _SIGMA_M, _SIGMA_RAD = 0.02, np.radians(2.0)  # of a pose from two plateaus, in range and in direction
@@ -40,7 +40,7 @@ def relocated(
     tried = np.concatenate([pose[None], tried])
     away = tried - pose
     away[:, 2] = wrapped(away[:, 2])
-    gain = _gains(heard, pose, tried, reflectors) - far_nats(away, _MOST_FAR_NATS)
+    gain = _gains(heard, pose, tried, reflectors) - far_pose_nats(away, _MOST_FAR_NATS)
     best = int(gain.argmax())
     more = float(gain[best] - gain[0])
     return (more, tried[best]) if more > least else None

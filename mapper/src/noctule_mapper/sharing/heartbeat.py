@@ -29,9 +29,9 @@ class Heartbeat:
 
         Of the time between two calls LONGEST_LOOK_S counts at most.
         """
-        told = {line.partition("=")[0] for message in self._messages() for line in message.splitlines()}
-        self.is_ready = self.is_ready or "READY" in told
-        progress = "WATCHDOG" in told or (not self.is_ready and "EXTEND_TIMEOUT_USEC" in told)
+        said = {line.partition("=")[0] for message in self._messages() for line in message.splitlines()}
+        self.is_ready = self.is_ready or not said.isdisjoint({"READY", "WATCHDOG"})
+        progress = "WATCHDOG" in said or (not self.is_ready and "EXTEND_TIMEOUT_USEC" in said)
         self._silent_s = 0.0 if progress else self._silent_s + min(now_s - self._looked_at_s, LONGEST_LOOK_S)
         self._looked_at_s = now_s
         return self._silent_s

@@ -26,7 +26,7 @@ from noctule_mapper.sharing.heartbeat import Heartbeat
 
 _ASK_AGAIN_S = 0.5
 HANGS_AFTER_S = 30.0  # without progress, while this process ran
-_STARTS_WITHIN_S = 300.0  # in the same way: a large store is read, and its map made
+STARTS_WITHIN_S = 300.0  # in the same way: a large store is checked and read
 
 _log = logging.getLogger(__name__)
 
@@ -49,11 +49,12 @@ class SiteProcess:
         log_format: logs.LogFormat,
         context: ForkServerContext,
         hangs_after_s: float = HANGS_AFTER_S,
+        starts_within_s: float = STARTS_WITHIN_S,
     ) -> None:
         self.site = settings.site
         self.failed = 0  # how often it ended though nobody wanted that
         self._settings, self._log_format, self._context = settings, log_format, context
-        self._hangs_after_s = hangs_after_s
+        self._hangs_after_s, self._starts_within_s = hangs_after_s, starts_within_s
         self._heartbeat = Heartbeat()
         self._process: BaseProcess | None = None
         self._started_at_s = self._not_before_s = 0.0
@@ -75,7 +76,7 @@ class SiteProcess:
             self._note_end(self._process, mine, now_s)
         if self._process is not None:
             silent_s = self._heartbeat.silent_s(now_s)
-            if silent_s >= (self._hangs_after_s if self._heartbeat.is_ready else _STARTS_WITHIN_S):
+            if silent_s >= (self._hangs_after_s if self._heartbeat.is_ready else self._starts_within_s):
                 _log.error("the mapper of site %s has made no progress for %.0f s: it is killed", self.site, silent_s)
                 self._process.kill()
             elif not mine:
