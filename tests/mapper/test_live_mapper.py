@@ -316,12 +316,12 @@ def test_the_status_says_whose_log_can_not_be_read_and_why(site: LiveSite) -> No
     sick = session.declare_queryable(keys.log(SITE, "u9"), lambda query: query.reply_err(b"its disk is gone"))
     served = session.liveliness().declare_token(keys.alive(SITE, "u9"))
     site.start_mapper()
-    wait_until(
-        lambda: statuses and "the log of u9 can't be read: " in statuses[-1].detail, "the status does not say it"
-    )
+    told = "the log of u9 can't be read: "
+    wait_until(lambda: statuses and told in statuses[-1].detail, "the status does not say it")
     assert "its disk is gone" in statuses[-1].detail
     sick.undeclare()
     served.undeclare()
+    wait_until(lambda: told not in statuses[-1].detail, "the status still says it")
 
 
 def test_the_first_echo_of_an_uncalibrated_sensor_makes_a_map_with_nothing_on_it(site: LiveSite) -> None:

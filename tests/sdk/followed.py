@@ -33,6 +33,10 @@ class LoggedUnit:
     def tail(self):
         return max(1, self.head - self.keep + 1)
 
+    def end(self):
+        self._queryable.undeclare()
+        self._token.undeclare()
+
     def begin_log(self, log_id):
         self.log_id, self.sweeps = log_id, []
 

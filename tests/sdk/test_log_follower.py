@@ -252,6 +252,15 @@ def test_whose_log_can_not_be_read_and_why_is_told_as_long_as_it_can_not(open_se
     store.wait_for(lambda stored: stored.of("u1") == stored.of("u2") == [1])
 
 
+def test_a_log_that_nobody_serves_any_more_is_not_called_unreadable(open_session, follow):
+    sick = LoggedUnit(open_session(), "u1")
+    sick.trouble = "its disk is gone"
+    follower = follow(Store())
+    wait_until(lambda: "u1" in follower.unread(), "it is not told")
+    sick.end()
+    wait_until(lambda: not follower.unread(), "it is still told")
+
+
 def test_a_store_that_fails_is_told_in_one_line_until_it_has_taken_something(open_session, follow, caplog):
     failing = threading.Event()
     failing.set()

@@ -328,6 +328,7 @@ def contour(width_m: float) -> Contour:
 
 def test_the_picture_stands_still_while_the_map_fits_and_grows_with_it() -> None:
     alone = map_box.shown(None, [(1.0, 2.0), (3.0, 2.0)], None)
+    assert map_box.shown(None, [(1.0, 2.0), (2.0, 2.5)], alone) is alone  # each new box is a new layout
     assert alone == MapBox(-1.0, 0.0, 5.0, 4.0)  # two metres around units, before there is a map
     assert map_box.shown(contour(4.0), [(2.0, 3.0)], alone) == MapBox(-0.48, -0.48, 4.48, 3.48)
     first = map_box.shown(contour(4.0), [(2.0, 3.0)], None)

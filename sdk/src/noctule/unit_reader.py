@@ -48,22 +48,24 @@ class UnitReader:
         A live sweep may be a stranger's. Where the log's own comes too, under the same number, both are told.
         """
         following: list[Sweep] = []
+        new: dict[int, int] = {}  # hashes of these
         next_sequence = self.cursor.log_sequence + 1
         for sweep in live:
             if sweep.log_id != self.cursor.log_id or sweep.log_sequence > next_sequence:
-                self._take(following)
+                self._take(following, new)
                 return False
             if sweep.log_sequence == next_sequence:
                 following.append(sweep)
+                new[next_sequence] = _hash(sweep)
                 next_sequence += 1
-            elif self._latest.get(sweep.log_sequence, (found := _hash(sweep))) != found:
+            elif _hash(sweep) != (self._latest | new).get(sweep.log_sequence, _hash(sweep)):
                 self._refuse_second(sweep)
-        self._take(following)
+        self._take(following, new)
         return True
 
-    def _take(self, live: Sequence[Sweep]) -> None:
+    def _take(self, live: Sequence[Sweep], hashes: dict[int, int]) -> None:
         self._commit(live)
-        self._latest.update((sweep.log_sequence, _hash(sweep)) for sweep in live)
+        self._latest |= hashes
         while len(self._latest) > _LATEST:
             del self._latest[next(iter(self._latest))]
 
