@@ -9,13 +9,13 @@ import sqlite3
 import threading
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 import pytest
 from gateway.log_faults import SWEEPS, KilledLog, copied_unnoticed, faults, killed_log, known_to_head_file
 from gateway.test_sweep_log import append, arrival, opened, read
+from system.processes import two_processes
 
 from noctule import bounds, elapsed
 from noctule.elapsed import Instant
@@ -41,7 +41,7 @@ def test_flips_and_cuts_at_seeded_places_of_every_file_alter_nothing_and_stop_no
 
 @pytest.mark.soak
 def test_ten_thousand_flips_and_cuts_alter_nothing_and_stop_nothing() -> None:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         parts = list(pool.map(faults, (range(10_000 * part, 10_000 * part + 2500) for part in range(1, 5))))
     outcomes = sum((outcomes for outcomes, _ in parts), Counter[str]())
     assert outcomes == Counter(right=10_000), [each for _, wrong in parts for each in wrong][:5]

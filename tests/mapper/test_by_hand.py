@@ -1,7 +1,6 @@
 """One unit, carried through a room with a stop every metre or so: what the map of it must have."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
 
@@ -10,6 +9,7 @@ import pytest
 from mapper.by_hand import COARSE_RAD, FINE_RAD, room_with_stops, survey_by_hand
 from mapper.fixed_units import Verdict, judge_fixed
 from mapper.room import LabelledSweep, Room
+from system.processes import two_processes
 
 from noctule import bounds
 from noctule_mapper.config import MapperConfig
@@ -202,7 +202,7 @@ def _verdict(seed: int, plan: str) -> Verdict:
 
 @cache
 def verdicts(plan: str) -> list[Verdict]:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(partial(_verdict, plan=plan), range(FIRST_SEED, FIRST_SEED + ROOMS[plan])))
 
 

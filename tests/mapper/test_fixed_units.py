@@ -1,6 +1,5 @@
 """Units that stand still: what they must find of rooms that nobody has carried anything through."""
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -10,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mapper.fixed_units import Verdict, fixed_room, judge_fixed, survey_fixed
 from mapper.room import Room
+from system.processes import two_processes
 
 from noctule import bounds
 from noctule_mapper.contour.contour import Contour
@@ -98,7 +98,7 @@ def test_whatever_fine_sweeps_hear_makes_a_map(seed: int, units: int, share: flo
 
 @cache
 def verdicts() -> list[Verdict]:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(_verdict, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 

@@ -5,7 +5,6 @@ was made; a change that needs one to be looked at needs other seeds here.
 """
 
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from operator import attrgetter
 
@@ -14,6 +13,7 @@ import pytest
 from mapper.judge import Errors
 from mapper.judged_room import Run, run
 from scipy.stats import chi2
+from system.processes import two_processes
 
 pytestmark = pytest.mark.soak
 ROOMS = 200
@@ -29,7 +29,7 @@ FREEDOM = {"wall": 2, "corner": 2, "cylinder": 3}
 @cache
 def runs(kind: str) -> list[Run]:
     """A survey of each of the rooms, mapped."""
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         one: Callable[[int], Run] = partial(run, kind=kind, method="refined", calibrated=True)
         return list(pool.map(one, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 

@@ -1,7 +1,6 @@
 """Who walks by is no part of the map and takes nothing from it; what has changed for good is."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -19,6 +18,7 @@ from mapper.fixed_units import (
 from mapper.judge import alike
 from mapper.room import Room, distance_to_sides_m, survey_labelled
 from mapper.test_fixed_units import MOST_MISSED, ON_THE_WALLS, RECTANGLE
+from system.processes import two_processes
 
 from noctule_mapper.config import GridConfig
 from noctule_mapper.mapper import Mapper
@@ -225,7 +225,7 @@ def _verdict(seed: int) -> tuple[Verdict, int]:
 
 @cache
 def verdicts() -> list[tuple[Verdict, int]]:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(_verdict, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 

@@ -1,6 +1,5 @@
 """Poses as part of the fit: stated by tape measure, wrong, exchanged; and sensors that nobody has measured."""
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -22,6 +21,7 @@ from mapper.judged_poses import taped as judged
 from mapper.posed_label_fit import posed_label_fit
 from mapper.room import LabelledSweep, Room, paper_path, paper_room, survey
 from scipy.stats import chi2
+from system.processes import two_processes
 
 from noctule.messages_pb2 import Sweep
 from noctule_mapper.config import LimitConfig, SensorConfig
@@ -230,7 +230,7 @@ def test_walls_are_reported_whose_directions_only_the_poses_leave_open() -> None
 
 @cache
 def rooms() -> list[Taped]:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(judged, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 
@@ -300,7 +300,7 @@ def _wrong(seed: int, kind: str) -> tuple[bool, set[str], set[str]]:
 @pytest.mark.soak
 @pytest.mark.parametrize("kind", ["shifted", "turned", "exchanged"])
 def test_wrong_poses_are_named_where_the_room_can_tell(kind: str) -> None:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         tried = list(pool.map(_wrong, range(FIRST_SEED, FIRST_SEED + WRONG_ROOMS), [kind] * WRONG_ROOMS))
     told = [(wrong, named) for can_tell, wrong, named in tried if can_tell]
     assert len(told) > WRONG_ROOMS / 12

@@ -1,7 +1,6 @@
 """One place: what a unit alone can tell, and what it publishes where it cannot."""
 
 import json
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 
 import numpy as np
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 from mapper.fixed_units import due_alone, fixed_room, found_alone, rectangular_room, survey_fixed
 from mapper.judge import false_objects
 from mapper.room import Room
+from system.processes import two_processes
 
 from noctule import bounds
 from noctule_mapper.config import RefinementConfig
@@ -164,7 +164,7 @@ def test_whole_centimetres_from_one_place_are_touches_not_nothing() -> None:
 @cache
 def alone() -> list[tuple[int, int, tuple[str, ...]]]:
     """Of rectangular rooms: how many walls were due to one unit, how many found well enough, and what is false."""
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(_alone, range(FIRST_SEED, FIRST_SEED + RECTANGLES)))
 
 
@@ -196,7 +196,7 @@ def _any_room(seed: int) -> tuple[tuple[str, ...], int, int]:
 
 @pytest.mark.soak
 def test_one_unit_invents_nothing_in_rooms_of_any_shape() -> None:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         verdicts = list(pool.map(_any_room, range(FIRST_SEED, FIRST_SEED + ANY_ROOMS)))
     assert sum(walls for _, walls, _ in verdicts) > ANY_ROOMS / 2  # two rooms of five are right-angled
     assert sum(touches for _, _, touches in verdicts) > ANY_ROOMS

@@ -1,6 +1,5 @@
 """Units whose poses nobody has stated: found from shared walls where the room can tell, left open where it cannot."""
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache
 
@@ -18,6 +17,7 @@ from mapper.unknown_units import (
     survey_unknown,
     units_anywhere,
 )
+from system.processes import two_processes
 
 from noctule import bounds
 from noctule_mapper.contour.contour import PoseState
@@ -116,7 +116,7 @@ def test_sweeps_of_a_unit_that_has_just_been_found_do_not_date_the_contour() -> 
 
 @cache
 def rooms() -> list[Unknown]:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(unknown, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 

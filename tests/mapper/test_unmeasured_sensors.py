@@ -1,6 +1,5 @@
 """Sensors that nobody has measured: a mean error, the air's temperature, a face that stands off the axis."""
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -10,6 +9,7 @@ from mapper.fixed_units import FIXED, fixed_room, judge_fixed, survey_by_unmeasu
 from mapper.judge import corner_errors_m, corner_squares, wall_squares
 from mapper.room import LabelledSweep, Room
 from scipy.stats import chi2
+from system.processes import two_processes
 
 from noctule_mapper.config import SensorConfig
 from noctule_mapper.contour.contour import Contour
@@ -120,7 +120,7 @@ class _Judged:
 
 @cache
 def rooms() -> list[_Judged]:
-    with ProcessPoolExecutor(2) as pool:
+    with two_processes() as pool:
         return list(pool.map(_room, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 

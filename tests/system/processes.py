@@ -8,6 +8,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import TypeVar
@@ -152,6 +154,13 @@ def wait_until(condition: Callable[[], T | None], what: str, within_s: float = P
         assert time.monotonic() < deadline_s, f"{what} (waited {within_s:g} s)"
         time.sleep(every_s)
     return value
+
+
+def two_processes() -> ProcessPoolExecutor:
+    """Both processors for what takes minutes. The processes are spawned: one that is forked has its parent's sessions
+    of Zenoh without their threads, and hangs when it collects one as garbage.
+    """
+    return ProcessPoolExecutor(2, mp_context=get_context("spawn"))
 
 
 def free_ports(count: int) -> Sequence[int]:
