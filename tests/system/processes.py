@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from site import addsitedir
 from typing import TypeVar
 
 import psutil
@@ -158,9 +159,10 @@ def wait_until(condition: Callable[[], T | None], what: str, within_s: float = P
 
 def two_processes() -> ProcessPoolExecutor:
     """Both processors for what takes minutes. The processes are spawned: one that is forked has its parent's sessions
-    of Zenoh without their threads, and hangs when it collects one as garbage.
+    of Zenoh without their threads, and hangs when it collects one as garbage. To them a test's module is one of the
+    package ``tests``, as pytest names it.
     """
-    return ProcessPoolExecutor(2, mp_context=get_context("spawn"))
+    return ProcessPoolExecutor(2, get_context("spawn"), initializer=addsitedir, initargs=(str(ROOT),))
 
 
 def free_ports(count: int) -> Sequence[int]:
