@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from contextlib import suppress
 from pathlib import Path
 from typing import get_args
 
@@ -141,6 +142,14 @@ def test_a_frame_of_the_wrong_length_is_refused() -> None:
     body = bytes([frames.Result.TYPE, 1, 2, 3, 4])
     with pytest.raises(FrameError, match="Result of 4 bytes instead of 3"):
         decode(cobs.encode(body + zlib.crc32(body).to_bytes(4, "little")))
+
+
+@pytest.mark.parametrize("number", TYPES)
+def test_a_frame_of_any_length_is_read_or_refused(number: int) -> None:
+    for length in range(MAX_FRAME_BYTES + 1):
+        body = bytes([number]) + bytes(length)
+        with suppress(FrameError):
+            assert decode(cobs.encode(body + zlib.crc32(body).to_bytes(4, "little"))).TYPE == number
 
 
 def test_a_value_that_does_not_fit_is_refused_before_it_is_sent() -> None:

@@ -128,9 +128,9 @@ def _unpack_frame(frame_type: type[Frame], payload: bytes) -> Frame:
         size = start + count * _READING_BYTES
         blocks = (payload[at : at + _READING_BYTES] for at in range(start, size, _READING_BYTES))
         values["readings"] = tuple(Reading(**_unpack(Reading, block)) for block in blocks)
-    elif frame_type is Put and size < len(payload) <= size + MAX_PUT_BYTES:
-        values["data"] = payload[size:]
-        size = len(payload)
+    elif frame_type is Put:
+        values["data"] = payload[size : size + MAX_PUT_BYTES]
+        size += max(len(values["data"]), 1)
     elif frame_type is For:
         values["order"] = _unpack_order(payload[size:])
         size = len(payload)
