@@ -149,7 +149,8 @@ def test_a_frame_of_any_length_is_read_or_refused(number: int) -> None:
     for length in range(MAX_FRAME_BYTES + 1):
         body = bytes([number]) + bytes(length)
         with suppress(FrameError):
-            assert decode(cobs.encode(body + zlib.crc32(body).to_bytes(4, "little"))).TYPE == number
+            frame = decode(cobs.encode(body + zlib.crc32(body).to_bytes(4, "little")))
+            assert frame.TYPE == number
 
 
 def test_a_value_that_does_not_fit_is_refused_before_it_is_sent() -> None:
