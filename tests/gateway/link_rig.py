@@ -84,5 +84,16 @@ class Rig:
                     self.link.committed(event.sweep, self.now_s)
 
 
+def with_lost_acknowledgement() -> tuple[Rig, ModelUnit]:
+    """A link that has committed the unit's one sweep, and the unit, which still has it."""
+    unit = ModelUnit(SERIAL)
+    rig = Rig(unit)
+    rig.run(1.0)
+    sweep = unit.make_sweep(rig.now_s)
+    rig.run(0.1)
+    unit.ring.append(sweep)
+    return rig, unit
+
+
 def of_type(events: list[Event], kind: type[E]) -> list[E]:
     return [event for event in events if isinstance(event, kind)]

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from gateway.link_rig import AT_REST, PLAN, SERIAL, SWEEPING, Rig, of_type
+from gateway.link_rig import AT_REST, PLAN, SERIAL, SWEEPING, Rig, of_type, with_lost_acknowledgement
 from gateway.model_unit import ModelUnit
 
 from noctule_gateway.errors import CommandError
@@ -208,12 +208,7 @@ def test_a_unit_of_which_only_garbage_comes_is_silent_too_but_not_so_soon() -> N
 
 
 def test_what_can_not_be_read_has_the_last_acknowledgement_sent_again() -> None:
-    unit = ModelUnit(SERIAL)
-    rig = Rig(unit)
-    rig.run(1.0)
-    sweep = unit.make_sweep(rig.now_s)
-    rig.run(0.1)
-    unit.ring.append(sweep)  # as if the acknowledgement had been lost
+    rig, unit = with_lost_acknowledgement()
     rig.link.receive(b"\x05garbage\x00", rig.now_s)
     unit.receive(rig.link.output(rig.now_s), rig.now_s)
     assert not unit.ring

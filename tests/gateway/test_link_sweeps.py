@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from gateway.bad_line import Faults
-from gateway.link_rig import AT_REST, SERIAL, SWEEPING, Rig, of_type
+from gateway.link_rig import AT_REST, SERIAL, SWEEPING, Rig, of_type, with_lost_acknowledgement
 from gateway.model_unit import ModelUnit
 
 from noctule_gateway.link.enquiries import HELLO_EVERY_S, QUICK_CLOCKS
@@ -58,12 +58,8 @@ def test_over_a_bad_line_every_order_is_carried_out_exactly_once(seed: int) -> N
 
 
 def test_a_sweep_that_comes_again_is_acknowledged_again_and_not_committed_again() -> None:
-    unit = ModelUnit(SERIAL)
-    rig = Rig(unit)
-    rig.run(1.0)
-    sweep = unit.make_sweep(rig.now_s)
-    rig.run(0.1)
-    unit.ring.append(sweep)  # as if the acknowledgement had been lost
+    rig, unit = with_lost_acknowledgement()
+    (sweep,) = unit.ring
     rig.run(1.0)
     assert rig.committed == [sweep]
     assert rig.link.counts.sweeps_repeated == 1

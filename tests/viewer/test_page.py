@@ -90,6 +90,13 @@ def pass_time(shown: Page) -> bool:
     return True
 
 
+def open_and_look(shown: Page, port: int) -> None:
+    """Until the page has asked its server once."""
+    with shown.expect_response("**/noctule/alive"):
+        shown.goto(f"http://127.0.0.1:{port}/?url=x")
+        pass_time(shown)
+
+
 def test_the_page_says_when_its_relay_is_frozen_and_when_it_is_gone_and_loads_again_with_a_new_one(
     files: tuple[str, int], shown: Page
 ) -> None:
@@ -97,9 +104,7 @@ def test_the_page_says_when_its_relay_is_frozen_and_when_it_is_gone_and_loads_ag
     relay = Relay()
     shown.clock.install()
     with served(port, files, relay):
-        with shown.expect_response("**/noctule/alive"):
-            shown.goto(f"http://127.0.0.1:{port}/?url=x")
-            pass_time(shown)
+        open_and_look(shown, port)
         relay.silent_s = 32.0  # as long as it takes the viewer to notice, see test_pulse.py
         told = "The relay has not answered for 32 s: this page shows the past."
         wait_until(lambda: pass_time(shown) and bar(shown) == told, "a frozen relay is not told")
@@ -165,9 +170,7 @@ def test_a_page_that_nobody_sees_is_not_called_old_and_loads_again_when_far_behi
     relay = Relay()
     shown.clock.install()
     with served(port, files, relay):
-        with shown.expect_response("**/noctule/alive"):
-            shown.goto(f"http://127.0.0.1:{port}/?url=x")
-            pass_time(shown)
+        open_and_look(shown, port)
         shown.evaluate("Object.defineProperty(document, 'hidden', { value: true })")
         for _ in range(60):  # two minutes
             pass_time(shown)
@@ -182,9 +185,7 @@ def test_the_page_says_when_nothing_comes_from_its_relay(files: tuple[str, int],
     (port,) = free_ports(1)
     shown.clock.install()
     with served(port, files, Relay()):
-        with shown.expect_response("**/noctule/alive"):
-            shown.goto(f"http://127.0.0.1:{port}/?url=x")
-            pass_time(shown)
+        open_and_look(shown, port)
         assert bar(shown) == ""
         begins = "Nothing has come from the relay for "
         wait_until(lambda: pass_time(shown) and bar(shown).startswith(begins), "an empty page is not told")

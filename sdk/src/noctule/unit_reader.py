@@ -45,7 +45,8 @@ class UnitReader:
     def take(self, live: Sequence[Sweep]) -> bool:
         """Deliver those of ``live`` that follow on; False where the log must be asked for what lies between.
 
-        A live sweep may be a stranger's. Where the log's own comes too, under the same number, both are told.
+        A live sweep may be a stranger's. Where the log's own comes too, under the same number, that is
+        counted and logged.
         """
         following: list[Sweep] = []
         new: dict[int, int] = {}  # hashes of these

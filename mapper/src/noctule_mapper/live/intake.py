@@ -43,7 +43,7 @@ class SweepIntake:
         self._counts = Counter(sweeps_taken=0, sweeps_taken_out=0, sweeps_set_aside=len(self._aside))
 
     def recall(self) -> list[SweepReadings]:
-        """What the store holds and can be mapped, at the start: what is wrong with the rest is told."""
+        """What the store holds and can be mapped, at the start; the log and the status say why the rest can't."""
         if self._store.damage:
             self._troubles.begin("store", self._store.damage)
         for unit, identity, reason in self._store.sweeps_set_aside()[-1:]:
