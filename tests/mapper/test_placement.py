@@ -12,6 +12,7 @@ from mapper.room import Room
 from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, judged_room, rectangle, units_anywhere
 
 from noctule_mapper.config import MapperConfig
+from noctule_mapper.contour.contour import PoseState
 from noctule_mapper.placement.hypotheses import Hypothesis
 from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
 from noctule_mapper.placement.joint_search import joined
@@ -26,6 +27,7 @@ from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.silence import silence_nats, surroundings
 from noctule_mapper.placement.unit_views import UnitView, view_of
 from noctule_mapper.placement.unknown_poses import LEAST_MARGIN_NATS, find_poses
+from noctule_mapper.placement.unplaced import Unplaced
 
 EXACTLY = np.zeros((3, 3))
 ALL_AROUND_DEG = np.arange(-180.0, 180.0, 4.5)
@@ -137,10 +139,22 @@ def deaf(view: UnitView) -> UnitView:
     return replace(view, **{name: np.zeros(0) for name in heard})
 
 
-def test_a_unit_of_which_some_sweeps_state_no_pose_stays_open_where_these_hear_nothing() -> None:
-    own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
-    found, left_open = find_poses([own, other], [deaf(own.view)])
-    assert (found, [one.unit for one in left_open]) == ([], ["u1"])
+@pytest.mark.parametrize("others", [0, 1, 4])
+def test_a_unit_of_which_some_sweeps_state_no_pose_stays_open_where_these_hear_nothing(others: int) -> None:
+    poses = NEAR_ITS_MIDDLE[: 1 + others]
+    known = [one.sweep for one in survey_fixed(IRREGULAR, poses, np.random.default_rng(1))]
+    unplaced = Unplaced()
+    for sweep in (one for one in known if one.unit == "u1"):
+        nothing = np.full_like(sweep.range_m, np.nan)
+        unplaced.take(replace(sweep, range_m=nothing, no_echo=np.ones_like(sweep.no_echo), sigma_position_m=100.0))
+    assert unplaced.seek(known, MapperConfig()) == []
+    (left_open,) = unplaced.published([])
+    assert (left_open.unit, left_open.state) == ("u1", PoseState.OPEN)
+
+
+def test_a_unit_that_stands_alone_stays() -> None:
+    alone = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:1]
+    assert improved(arrangement(alone), [alone[0].view], 0, Pairs()).placed == tuple(alone)
 
 
 def test_beside_a_unit_that_hears_nothing_no_pose_stands_out() -> None:

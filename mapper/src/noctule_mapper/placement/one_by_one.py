@@ -41,7 +41,11 @@ def improved(hypothesis: Hypothesis, views: Sequence[UnitView], fixed: int, pair
 
 
 def _moves(placed: Sequence[PlacedUnit], view: UnitView, fixed: int, pairs: Pairs) -> Iterator[tuple[PlacedUnit, ...]]:
-    """The arrangement with one unit at the best other place, and with it nowhere, where that may be worth more."""
+    """The arrangement with one unit at the best other place, and with it nowhere, where that may be worth more. No unit
+    tells one that stands alone to move.
+    """
+    if all(one.view.unit == view.unit for one in placed):
+        return
     around = _others(placed, view.unit)
     here, elsewhere = _standings(placed, view, around, pairs)
     here_nats = max((one.worth_nats for one in here), default=0.0)

@@ -50,7 +50,9 @@ class OpenPose:
 
 
 def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tuple[list[FoundPose], list[OpenPose]]:
-    """The poses of the ``unknown`` units that the walls tell, and the units whose poses stay open."""
+    """The poses of the ``unknown`` units that the walls tell, and the units whose poses stay open. All have names of
+    their own.
+    """
     if not known:
         return [], [OpenPose(view.unit, "no unit of the site has a known pose") for view in unknown]
     pairs = Pairs()

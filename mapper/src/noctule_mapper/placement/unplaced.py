@@ -69,7 +69,7 @@ class Unplaced:
         from noctule_mapper.placement.unknown_poses import find_poses
 
         self._sought_with = frozenset(heard_by)
-        known = [one for own in by_stand.values() if (one := _placed(own, config)) is not None]
+        known = [one for own in enumerate(by_stand.values()) if (one := _placed(*own, config)) is not None]
         views = {unit: view_of(unit, own, config) for unit, own in waiting.items()}
         found, left_open = find_poses(known, [view for view in views.values() if view is not None])
         self._why = {unit: _COARSE for unit, view in views.items() if view is None}
@@ -158,8 +158,10 @@ def _by_stand(sweeps: Iterable[SweepReadings]) -> dict[tuple[object, ...], list[
     return by_stand
 
 
-def _placed(sweeps: Sequence[SweepReadings], config: MapperConfig) -> PlacedUnit | None:
-    view, first = view_of(sweeps[0].unit, sweeps, config), sweeps[0]
+def _placed(stand: int, sweeps: Sequence[SweepReadings], config: MapperConfig) -> PlacedUnit | None:
+    """The unit as it stands there: another than itself at other stands, or than the one of it that is sought."""
+    first = sweeps[0]
+    view = view_of(f"{first.unit} at stand {stand}", sweeps, config)
     if view is None:
         return None
     sigmas = [first.sigma_position_m, first.sigma_position_m, first.sigma_heading_rad]
