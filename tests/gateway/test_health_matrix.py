@@ -101,6 +101,12 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
         (70319, 29, "moved 20 cm"),  # ranges jumped: both explain the same marks
         (70275, 30, "moved 20 cm and turned 20 degrees"),  # ranges jumped: by more than any air does
         (70313, 30, "moved 20 cm and turned 20 degrees"),  # slipped, after it was named
+        (41003, 12, "ranges 3 % longer"),  # moved: all four marks are 3 % farther, within 97 degrees
+        (41463, 14, "ranges 6 cm longer"),  # moved: four marks within 86 degrees
+        (40085, 14, "ranges 6 cm longer"),  # moved: the sweep in which it began has some marks where they were
+        (40235, 12, "ranges 3 % longer"),  # late: of a mark's two readings one is a false echo
+        (30318, 13, "ranges 3 % shorter"),  # late: of a mark's eight readings two are false and four lost
+        (40165, 29, "moved 20 cm"),  # ranges jumped: three marks are 7 % nearer, a fourth by 1 %
     ],
 )
 def test_what_once_had_a_wrong_name_or_a_late_one_has_its_own_in_time(seed: int, draw: int, name: str) -> None:

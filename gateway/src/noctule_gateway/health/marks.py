@@ -12,36 +12,62 @@ from noctule_gateway.health.readings import Readings
 
 _ONE_REFLECTOR_M = 0.03
 _LEAST_HEARD = 2
+_ALIKE_M = 0.012  # readings of one reflector: noise of 3 mm, and a cycle of 40 kHz late, 4.3 mm
+_ALONE_M, _TOGETHER_M = 0.0043, 0.002  # what each reading of a mark errs by, and all of them together
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A mark in the last sweeps: its direction, its range in the past, and how much longer it is now."""
+    """A mark in the last sweeps: its direction, its range in the past, and how much longer it is now, by ``heard``
+    readings that agree.
+    """
 
     direction_rad: float
     range_m: float
     longer_m: float
+    heard: int
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of ``longer_m``."""
+        return math.sqrt(_TOGETHER_M**2 + _ALONE_M**2 / self.heard)
 
 
 def marks_of(sweeps: Sequence[Readings], past: Past, off: int = 0) -> list[Mark]:
-    """The past's marks that two readings hear, and more than a third of all; ``longer_m`` is their median.
+    """The past's marks that two readings hear which agree, and more than a third of one sweep's.
 
     A motion also moves a mark by a bearing, so that half of a short run's readings may be silent. ``off`` is in half
     steps between bearings: a reading looks where the past looked that much farther on.
     """
     found = []
     for run in runs_of(past):
-        longer = [
-            sweep.range_m[n - off // 2] - past.median_m[n]
+        longer_m = [
+            [
+                sweep.range_m[n - off // 2] - past.median_m[n]
+                for n in run
+                if 0 <= n - off // 2 < len(sweep.range_m) and not math.isnan(sweep.range_m[n - off // 2])
+            ]
             for sweep in sweeps
-            for n in run
-            if 0 <= n - off // 2 < len(sweep.range_m) and not math.isnan(sweep.range_m[n - off // 2])
         ]
-        if len(longer) < _LEAST_HEARD or len(longer) * 3 <= len(run) * len(sweeps):
+        agree = _most_alike(longer_m)
+        if len(agree) < _LEAST_HEARD or len(agree) * 3 <= len(run):
             continue
         direction_rad = sum(sweeps[-1].bearing_rad[n] for n in run) / len(run)
-        found.append(Mark(direction_rad, median(past.median_m[n] for n in run), median(longer)))
+        range_m = median(past.median_m[n] for n in run)
+        found.append(Mark(direction_rad, range_m, median(agree), len(agree)))
     return found
+
+
+def _most_alike(by_sweep: Sequence[Sequence[float]]) -> list[float]:
+    """Of all sweeps the readings beside the one of the last sweep that has the most of that sweep beside it, or of all
+    sweeps where it has less than two: the others may be of before the fault began.
+    """
+    every = [one for each in by_sweep for one in each]
+    for among in (by_sweep[-1], every):
+        middle = max(among, key=lambda one: sum(abs(one - other) <= _ALIKE_M for other in among), default=math.nan)
+        if sum(abs(middle - other) <= _ALIKE_M for other in among) >= _LEAST_HEARD:
+            return [one for one in every if abs(middle - one) <= _ALIKE_M]
+    return []
 
 
 def runs_of(past: Past) -> list[list[int]]:

@@ -4,8 +4,10 @@ From a unit that has moved by d, a reflector in the direction u is nearer by d .
 point, is farther than that by (d x u)^2 / 2 r. Air that is warmer, or a sensor's clock that runs off, changes all
 ranges by one share, a sensor that answers late by one length. A wardrobe or a door changes one mark or two.
 
-The likelihood of a mark: a share of 0.15 is anywhere within 30 cm, since somebody moved something there; the others
-scatter by 4 mm about what the explanation says. An explanation pays for what it could have explained else.
+The likelihood of a mark: a share of 0.15 is anywhere within 30 cm, since somebody moved something there, or it is no
+longer seen from where the unit is now; the others err by what they scatter about what the explanation says. A jump
+changes all ranges, so beside one only 0.02 are elsewhere: something would have to be moved in the same minute. An
+explanation pays for what it could have explained else.
 """
 
 import math
@@ -16,17 +18,17 @@ from itertools import combinations
 from noctule_gateway.health.likelihood import Longer
 from noctule_gateway.health.marks import Mark
 
-_SIGMA_M = 0.004  # of a mark's median: half a cycle of 40 kHz
-_ELSEWHERE, _WITHIN_M = 0.15, 0.6
+_ELSEWHERE, _ELSEWHERE_AT_A_JUMP = 0.15, 0.02  # shares of the marks
+_WITHIN_M = 0.6
 _LEAST_ANGLE_RAD = math.radians(25.0)  # between two marks that determine a motion
-_LEAST_SPREAD_RAD = math.radians(100.0)  # of the marks that a jump explains: a motion may do as much to fewer
+_LEAST_SPREAD_RAD = math.radians(60.0)  # of the marks that a jump explains: a motion may do as much to fewer
 _LEAST_MOVED_M, _MOST_MOVED_M = 0.025, 0.5
 _LEAST_SHARE = 0.012  # of a range: 7 kelvin
 _LEAST_SHARE_ASSUMED = 0.03  # 17 kelvin: where nobody measures the air's temperature, a heating does less
 _MOST_SHARE = 0.12  # in air of -40 degrees C, told for 20, ranges are 11.8 % too long
 _LEAST_M = 0.03
 _MOTION_NATS, _JUMP_NATS, _AIR_NATS = 8.0, 4.0, 2.0  # two figures within 60 cm, one, and one that is small
-_FITS_M = 3 * _SIGMA_M
+_FITS = 3  # standard deviations of a mark
 _LEAST_MARKS = 3
 
 
@@ -47,14 +49,16 @@ def motion_of(marks: Sequence[Mark], air_measured: bool) -> Shift | None:
     """The likeliest motion; None with fewer than three marks, or where none is long enough."""
     rest, best = _rest(marks, air_measured), None
     for x_m, y_m in _motions(marks):
-        if not _LEAST_MOVED_M <= math.hypot(x_m, y_m) <= _MOST_MOVED_M:
+        moved_m, longer = math.hypot(x_m, y_m), _moved_by(x_m, y_m)
+        if not _LEAST_MOVED_M <= moved_m <= _MOST_MOVED_M:
             continue
+        off = [_off(one, longer, x_m, y_m) for one in marks]
         found = Shift(
-            _nats(marks, _moved_by(x_m, y_m), x_m, y_m) - _MOTION_NATS - rest,
-            sum(abs(_residual(one, _moved_by(x_m, y_m), x_m, y_m)) <= _FITS_M for one in marks),
-            _moved_by(x_m, y_m),
-            math.hypot(x_m, y_m),
-            f"it was moved by {100 * math.hypot(x_m, y_m):.0f} cm",
+            sum(map(_nats, marks, off)) - _MOTION_NATS - rest,
+            sum(abs(each) <= _FITS for each in off),
+            longer,
+            moved_m,
+            f"it was moved by {100 * moved_m:.0f} cm",
         )
         if best is None or found.gain > best.gain:
             best = found
@@ -76,19 +80,19 @@ def jump_of(marks: Sequence[Mark], air_measured: bool) -> Shift | None:
 def as_far(marks: Sequence[Mark], air_measured: bool) -> bool:
     """Most marks are as far as they were, in air that may have become warmer: a turn changes no range."""
     most = _least_share(air_measured)
-    return sum(abs(one.longer_m) <= _FITS_M + most * one.range_m for one in marks) * 2 >= len(marks)
+    return sum(abs(one.longer_m) <= _FITS * one.sigma_m + most * one.range_m for one in marks) * 2 >= len(marks)
 
 
 def gain_of(jump: Shift, marks: Sequence[Mark], air_measured: bool) -> float:
     """What a jump that is known gains at these marks, in nats over a unit at rest."""
-    return _nats(marks, jump.longer) - _JUMP_NATS - _rest(marks, air_measured)
+    return _jump_nats(marks, jump.longer) - _rest(marks, air_measured)
 
 
 def _better(best: Shift | None, marks: Sequence[Mark], rest: float, longer: Longer, words: str) -> Shift | None:
-    fitting = [one.direction_rad for one in marks if abs(_residual(one, longer)) <= _FITS_M]
+    fitting = [one.direction_rad for one in marks if abs(_off(one, longer)) <= _FITS]
     if len(fitting) < _LEAST_MARKS or max(fitting) - min(fitting) < _LEAST_SPREAD_RAD:
         return best
-    gain = _nats(marks, longer) - _JUMP_NATS - rest
+    gain = _jump_nats(marks, longer) - rest
     return best if best is not None and best.gain >= gain else Shift(gain, len(fitting), longer, 0.0, words)
 
 
@@ -96,8 +100,10 @@ def _rest(marks: Sequence[Mark], air_measured: bool) -> float:
     """Log likelihood of the marks where nothing has changed but the air."""
     most = _least_share(air_measured)
     shares = [one.longer_m / one.range_m for one in marks]
-    warmer = [_nats(marks, _by_share(share)) - _AIR_NATS for share in shares if abs(share) < most]
-    return max([_nats(marks, _by_share(0.0)), *warmer])
+    return max(
+        sum(_nats(one, _off(one, _by_share(share))) for one in marks) - (_AIR_NATS if share else 0.0)
+        for share in (0.0, *(each for each in shares if abs(each) < most))
+    )
 
 
 def _least_share(air_measured: bool) -> float:
@@ -111,7 +117,7 @@ def _motions(marks: Sequence[Mark]) -> Iterable[tuple[float, float]]:
         if solved is None:
             continue
         yield solved
-        fitting = [each for each in marks if abs(_residual(each, _moved_by(*solved), *solved)) <= 2 * _FITS_M]
+        fitting = [each for each in marks if abs(_off(each, _moved_by(*solved), *solved)) <= 2 * _FITS]
         if len(fitting) > 2 and (refined := _solved(fitting)) is not None:
             yield refined
 
@@ -142,16 +148,18 @@ def _by_length(length_m: float) -> Longer:
     return lambda _direction_rad, _range_m: length_m
 
 
-def _residual(mark: Mark, longer: Longer, x_m: float = 0.0, y_m: float = 0.0) -> float:
-    """Of a wall, or of a point where that fits better."""
+def _off(mark: Mark, longer: Longer, x_m: float = 0.0, y_m: float = 0.0) -> float:
+    """From what the explanation says of a wall, or of a point where that fits better; in standard deviations."""
     wall_m = mark.longer_m - longer(mark.direction_rad, mark.range_m)
     across_m = x_m * math.sin(mark.direction_rad) - y_m * math.cos(mark.direction_rad)
-    return min(wall_m, wall_m - across_m**2 / (2 * mark.range_m), key=abs)
+    return min(wall_m, wall_m - across_m**2 / (2 * mark.range_m), key=abs) / mark.sigma_m
 
 
-def _nats(marks: Sequence[Mark], longer: Longer, x_m: float = 0.0, y_m: float = 0.0) -> float:
-    peak = (1 - _ELSEWHERE) / (_SIGMA_M * math.sqrt(2 * math.pi))
-    return sum(
-        math.log(peak * math.exp(-((_residual(one, longer, x_m, y_m) / _SIGMA_M) ** 2) / 2) + _ELSEWHERE / _WITHIN_M)
-        for one in marks
-    )
+def _jump_nats(marks: Sequence[Mark], longer: Longer) -> float:
+    return sum(_nats(one, _off(one, longer), _ELSEWHERE_AT_A_JUMP) for one in marks) - _JUMP_NATS
+
+
+def _nats(mark: Mark, off: float, elsewhere: float = _ELSEWHERE) -> float:
+    """Log likelihood of a mark that is ``off`` by so many standard deviations, as a density by metre."""
+    peak = (1 - elsewhere) / (mark.sigma_m * math.sqrt(2 * math.pi))
+    return math.log(peak * math.exp(-(off**2) / 2) + elsewhere / _WITHIN_M)
