@@ -146,11 +146,14 @@ static void write_page(uint16_t generation)
     write32(crc_end(crc));
 }
 
-static void erase(uint16_t victim)
+// Both take longer than the watchdog's share of a round.
+static void erase_and_write(uint16_t victim, uint16_t generation)
 {
     watchdog_stop();
     timebase_await_early(); // a wrap that has passed unseen would set the clock back by 16.4 ms
     flash_erase(victim);
+    at = victim;
+    write_page(generation);
     watchdog_start();
 }
 
@@ -159,9 +162,7 @@ bool settings_store(void)
     uint16_t other = page == SETTINGS_FIRST_PAGE ? SETTINGS_SECOND_PAGE : SETTINGS_FIRST_PAGE;
     uint16_t generation = page == NO_PAGE ? 1 : generation_of(page) + 1;
     settings_bytes();
-    erase(other);
-    at = other;
-    write_page(generation);
+    erase_and_write(other, generation);
     if (!is_sound(other) || generation_of(other) != generation)
         return false;
     page = other;

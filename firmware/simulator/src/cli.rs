@@ -72,6 +72,10 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME=BEGIN[-END]", requires = "measure")]
     pub routine: Vec<Routine>,
 
+    /// The slowest chip that the datasheet allows: each jump waits for the prefetch engine, and flash takes its longest
+    #[arg(long)]
+    pub slowest_chip: bool,
+
     /// Print the chip's modelled registers as Markdown, and end
     #[arg(long)]
     pub registers: bool,

@@ -170,6 +170,9 @@ fn member(
     let seed = seed(arguments, index);
     let oscillator = world.oscillator();
     let mut unit = Unit::power_up(flash, world, seed, &mut *noise_of_xram(arguments, seed));
+    if arguments.slowest_chip {
+        unit.slow_down();
+    }
     if arguments.measure {
         unit.measure(&arguments.routine);
     }

@@ -34,6 +34,31 @@ fn one_instruction_runs_between_two_runs_of_a_routine_that_leaves_its_flag_up() 
 }
 
 #[test]
+fn on_the_slowest_chip_each_jump_that_is_taken_waits_for_its_target_and_movc_takes_its_longest() {
+    let program = [
+        0x53, 0xD9, 0xBF, // ANL PCA0MD,#0xBF
+        0xE4, // CLR A
+        0x70, 0x01, // JNZ: not taken
+        0x60, 0x01, 0x00, // JZ over a NOP
+        0x12, 0x00, 0x2B, // LCALL 0x002B
+        0x93, // MOVC A,@A+DPTR
+        0x80, 0xFE, // SJMP $
+    ];
+    let clocks = |slowest: bool| {
+        let mut unit = unit(&program, &[0x22]); // RET
+        if slowest {
+            unit.slow_down();
+        }
+        while unit.instructions() < 8 {
+            unit.run_until(unit.now() + 1).unwrap();
+        }
+        unit.now() / TICKS_PER_CLOCK
+    };
+    assert_eq!(clocks(false), 3 + 1 + 2 + 4 + 5 + 6 + 4 + 4);
+    assert_eq!(clocks(true), 3 + 1 + 2 + (4 + 2) + (5 + 2) + (6 + 2) + 7 + (4 + 2));
+}
+
+#[test]
 fn a_sleeping_chip_wakes_at_the_exact_tick_of_its_timer() {
     // ANL PCA0MD,#0xBF; MOV TMR2CN,#0x04; MOV IE,#0xA0; ORL PCON,#1; at the vector MOV P1,#0; NOPs
     let program = [0x53, 0xD9, 0xBF, 0x75, 0xC8, 0x04, 0x75, 0xA8, 0xA0, 0x43, 0x87, 0x01];

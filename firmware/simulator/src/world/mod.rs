@@ -159,7 +159,8 @@ impl World {
             | Fault::PowerRamp { .. }
             | Fault::ResetPin {}
             | Fault::PowerCutAtFlashOperation { .. }
-            | Fault::PcaLosesFlags {} => {}
+            | Fault::PcaLosesFlags {}
+            | Fault::MemorySpoiled { .. } => {}
         }
     }
 
