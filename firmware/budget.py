@@ -88,9 +88,10 @@ def routines(symbols: Path) -> list[str]:
 
 def simulated(image: Path, duration_s: int, *options: str) -> str:
     """What ``noctule-sim`` says at the end."""
-    command = ["noctule-sim", "--firmware", image, "--acknowledge", "--speed", "max", "--duration", str(duration_s)]
+    fixed = ["--exact-clocks", "--acknowledge", "--speed", "max", "--duration", str(duration_s)]
+    command = ["noctule-sim", "--firmware", image, *fixed, *options]
     try:
-        return subprocess.run([*command, *options], check=True, capture_output=True, text=True).stdout
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout
     except FileNotFoundError:
         raise SystemExit(
             "noctule-sim is missing: `make setup` builds it into .venv/bin, which must be on the PATH"

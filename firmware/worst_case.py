@@ -30,7 +30,7 @@ from noctule_gateway.wire.frames import (
     Sweep,
 )
 
-OPTIONS = ("--control", "--laps", "0", "--slowest-chip", "--measure")
+OPTIONS = ("--control", "--exact-clocks", "--laps", "0", "--slowest-chip", "--measure")
 # The most readings, as quick as can be.
 LONGEST_SWEEPS = Configure(2, -24576, 700, 64, 29, 800, 50, 0, 1)
 FILLING_S = 60

@@ -4,7 +4,7 @@ use super::*;
 use crate::image::{erased, flash_firmware};
 use crate::room::Room;
 use crate::room::acoustics::Scene;
-use crate::time::TICKS_PER_MS;
+use crate::time::{Oscillator, TICKS_PER_MS};
 use std::rc::Rc;
 
 pub(super) const TICKS_PER_CLOCK: Tick = 32;
@@ -17,7 +17,7 @@ pub(super) fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
     flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
     Unit::power_up(
         flash,
-        World::new(Rc::new(Scene::new(room)), 0, None, 1, 1),
+        World::new(Rc::new(Scene::new(room)), 0, Oscillator::off_by(0.0), None, 1, 1),
         1,
         &mut stream(2, Part::Memories),
     )

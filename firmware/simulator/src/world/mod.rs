@@ -75,7 +75,14 @@ pub struct Truth {
 
 impl World {
     /// The world of unit `index`, counted from 0, at power-up: the sensor looks anywhere, by the seed.
-    pub fn new(scene: Rc<Scene>, index: usize, air: Option<Rc<Air>>, laps: usize, seed: u64) -> Self {
+    pub fn new(
+        scene: Rc<Scene>,
+        index: usize,
+        oscillator: Oscillator,
+        air: Option<Rc<Air>>,
+        laps: usize,
+        seed: u64,
+    ) -> Self {
         let mut rng = stream(seed, Part::World);
         let gear = scene.room().gear(index);
         let reach_rad = POWER_UP_RANGE_RAD.min(gear.stop_deg.to_radians());
@@ -87,7 +94,6 @@ impl World {
         let sonar = Sonar::of(&scene.room().sensor);
         let carrier = Carrier::new(scene.room().waypoints(), laps);
         let standing = scene.room().standing(index);
-        let oscillator = scene.room().oscillator(index);
         Self {
             hearing: Hearing::new(Rc::clone(&scene), air.map(|air| (air, index)), oscillator),
             scene,
