@@ -23,6 +23,10 @@ pub enum Fault {
     SensorShortPulse {},
     /// ECHO rises before the trigger is over.
     SensorTooEarly {},
+    /// ECHO is high for so long at every ping, whatever is before the sensor.
+    SensorRepeats {
+        echo_ms: f64,
+    },
     MotorStuck {},
     /// Each half step slips a magnetic period with that probability.
     MotorLosesSteps {
@@ -136,6 +140,9 @@ impl Injection {
             Fault::PowerCutAtFlashOperation { number: 0 } => Some(("number", "counts from 1")),
             Fault::MemorySpoiled { address: XRAM_END.. } => {
                 Some(("address", "is outside the 4096 bytes of XRAM"))
+            }
+            Fault::SensorRepeats { echo_ms } if !(0.001..=1000.0).contains(&echo_ms) => {
+                Some(("echo_ms", "is outside 0.001 to 1000"))
             }
             Fault::SensorTurned { by_deg } if !by_deg.is_finite() => Some(("by_deg", "is no angle")),
             _ if self.for_s.is_some() && self.fault.is_momentary() => {
@@ -273,6 +280,7 @@ mod tests {
             ("kind = 'power_cut_at_flash_operation'\nnumber = 0", "number"),
             ("kind = 'power_ramp'\nrise_ms = 0.0", "rise_ms"),
             ("kind = 'memory_spoiled'\naddress = 4096", "address"),
+            ("kind = 'sensor_repeats'\necho_ms = 0.0", "echo_ms"),
             ("kind = 'button_held'\nfor_s = 0.0", "for_s"),
             ("kind = 'button_held'\nunit = 3", "unit"),
             ("kind = 'sensor_turned'\nby_deg = nan", "by_deg"),

@@ -146,6 +146,9 @@ impl World {
             Fault::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
             Fault::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
             Fault::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
+            Fault::SensorRepeats { echo_ms } => {
+                self.sonar.fall_ill(Ailment::Repeats(from_seconds(echo_ms / 1e3)), until, now);
+            }
             Fault::MotorStuck {} => self.motor.stick(until),
             Fault::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
             Fault::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
