@@ -65,7 +65,7 @@ static void hand_out(void)
     static __xdata struct calibration calibration;
     layout_read_plan(&plan, in_force);
     layout_read_calibration(&calibration, in_force + OFFSET_CALIBRATION);
-    plan_lengthen_ramp(&plan);
+    plan_ease(&plan);
     unit_configure(&plan); // refuses what no unit can do, and goes on with what it has
     unit_calibrate(&calibration);
     thermometer_set_trim(get16(in_force + OFFSET_TRIM));

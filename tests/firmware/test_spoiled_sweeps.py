@@ -31,7 +31,7 @@ SLOT_OF_64 = 552
 MARK, LENGTH_LOW, LENGTH_HIGH, CONTENT = 0, 1, 2, 40
 # The default plan, and one of the most readings, as quick as can be.
 OF_13 = Configure(0, -24576, 4096, 13, 60, 600, 100, 20, 1)
-OF_64 = Configure(0, -24576, 700, 64, 29, 1000, 50, 0, 1)
+OF_64 = Configure(0, -24576, 700, 64, 29, 800, 50, 0, 1)
 OPTIONS = ("--laps", "0", "--slowest-chip")
 
 
