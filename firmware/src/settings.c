@@ -65,7 +65,7 @@ static void hand_out(void)
     static __xdata struct calibration calibration;
     layout_read_plan(&plan, in_force);
     layout_read_calibration(&calibration, in_force + OFFSET_CALIBRATION);
-    plan_lengthen_ramp(&plan);
+    plan_ease(&plan);
     unit_configure(&plan); // refuses what no unit can do, and goes on with what it has
     unit_calibrate(&calibration);
     thermometer_set_trim(get16(in_force + OFFSET_TRIM));
@@ -146,11 +146,14 @@ static void write_page(uint16_t generation)
     write32(crc_end(crc));
 }
 
-static void erase(uint16_t victim)
+// Both take longer than the watchdog's share of a round.
+static void erase_and_write(uint16_t victim, uint16_t generation)
 {
     watchdog_stop();
     timebase_await_early(); // a wrap that has passed unseen would set the clock back by 16.4 ms
     flash_erase(victim);
+    at = victim;
+    write_page(generation);
     watchdog_start();
 }
 
@@ -159,9 +162,7 @@ bool settings_store(void)
     uint16_t other = page == SETTINGS_FIRST_PAGE ? SETTINGS_SECOND_PAGE : SETTINGS_FIRST_PAGE;
     uint16_t generation = page == NO_PAGE ? 1 : generation_of(page) + 1;
     settings_bytes();
-    erase(other);
-    at = other;
-    write_page(generation);
+    erase_and_write(other, generation);
     if (!is_sound(other) || generation_of(other) != generation)
         return false;
     page = other;

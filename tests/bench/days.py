@@ -137,7 +137,7 @@ def firmware(folder: Path, _days: float) -> Iterator[Scene]:
         data = str(folder / "gateway")
         running.start("gateway", "noctule-gateway", "run", str(site), "--data", data, "--listen", endpoint)
         _start_mapper(running, folder, "lounge", endpoint, relay)
-        simulator = f"noctule-sim --room lounge --units {UNITS} --speed max --tcp 127.0.0.1:{unit_port}"
+        simulator = f"noctule-sim --room lounge --units {UNITS} --speed max --exact-clocks --tcp 127.0.0.1:{unit_port}"
         running.start("simulator", *simulator.split())
         with Client("lounge", connect=[endpoint]) as client:
             client.on_sweep(note)

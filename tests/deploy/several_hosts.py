@@ -103,7 +103,7 @@ class SeveralHosts:
         """Start the services of a host, or the simulated unit, which listens as a serial server does."""
         if host == UNITS:
             unit = ("noctule-sim", "--firmware", "firmware/build/noctule.ihx", "--room", "paper", "--seed", "7")
-            self._start(host, "unit", [*unit, "--speed", "8", "--tcp", f"0.0.0.0:{UNIT_PORT}"], {})
+            self._start(host, "unit", [*unit, "--exact-clocks", "--speed", "8", "--tcp", f"0.0.0.0:{UNIT_PORT}"], {})
             return
         for service in self._hosts[host].services():
             self._start_service(host, service)

@@ -143,7 +143,7 @@ def test_a_rendered_host_maps_its_site_and_serves_the_map_to_those_who_log_in(
     host: RenderedHost, ports: dict[str, int], tmp_path: Path
 ) -> None:
     data = host.root / "var/lib/noctule/mapper.cartographer"
-    unit = ("--room", "paper", "--speed", "24", "--seed", "7", "--tcp", f"127.0.0.1:{ports['unit']}")
+    unit = ("--room", "paper", "--speed", "24", "--exact-clocks", "--seed", "7", "--tcp", f"127.0.0.1:{ports['unit']}")
     with programs(tmp_path) as running:
         running.start("simulator", "noctule-sim", "--firmware", "firmware/build/noctule.ihx", *unit)
         for service in host.services():

@@ -159,8 +159,10 @@ def test_a_unit_that_takes_anothers_place_goes_on_with_its_name_and_log(tmp_path
         return list(records.sweeps)
 
     with programs(tmp_path) as running:
-        simulator = "noctule-sim --firmware firmware/build/noctule.ihx --room lounge --units 2 --speed 24 --seed 7"
-        running.start("simulator", *simulator.split(), "--tcp", f"127.0.0.1:{unit_port}")
+        simulator = "noctule-sim --firmware firmware/build/noctule.ihx --room lounge --units 2 --speed 24"
+        running.start(
+            "simulator", *simulator.split(), "--exact-clocks", "--seed", "7", "--tcp", f"127.0.0.1:{unit_port}"
+        )
         running.start("gateway", *gateway)
         before = logged(running, 3)
         assert running.end("gateway") == 0

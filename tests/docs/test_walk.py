@@ -32,7 +32,7 @@ def test_a_site_is_simulated_served_mapped_and_looked_after(tmp_path: Path) -> N
 
     with ExitStack() as ends:
         for line, more in (
-            ("noctule-sim --room attic-room.toml", f"--speed 20 --tcp 127.0.0.1:{unit_port}"),
+            ("noctule-sim --room attic-room.toml", f"--speed 20 --exact-clocks --tcp 127.0.0.1:{unit_port}"),
             ("noctule-gateway run attic.toml --data gateway-data", f"--listen {endpoint}"),
             ("noctule-mapper run --site attic --data mapper-data", f"--connect {endpoint} --rerun none"),
         ):

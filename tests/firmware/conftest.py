@@ -115,9 +115,9 @@ def running(compiled: Compile, tmp_path: Path) -> Run:
     @contextmanager
     def run(main: str) -> Iterator[Board]:
         image = compiled(PREAMBLE + main)
-        command = ["noctule-sim", "--firmware", image, "--room", room, "--tcp", "127.0.0.1:0", "--speed", "10"]
+        command = ["noctule-sim", "--exact-clocks", "--firmware", image, "--room", room, "--tcp", "127.0.0.1:0"]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        with subprocess.Popen(command, **pipes) as process:
+        with subprocess.Popen([*command, "--speed", "10"], **pipes) as process:
             try:
                 assert process.stdout is not None
                 address = re.search(r"socket://([\d.]+):(\d+)", process.stdout.readline())

@@ -88,31 +88,3 @@ def newer_version(folder: Path) -> Path:
     """The update to version 0.9.0, which else is the firmware as it is."""
     whole = built_with_fault(folder, "src/version.h", (f"VERSION_MINOR {_MINOR}", "VERSION_MINOR 9"))
     return whole.with_name("update.hex")
-
-
-def probed(folder: Path) -> Path:
-    """The firmware with two probes in its main loop.
-
-    SET_WAYPOINT n flips all bits of byte n of XRAM, once. STATUS has as ``echo_faults`` how long the longest round has
-    worked, in microseconds.
-    """
-    feed = "        watchdog_feed();\n"
-    probe = (
-        "static void spoil(void)\n{\n"
-        "    static __xdata uint16_t last = WAYPOINT_NONE;\n"
-        "    uint16_t at = unit_waypoint();\n"
-        "    if (at != last && at < 0x1000)\n        *(volatile __xdata uint8_t *)at ^= 0xFF;\n"
-        "    last = at;\n}\n\n"
-        "static void measure(uint32_t began)\n{\n"
-        "    uint16_t us = (uint16_t)((timebase_now() - began) >> 2);\n"
-        "    if (us > counters.echo_faults)\n        counters.echo_faults = us;\n}\n\n"
-    )
-    wait = "        round_wait();\n"
-    main = "void main(void)\n"
-    return built_with_fault(
-        folder,
-        "src/main.c",
-        (main, probe + main),
-        (feed, feed + "        uint32_t began = timebase_now();\n        spoil();\n"),
-        (wait, "        measure(began);\n" + wait),
-    )

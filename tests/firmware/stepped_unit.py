@@ -142,8 +142,8 @@ class SteppedUnit:
 
 @contextmanager
 def stepped_unit(*options: str, image: Path = IMAGE) -> Iterator[SteppedUnit]:
-    """A unit that has just been given power, in noctule-sim with these ``options``."""
-    command = ["noctule-sim", "--control", "--firmware", str(image), *options]
+    """A unit that has just been given power, in noctule-sim with these ``options``; its clock is exact."""
+    command = ["noctule-sim", "--control", "--exact-clocks", "--firmware", str(image), *options]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         yield SteppedUnit(process)
         assert process.stdin is not None

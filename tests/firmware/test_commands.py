@@ -136,7 +136,7 @@ def test_go_to_wants_a_unit_that_is_homed(unit):
                 {"ping_interval_ms": 28},
                 {"ping_interval_ms": 1001},
                 {"top_speed": 49},
-                {"top_speed": 1001},
+                {"top_speed": 801},
                 {"ramp_ms": 1001},
                 {"top_speed": 501, "ramp_ms": 49},
                 {"settle_ms": 1001},

@@ -149,10 +149,10 @@ def test_sweeps_go_to_and_fro(unit):
 
 
 def test_a_plan_of_long_ramps_does_not_spoil_homing(unit):
-    # Such a ramp of 500 half steps is 44 degrees long; the cable ends 15 degrees past the home switch.
+    # Such a ramp of 400 half steps is 35 degrees long; the cable ends 15 degrees past the home switch.
     ranges_m = []
     for sequence, ramp_ms in enumerate((100, 1000)):
-        assert unit.command(Configure(0, -24576, 4096, 13, 60, 1000, ramp_ms, 20, 1)) == Outcome.DONE
+        assert unit.command(Configure(0, -24576, 4096, 13, 60, 800, ramp_ms, 20, 1)) == Outcome.DONE
         assert unit.command(Home(0)) == Outcome.DONE
         unit.wait_for_state(State.HOMING)
         unit.wait_for_state(State.IDLE)

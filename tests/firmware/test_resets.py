@@ -30,7 +30,7 @@ POWER, WATCHDOG, SOFTWARE = 0x02, 0x08, 0x10
 NO_NOTE, NOTE_RESET, NOTE_CANARY = 0, 1, 2
 # Each takes 27 + 8 + 4 bytes and 3 of its slot's, in blocks of 12 that is 48 of 3,048.
 SWEEPS_OF_ONE_READING = 63
-QUICK = Configure(0, -24576, 0, 1, 29, 1000, 50, 0, 1)
+QUICK = Configure(0, -24576, 0, 1, 29, 800, 50, 0, 1)
 
 
 def sweep_once(unit: SteppedUnit) -> Sweep:

@@ -228,18 +228,28 @@ def test_a_stored_plan_that_no_unit_can_do_is_left_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("top_speed", "ramp_ms", "ramp_in_force_ms"), [(600, 0, 50), (501, 49, 50), (600, 50, 50), (500, 0, 0)]
+    ("speed_and_ramp_ms", "in_force"),
+    [
+        ((600, 0), (600, 50)),
+        ((501, 49), (501, 50)),
+        ((600, 50), (600, 50)),
+        ((500, 0), (500, 0)),
+        ((801, 100), (800, 100)),
+        ((1000, 0), (800, 50)),
+    ],
 )
-def test_a_stored_plan_of_older_firmware_gets_the_ramp_that_its_speed_needs(
-    tmp_path, top_speed, ramp_ms, ramp_in_force_ms
+def test_a_stored_plan_of_older_firmware_gets_a_speed_that_the_motor_follows_and_the_ramp_that_it_needs(
+    tmp_path, speed_and_ramp_ms, in_force
 ):
-    # Firmware before 0.4 took any ramp; firmware/README.md, CONFIGURE: 50 ms or more over 500 half steps/s.
-    stored = PLAN_FIELDS | {"top_speed": top_speed, "ramp_ms": ramp_ms}
+    # Firmware before 0.6 took 1000 half steps/s, before 0.4 any ramp; firmware/README.md, CONFIGURE: 800 at most, and
+    # 50 ms or more over 500.
+    stored = PLAN_FIELDS | dict(zip(("top_speed", "ramp_ms"), speed_and_ramp_ms, strict=True))
+    eased = stored | dict(zip(("top_speed", "ramp_ms"), in_force, strict=True))
     pages = {FIRST_PAGE: page(struct.pack("<HI", 1, 5) + struct.pack("<hHBHHHHB", *stored.values()))}
     with stepped_unit("--laps", "0", image=with_flash(IMAGE, pages, tmp_path / "older.ihx")) as unit:
         assert unit.greet().serial == 5
-        in_force = replace(DEFAULT, **stored | {"ramp_ms": ramp_in_force_ms}, stored=int(ramp_ms == ramp_in_force_ms))
-        assert settings(unit) == in_force
+        at_first = replace(DEFAULT, **eased, stored=int(eased == stored))
+        assert settings(unit) == at_first
         assert unit.command(Store(0)) == Outcome.DONE
         assert power_cycle(unit).serial == 5
-        assert settings(unit) == replace(in_force, stored=1)
+        assert settings(unit) == replace(at_first, stored=1)

@@ -24,7 +24,16 @@ class Room:
     """Units that share a room, run in step."""
 
     def __init__(self, room: Path, *options: str):
-        command = ["noctule-sim", "--control", "--firmware", str(IMAGE), "--room", str(room), *options]
+        command = [
+            "noctule-sim",
+            "--control",
+            "--exact-clocks",
+            "--firmware",
+            str(IMAGE),
+            "--room",
+            str(room),
+            *options,
+        ]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def step(self, **request: Any) -> dict[str, Any]:

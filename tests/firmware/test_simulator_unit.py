@@ -88,7 +88,7 @@ class Cable:
 def simulator(image: Path, *options: str) -> Iterator[list[str]]:
     """A running simulator; gives the addresses of its units."""
     units = int(options[options.index("--units") + 1]) if "--units" in options else 1
-    command = ["noctule-sim", "--firmware", str(image), *options]
+    command = ["noctule-sim", "--exact-clocks", "--firmware", str(image), *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

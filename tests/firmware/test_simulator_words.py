@@ -86,6 +86,11 @@ def test_a_terminal_is_told_how_far_the_run_has_got():
 def test_a_room_with_places_for_two_has_two_units_unless_told_otherwise():
     command = ["noctule-sim", "--firmware", str(IMAGE), "--room", "lounge", "--tcp", "127.0.0.1:0", "--duration", "0.1"]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert re.findall(r"unit (\d): socket:.*sharing the room", told) == ["1", "2"]
+    clocks = re.findall(r"unit (\d): socket:.*sharing the room, clock ([+-]\d\.\d\d) %", told)
+    assert [number for number, _ in clocks] == ["1", "2"]
+    # README, The world: each its own, by the seed, within 1.5 %
+    assert len({fast for _, fast in clocks}) == 2 and all(abs(float(fast)) <= 1.5 for _, fast in clocks)
+    exact = subprocess.run([*command, "--exact-clocks"], capture_output=True, text=True, check=True).stdout
+    assert "clock" not in exact
     told = subprocess.run([*command, "--units", "1"], capture_output=True, text=True, check=True).stdout
     assert re.findall(r"unit (\d): socket:", told) == ["1"]

@@ -12,7 +12,17 @@ IDLE = ("--laps", "0", "--tcp", "127.0.0.1:0")
 
 def millions_of_instructions(duration_s: int) -> float:
     image = FIRMWARE / "build" / "noctule.ihx"
-    command = ["noctule-sim", "--firmware", image, "--speed", "max", "--duration", str(duration_s), *IDLE]
+    command = [
+        "noctule-sim",
+        "--exact-clocks",
+        "--firmware",
+        image,
+        "--speed",
+        "max",
+        "--duration",
+        str(duration_s),
+        *IDLE,
+    ]
     report = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     rate = re.search(r"([\d.]+) million instructions/s, 0 resets", report)
     assert rate

@@ -189,7 +189,7 @@ def test_bearings_do_not_drift(placed):
     calibrate(unit, backlash=9)
     home(unit)
     before = [go_to(unit, there) for there in (30.0, -30.0)]
-    assert unit.command(Configure(0, bearing(-140), bearing(31.3), 9, 29, 1000, 50, 0, 1)) == DONE
+    assert unit.command(Configure(0, bearing(-140), bearing(31.3), 9, 29, 800, 50, 0, 1)) == DONE
     assert unit.command(Start(0, 0)) == DONE
     for _ in range(100):
         unit.acknowledge(unit.receive(Sweep, within_s=30))
@@ -202,8 +202,8 @@ def test_no_load_on_the_line_loses_or_delays_a_half_step(placed):
     unit = placed()
     home(unit)
     before = [go_to(unit, there) for there in (30.0, -30.0)]
-    # the fastest: 50 half steps/s more, and the simulator's motor loses them
-    assert unit.command(Configure(0, bearing(-140), bearing(35), 9, 29, 1000, 100, 20, 1)) == DONE
+    # the fastest that a unit takes; the simulator's motor loses half steps that follow at over 1050 a second
+    assert unit.command(Configure(0, bearing(-140), bearing(35), 9, 29, 800, 100, 20, 1)) == DONE
     assert unit.command(Start(0, 0)) == DONE
     quiet = unit.receive(Sweep, within_s=60)
     flooded = flood(unit, 30.0, Random(2))

@@ -135,7 +135,7 @@ def test_what_does_not_fit_the_wire_is_refused_before_it_is_sent(name: str, requ
                 (SweepPlan(ping_interval_s=0.01), "ping_interval_s is 0.01: give 0.029 to 1 s (in seconds)"),
                 (
                     SweepPlan(top_speed_half_steps_s=2000),
-                    "top_speed_half_steps_s is 2000: give 50 to 1000 half steps/s",
+                    "top_speed_half_steps_s is 2000: give 50 to 800 half steps/s",
                 ),
                 (SweepPlan(settle_s=nan), "settle_s is nan: give 0 to 1 s (in seconds)"),
                 (SweepPlan(pings=2), "pings is 2: give 1, 3, 5"),

@@ -29,7 +29,8 @@ class PaperRoom:
         """The unit, carried once around the room at ``speed`` times real time."""
         firmware = "firmware/build/noctule.ihx"
         address = f"127.0.0.1:{self.unit_port}"
-        return f"noctule-sim --firmware {firmware} --room paper --speed {speed} --tcp {address} --seed 7".split()
+        options = f"--room paper --speed {speed} --seed 7 --exact-clocks"
+        return f"noctule-sim --firmware {firmware} --tcp {address} {options}".split()
 
     def gateway(self) -> list[str]:
         """The gateway, which is the site's Zenoh router too."""

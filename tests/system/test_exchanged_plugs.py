@@ -22,7 +22,7 @@ from noctule_gateway.wire.frames import AnySweep, Status
 
 STEP_S = 0.02
 COMMIT_S = 0.3  # a slow disk: plugs may be exchanged between a sweep and its acknowledgement
-QUICK = frames.Configure(0, -8192, 4096, 5, 30, 1000, 50, 0, 1)  # sweeps of half a second
+QUICK = frames.Configure(0, -8192, 4096, 5, 30, 800, 50, 0, 1)  # sweeps of half a second
 SWEEPING = Wanted(QUICK, frames.Start(0, 0), running=True)
 
 

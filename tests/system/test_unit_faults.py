@@ -10,6 +10,7 @@ from system.lockstep import CLEAN, Lockstep
 from noctule.messages_pb2 import (
     FAULT_KIND_MOTOR_STUCK,
     FAULT_KIND_NO_SENSOR,
+    FAULT_KIND_REPEATS,
     FAULT_KIND_SILENT,
     FAULT_KIND_SLIPPED,
     FAULT_KIND_STUCK_HIGH,
@@ -65,6 +66,7 @@ class Gateway:
         ({"kind": "sensor_missing"}, FAULT_KIND_NO_SENSOR, 3),
         ({"kind": "sensor_stuck_high"}, FAULT_KIND_STUCK_HIGH, 3),
         ({"kind": "sensor_short_pulse"}, FAULT_KIND_TOO_EARLY, 3),
+        ({"kind": "sensor_repeats", "echo_ms": 7.2}, FAULT_KIND_REPEATS, 3),
         ({"kind": "motor_stuck"}, FAULT_KIND_MOTOR_STUCK, 3),
         ({"kind": "motor_loses_steps", "probability": 0.02}, FAULT_KIND_SLIPPED, 3),
         ({"kind": "sensor_turned", "by_deg": 9.0}, FAULT_KIND_TURNED, 5),

@@ -72,6 +72,15 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME=BEGIN[-END]", requires = "measure")]
     pub routine: Vec<Routine>,
 
+    /// Each unit's oscillator exact, where the room does not say otherwise, for a host that does not keep simulated time;
+    /// else it is off by up to 1.5 %
+    #[arg(long)]
+    pub exact_clocks: bool,
+
+    /// The slowest chip that the datasheet allows: each jump waits for the prefetch engine, and flash takes its longest
+    #[arg(long)]
+    pub slowest_chip: bool,
+
     /// Print the chip's modelled registers as Markdown, and end
     #[arg(long)]
     pub registers: bool,

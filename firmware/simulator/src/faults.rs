@@ -1,10 +1,13 @@
 //! What can go wrong with a unit on demand: its parts, its cable, its supply. By a schedule, or when a test says so.
 
+use crate::chip::memory::XRAM_SIZE;
 use crate::time::{NEVER, Tick, from_seconds};
 use serde::Deserialize;
 use std::collections::VecDeque;
 use std::path::Path;
 use thiserror::Error;
+
+const XRAM_END: u16 = XRAM_SIZE as u16;
 
 /// A fault, told apart by its `kind` in TOML and JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -20,6 +23,10 @@ pub enum Fault {
     SensorShortPulse {},
     /// ECHO rises before the trigger is over.
     SensorTooEarly {},
+    /// ECHO is high for so long at every ping, whatever is before the sensor.
+    SensorRepeats {
+        echo_ms: f64,
+    },
     MotorStuck {},
     /// Each half step slips a magnetic period with that probability.
     MotorLosesSteps {
@@ -63,6 +70,10 @@ pub enum Fault {
     },
     /// A flag of the PCA is lost if it goes up while an instruction reads, changes and writes PCA0CN.
     PcaLosesFlags {},
+    /// All bits of a byte of XRAM flip.
+    MemorySpoiled {
+        address: u16,
+    },
     /// All that lasts is mended.
     Mended {},
 }
@@ -76,6 +87,7 @@ impl Fault {
                 | Self::BrownOut {}
                 | Self::PowerRamp { .. }
                 | Self::ResetPin {}
+                | Self::MemorySpoiled { .. }
                 | Self::PowerCutAtFlashOperation { .. }
                 | Self::Mended {}
         )
@@ -126,6 +138,12 @@ impl Injection {
             }
             Fault::PowerRamp { dips: 1001.., .. } => Some(("dips", "is more than 1000")),
             Fault::PowerCutAtFlashOperation { number: 0 } => Some(("number", "counts from 1")),
+            Fault::MemorySpoiled { address: XRAM_END.. } => {
+                Some(("address", "is outside the 4096 bytes of XRAM"))
+            }
+            Fault::SensorRepeats { echo_ms } if !(0.001..=1000.0).contains(&echo_ms) => {
+                Some(("echo_ms", "is outside 0.001 to 1000"))
+            }
             Fault::SensorTurned { by_deg } if !by_deg.is_finite() => Some(("by_deg", "is no angle")),
             _ if self.for_s.is_some() && self.fault.is_momentary() => {
                 Some(("for_s", "means nothing here: it happens at once"))
@@ -261,6 +279,8 @@ mod tests {
             ("kind = 'power_cut'", "for_s"),
             ("kind = 'power_cut_at_flash_operation'\nnumber = 0", "number"),
             ("kind = 'power_ramp'\nrise_ms = 0.0", "rise_ms"),
+            ("kind = 'memory_spoiled'\naddress = 4096", "address"),
+            ("kind = 'sensor_repeats'\necho_ms = 0.0", "echo_ms"),
             ("kind = 'button_held'\nfor_s = 0.0", "for_s"),
             ("kind = 'button_held'\nunit = 3", "unit"),
             ("kind = 'sensor_turned'\nby_deg = nan", "by_deg"),

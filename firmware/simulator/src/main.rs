@@ -36,7 +36,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use thiserror::Error;
-use time::from_seconds;
+use time::{Oscillator, from_seconds};
 use unit::Unit;
 use world::World;
 use world::air::Air;
@@ -129,8 +129,9 @@ fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result
     };
     let members = (0..units)
         .map(|index| {
-            let world =
-                World::new(Rc::clone(scene), index, air.clone(), arguments.laps, seed(arguments, index));
+            let (laps, seed) = (arguments.laps, seed(arguments, index));
+            let oscillator = oscillator(arguments, room, index);
+            let world = World::new(Rc::clone(scene), index, oscillator, air.clone(), laps, seed);
             member(arguments, index, records, world)
         })
         .collect::<Result<Vec<_>, _>>()?;
@@ -140,6 +141,15 @@ fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result
 /// A unit's own seed, by its number from 0.
 fn seed(arguments: &Arguments, index: usize) -> u64 {
     arguments.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15).wrapping_add(index as u64 + 1)
+}
+
+fn oscillator(arguments: &Arguments, room: &Room, index: usize) -> Oscillator {
+    let usual = if arguments.exact_clocks {
+        Oscillator::off_by(0.0)
+    } else {
+        Oscillator::of_chip(seed(arguments, index))
+    };
+    room.oscillator(index).unwrap_or(usual)
 }
 
 /// A unit with its memory, its place in the world and its serial line.
@@ -170,6 +180,9 @@ fn member(
     let seed = seed(arguments, index);
     let oscillator = world.oscillator();
     let mut unit = Unit::power_up(flash, world, seed, &mut *noise_of_xram(arguments, seed));
+    if arguments.slowest_chip {
+        unit.slow_down();
+    }
     if arguments.measure {
         unit.measure(&arguments.routine);
     }

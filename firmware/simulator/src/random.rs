@@ -18,6 +18,7 @@ pub enum Part {
     People,
     /// XRAM at the first power-up.
     FirstMemories,
+    Oscillator,
 }
 
 /// The stream of a part of the unit with that seed.
@@ -43,6 +44,7 @@ mod tests {
             Part::FlashReads,
             Part::People,
             Part::FirstMemories,
+            Part::Oscillator,
         ];
         let mut drawn = parts.map(|part| stream(1, part).random::<u64>());
         drawn.sort_unstable();

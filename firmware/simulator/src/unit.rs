@@ -14,7 +14,7 @@ use crate::chip::violation::{Breach, Violation};
 use crate::cpu::{Cpu, IRAM_SIZE};
 use crate::faults::Fault;
 use crate::random::{Part, stream};
-use crate::time::Tick;
+use crate::time::{TICKS_PER_US, Tick};
 use crate::world::{self, ECHO, World};
 use measurement::{Measurement, Routine};
 use power::Dark;
@@ -31,6 +31,8 @@ pub struct Truth {
     pub resets: u32,
     /// Bytes written and pages erased.
     pub flash_operations: u64,
+    /// The longest that the program has worked between two feedings of the watchdog, since the last reset.
+    pub longest_work_us: f64,
 }
 
 /// By how much the die is warmer than the air around the board. Assumed.
@@ -55,6 +57,8 @@ pub struct Unit {
     unguarded_since: Option<Tick>,
     cut_at_flash_operation: Option<u64>,
     measurement: Option<Box<Measurement>>,
+    /// Jumps miss the prefetch engine's bytes.
+    misses: bool,
     instructions: u64,
     resets: u32,
 }
@@ -89,6 +93,7 @@ impl Unit {
             unguarded_since: None,
             cut_at_flash_operation: None,
             measurement: None,
+            misses: false,
             instructions: 0,
             resets: 0,
         }
@@ -110,6 +115,7 @@ impl Unit {
             world: self.world.truth(self.chip.now),
             resets: self.resets,
             flash_operations: self.flash_operations(),
+            longest_work_us: self.chip.pca.longest_work() as f64 / TICKS_PER_US as f64,
         }
     }
 
@@ -117,11 +123,18 @@ impl Unit {
     pub fn inject(&mut self, fault: &Fault, until: Tick) {
         match fault {
             Fault::PcaLosesFlags {} => self.chip.pca.loses_flags_until = until,
+            Fault::MemorySpoiled { address } => self.chip.xram[usize::from(*address)] ^= 0xFF,
             Fault::Mended {} => self.chip.pca.loses_flags_until = 0,
             _ => {}
         }
         self.world.apply(fault, until, self.chip.now);
         self.next_event = self.next_event.min(self.chip.now);
+    }
+
+    /// Makes the chip the slowest that the datasheet allows.
+    pub fn slow_down(&mut self) {
+        self.misses = true;
+        self.chip.flash.is_slowest = true;
     }
 
     /// Measures from now on, and times these routines.
@@ -220,7 +233,7 @@ impl Unit {
             if let Some(interrupt) = self.chip.interrupts.select(self.chip.pending()) {
                 self.chip.wake();
                 self.chip.enter_interrupt(interrupt);
-                let clocks = self.cpu.interrupt(vector(interrupt));
+                let clocks = self.cpu.interrupt(vector(interrupt), self.misses);
                 self.chip.now += clocks * self.chip.ticks_per_sysclk();
                 if let Some(measurement) = &mut self.measurement {
                     measurement.see_entry(interrupt, self.chip.now);
@@ -237,11 +250,16 @@ impl Unit {
             }
             return Ok(());
         }
-        if self.measurement.is_some() { self.execute::<true>(end) } else { self.execute::<false>(end) }
+        match (self.measurement.is_some(), self.misses) {
+            (false, false) => self.execute::<false, false>(end),
+            (true, false) => self.execute::<true, false>(end),
+            (false, true) => self.execute::<false, true>(end),
+            (true, true) => self.execute::<true, true>(end),
+        }
     }
 
     /// Runs instructions until one touches a register or something is due; only one if an interrupt must wait for it.
-    fn execute<const MEASURED: bool>(&mut self, end: Tick) -> Result<(), Violation> {
+    fn execute<const MEASURED: bool, const MISSES: bool>(&mut self, end: Tick) -> Result<(), Violation> {
         let limit = if self.look_for_interrupt { self.chip.now } else { self.next_event.min(end) };
         let ticks_per_sysclk = self.chip.ticks_per_sysclk();
         loop {
@@ -249,7 +267,7 @@ impl Unit {
             if MEASURED && let Some(measurement) = &mut self.measurement {
                 measurement.see_instruction(pc, self.cpu.sp(), self.chip.now);
             }
-            self.chip.now += self.cpu.step(&mut self.chip) * ticks_per_sysclk;
+            self.chip.now += self.cpu.step::<MISSES>(&mut self.chip) * ticks_per_sysclk;
             self.instructions += 1;
             if MEASURED && let Some(measurement) = &mut self.measurement {
                 measurement.see_stack(self.cpu.sp());

@@ -23,8 +23,9 @@ extern const __code struct plan plan_default;
 // Whether a unit can do it (the limits of CONFIGURE in ../../README.md).
 bool plan_is_possible(const __xdata struct plan *plan);
 
-// Gives a plan whose ramp is too short for its top speed the shortest that does. Firmware before 0.4 stored such plans.
-void plan_lengthen_ramp(__xdata struct plan *plan);
+// Slows down a plan that is too fast, and gives one whose ramp is too short for its top speed the shortest that does.
+// Firmware before 0.6 stored the one, before 0.4 the other.
+void plan_ease(__xdata struct plan *plan);
 
 // Whether the sensor may look there: short of its home, and as far on the other side.
 bool plan_can_look_at(int16_t bearing);

@@ -39,6 +39,11 @@ pub struct Pca {
     modules: [Module; MODULES],
     /// The counter's total at which the watchdog bites.
     watchdog_due: Option<u64>,
+    /// The counter's total when the watchdog was last fed, less what the CPU has slept since; and the most that it has
+    /// worked between two feedings.
+    fed_at: u64,
+    asleep_since: u64,
+    longest_work: u64,
     idle: bool,
     ticks_per_sysclk: Tick,
     /// Until then a flag that goes up while an instruction changes PCA0CN is lost; 0 for a sound chip.
@@ -58,6 +63,9 @@ impl Pca {
             high_snapshot: Cell::new(0),
             modules: [Module::default(); MODULES],
             watchdog_due: None,
+            fed_at: 0,
+            asleep_since: 0,
+            longest_work: 0,
             idle: false,
             ticks_per_sysclk,
             loses_flags_until: 0,
@@ -102,6 +110,11 @@ impl Pca {
 
     /// The CPU goes to sleep or wakes up: call after `sync`. The counter stops in idle mode if CIDL is set.
     pub fn set_idle(&mut self, idle: bool) {
+        if idle {
+            self.asleep_since = self.counter.total();
+        } else if self.idle {
+            self.fed_at += self.counter.total() - self.asleep_since;
+        }
         self.idle = idle;
         if self.mode & CIDL != 0 {
             self.change_rate();
@@ -213,7 +226,10 @@ impl Pca {
         }
         match (was_enabled, self.watchdog_enabled()) {
             (false, true) => self.feed_watchdog(),
-            (true, false) => self.watchdog_due = None,
+            (true, false) => {
+                self.note_work();
+                self.watchdog_due = None;
+            }
             _ => {}
         }
         Ok(())
@@ -245,7 +261,20 @@ impl Pca {
     fn feed_watchdog(&mut self) {
         let offset = u64::from(self.modules[WATCHDOG_MODULE].capture as u8);
         let counts = 256 * offset + 256 - u64::from(self.counter.value() as u8);
-        self.watchdog_due = Some(self.counter.total() + counts);
+        self.note_work();
+        self.fed_at = self.counter.total();
+        self.watchdog_due = Some(self.fed_at + counts);
+    }
+
+    fn note_work(&mut self) {
+        if self.watchdog_due.is_some() {
+            self.longest_work = self.longest_work.max(self.counter.total() - self.fed_at);
+        }
+    }
+
+    /// The longest that the CPU has worked between two feedings of the watchdog, by the counter's present rate.
+    pub fn longest_work(&self) -> Tick {
+        self.longest_work * self.period()
     }
 
     /// The counter may run at another rate from now on: what is due after some counts is due at another time.

@@ -145,6 +145,27 @@ fn cidl_holds_the_watchdog_too_while_the_chip_sleeps() {
 }
 
 #[test]
+fn the_longest_work_between_two_feedings_leaves_sleep_out_and_ends_where_the_watchdog_is_stopped() {
+    let mut pca = running();
+    pca.write(sfr::PCA0MD, 0x40).unwrap();
+    for (sleeps_at, wakes_at, fed_at) in [(10, 90, 100), (105, 110, 130)] {
+        pca.sync(sleeps_at * COUNT);
+        pca.set_idle(true);
+        pca.sync(wakes_at * COUNT);
+        pca.set_idle(false);
+        pca.sync(fed_at * COUNT);
+        pca.write(sfr::PCA0CPH4, 0).unwrap();
+    }
+    // 100 counts of which 80 asleep; 30, 5 asleep
+    assert_eq!(pca.longest_work(), 25 * COUNT);
+    pca.sync(170 * COUNT);
+    pca.write(sfr::PCA0MD, 0x00).unwrap();
+    pca.sync(900 * COUNT);
+    pca.write(sfr::PCA0MD, 0x40).unwrap();
+    assert_eq!(pca.longest_work(), 40 * COUNT);
+}
+
+#[test]
 fn other_clock_sources_are_refused() {
     let mut pca = running();
     assert!(pca.write(sfr::PCA0MD, 0x04).is_err());

@@ -1,7 +1,9 @@
 //! How long instructions take (C8051F34x datasheet, chapter "CIP-51", table of the instruction set, prefetch on).
 //!
-//! Instruction timing is approximate (MOVC takes 4 to 7 clocks by alignment, taken here as 4, and a prefetch miss
-//! is not modelled); peripheral timing is exact in SYSCLKs, and everything that is measured is measured by them.
+//! The prefetch engine reads flash two bytes at a time, over two clocks at 48 MHz, ahead of the CPU: code without jumps
+//! runs at full speed, and a jump may have to wait for its target (chapter "Prefetch Engine"). How long depends on
+//! alignment and on what the engine was at. So there are two tables: none waits, and each waits as long as can be.
+//! Peripheral timing is exact in SYSCLKs, and everything that is measured is measured by it.
 
 /// Clocks of each opcode, a branch not being taken.
 pub const CLOCKS: [u8; 256] = {
@@ -18,6 +20,10 @@ pub const CLOCKS: [u8; 256] = {
 pub const TAKEN_BRANCH: u8 = 2;
 /// An interrupt: one clock to see it and the LCALL to its vector.
 pub const INTERRUPT_ENTRY: u64 = 6;
+/// What a jump, or a branch that is taken, waits for its target at most.
+pub const PREFETCH_MISS: u8 = 2;
+/// MOVC takes 4 to 7 clocks, by alignment and flash read time.
+pub const SLOWER_MOVC: u8 = 3;
 
 const fn clocks(opcode: u8) -> u8 {
     match opcode {

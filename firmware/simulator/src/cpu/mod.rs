@@ -9,8 +9,8 @@ mod opcode;
 
 use crate::chip::violation::Violation;
 use crate::chip::{Chip, sfr};
-use crate::cpu::cycles::INTERRUPT_ENTRY;
-use crate::cpu::opcode::{Kind, TRAITS, USES, subtracts, takes_carry};
+use crate::cpu::cycles::{INTERRUPT_ENTRY, PREFETCH_MISS};
+use crate::cpu::opcode::{Kind, TRAITS, TRAITS_OF_MISSES, USES, subtracts, takes_carry};
 use i8051::{Cpu as Core, Flag, Interrupt};
 
 pub const IRAM_SIZE: usize = 256;
@@ -52,19 +52,21 @@ impl Cpu {
     }
 
     /// Goes to an interrupt's vector; gives the clocks that it takes.
-    pub fn interrupt(&mut self, vector: u16) -> u64 {
+    pub fn interrupt(&mut self, vector: u16, misses: bool) -> u64 {
         self.core.push_stack16(self.core.pc);
         self.core.pc = vector;
-        INTERRUPT_ENTRY
+        INTERRUPT_ENTRY + if misses { u64::from(PREFETCH_MISS) } else { 0 }
     }
 
-    /// Runs one instruction and gives the SYSCLKs that it takes. What the chip forbids is in [`Chip::violation`].
+    /// Runs one instruction and gives the SYSCLKs that it takes; `MISSES`: its jumps miss the prefetch engine's bytes.
+    /// What the chip forbids is in [`Chip::violation`].
     #[inline(always)]
-    pub fn step(&mut self, chip: &mut Chip) -> u64 {
+    pub fn step<const MISSES: bool>(&mut self, chip: &mut Chip) -> u64 {
         let pc = self.core.pc;
         chip.check_code_address(pc);
         let opcode = chip.flash.byte(pc);
-        let traits = &TRAITS[opcode as usize];
+        let traits = if MISSES { &TRAITS_OF_MISSES } else { &TRAITS };
+        let traits = &traits[opcode as usize];
         let second = chip.flash.byte(pc.wrapping_add(1));
         if USES[second as usize] & traits.cares_for == 0 {
             self.core.step(chip);

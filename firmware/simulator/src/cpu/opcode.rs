@@ -1,7 +1,7 @@
 //! What the simulator must know of each opcode besides what the core does with it.
 
 use crate::chip::sfr;
-use crate::cpu::cycles::{CLOCKS, TAKEN_BRANCH};
+use crate::cpu::cycles::{CLOCKS, PREFETCH_MISS, SLOWER_MOVC, TAKEN_BRANCH};
 
 /// What an instruction needs besides what the core does with it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,15 +44,22 @@ pub struct Traits {
     pub cares_for: u8,
 }
 
-pub static TRAITS: [Traits; 256] = {
+/// On a chip whose prefetch engine always has what is next.
+pub static TRAITS: [Traits; 256] = traits(0, 0);
+/// On one whose prefetch engine never has the target of a jump.
+pub static TRAITS_OF_MISSES: [Traits; 256] = traits(PREFETCH_MISS, SLOWER_MOVC);
+
+const fn traits(miss: u8, slower_movc: u8) -> [Traits; 256] {
     let mut table =
         [Traits { clocks: 0, taken: 0, length: 0, reads_latch: false, kind: Kind::Plain, cares_for: 0 }; 256];
     let mut index = 0;
     while index < 256 {
         let opcode = index as u8;
         table[index] = Traits {
-            clocks: CLOCKS[index],
-            taken: if is_conditional_branch(opcode) { TAKEN_BRANCH } else { 0 },
+            clocks: CLOCKS[index]
+                + if always_jumps(opcode) { miss } else { 0 }
+                + if is_movc(opcode) { slower_movc } else { 0 },
+            taken: if is_conditional_branch(opcode) { TAKEN_BRANCH + miss } else { 0 },
             length: branch_length(opcode),
             reads_latch: reads_latch(opcode),
             kind: kind(opcode),
@@ -61,7 +68,7 @@ pub static TRAITS: [Traits; 256] = {
         index += 1;
     }
     table
-};
+}
 
 const fn kind(opcode: u8) -> Kind {
     match opcode {
@@ -134,6 +141,15 @@ const fn reads_latch(opcode: u8) -> bool {
 
 const fn is_conditional_branch(opcode: u8) -> bool {
     matches!(opcode, 0x10 | 0x20 | 0x30 | 0x40 | 0x50 | 0x60 | 0x70 | 0xB4..=0xBF | 0xD5 | 0xD8..=0xDF)
+}
+
+/// LJMP, LCALL, RET, RETI, JMP @A+DPTR, SJMP, AJMP and ACALL.
+const fn always_jumps(opcode: u8) -> bool {
+    matches!(opcode, 0x02 | 0x12 | 0x22 | 0x32 | 0x73 | 0x80) || opcode & 0x0F == 0x01
+}
+
+const fn is_movc(opcode: u8) -> bool {
+    matches!(opcode, 0x83 | 0x93)
 }
 
 /// The length of a conditional branch.

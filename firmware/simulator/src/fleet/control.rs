@@ -54,6 +54,9 @@ struct Answer {
     sent: Vec<Bytes>,
     /// How things are with each unit.
     truth: Vec<Truth>,
+    /// What has been measured of each, for people; nothing without `--measure`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    measured: Vec<String>,
 }
 
 /// Answers requests until there are no more.
@@ -99,5 +102,6 @@ fn check(request: &Request, fleet: &Fleet, line: usize) -> Result<(), ControlErr
 fn answer(fleet: &mut Fleet) -> Answer {
     let truth = fleet.members.iter().map(|member| member.unit.truth()).collect();
     let sent = fleet.members.iter_mut().map(|member| Bytes(std::mem::take(&mut member.outbox))).collect();
-    Answer { now_s: to_seconds(fleet.now), sent, truth }
+    let measured = fleet.members.iter().filter_map(|member| member.unit.measured()).collect();
+    Answer { now_s: to_seconds(fleet.now), sent, truth, measured }
 }

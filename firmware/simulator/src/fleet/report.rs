@@ -25,7 +25,9 @@ pub fn beginning(fleet: &Fleet, room: &Room, firmware: &str, records: &[Record],
             Peer::Host(_) => "acknowledged by the simulator".to_owned(),
             Peer::Control => "run step by step".to_owned(),
         };
-        format!("unit {}: {address}, {firmware} in room {}, {carried}", member.serial, room.name)
+        let fast_percent = 100.0 * member.oscillator.error();
+        let clock = if fast_percent == 0.0 { String::new() } else { format!(", clock {fast_percent:+.2} %") };
+        format!("unit {}: {address}, {firmware} in room {}, {carried}{clock}", member.serial, room.name)
     };
     let mut lines: Vec<String> = fleet.members.iter().map(unit).collect();
     let (bytes, crc) = image::sum(records);

@@ -143,9 +143,9 @@ impl Room {
         self.place(index).and_then(|place| place.motor).unwrap_or(self.motor)
     }
 
-    /// The oscillator of unit `index`, counted from 0.
-    pub fn oscillator(&self, index: usize) -> Oscillator {
-        Oscillator::off_by(self.place(index).map_or(0.0, |place| place.oscillator_error))
+    /// The oscillator of unit `index`, counted from 0, if the room says how far it is off.
+    pub fn oscillator(&self, index: usize) -> Option<Oscillator> {
+        self.place(index).and_then(|place| place.oscillator_error).map(Oscillator::off_by)
     }
 
     /// How many units the room has places for, if they share it; `None` if each unit has the room to itself.
@@ -245,7 +245,8 @@ impl Room {
         if let Some(index) = hit(&standing) {
             return Some((format!("unit {}", index + 1), "is inside a cylinder or on a wall"));
         }
-        let off = |place: &Place| !(-WORST_OSCILLATOR..=WORST_OSCILLATOR).contains(&place.oscillator_error);
+        let sane = -WORST_OSCILLATOR..=WORST_OSCILLATOR;
+        let off = |place: &Place| place.oscillator_error.is_some_and(|error| !sane.contains(&error));
         if let Some(index) = self.units.iter().position(off) {
             return Some((format!("unit {}: oscillator_error", index + 1), "is not from -0.03 to 0.03"));
         }

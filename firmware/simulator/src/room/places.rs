@@ -15,9 +15,8 @@ pub struct Place {
     #[serde(default)]
     pub heading_deg: f64,
     pub motor: Option<Gear>,
-    /// The share by which its clock is fast.
-    #[serde(default)]
-    pub oscillator_error: f64,
+    /// The share by which its clock is fast; else it is drawn.
+    pub oscillator_error: Option<f64>,
 }
 
 /// # Errors

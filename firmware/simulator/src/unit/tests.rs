@@ -4,7 +4,7 @@ use super::*;
 use crate::image::{erased, flash_firmware};
 use crate::room::Room;
 use crate::room::acoustics::Scene;
-use crate::time::TICKS_PER_MS;
+use crate::time::{Oscillator, TICKS_PER_MS};
 use std::rc::Rc;
 
 pub(super) const TICKS_PER_CLOCK: Tick = 32;
@@ -17,7 +17,7 @@ pub(super) fn unit(program: &[u8], service_routine: &[u8]) -> Unit {
     flash_firmware(&mut flash, &[(0, program.to_vec()), (0x2B, service_routine.to_vec())]);
     Unit::power_up(
         flash,
-        World::new(Rc::new(Scene::new(room)), 0, None, 1, 1),
+        World::new(Rc::new(Scene::new(room)), 0, Oscillator::off_by(0.0), None, 1, 1),
         1,
         &mut stream(2, Part::Memories),
     )
@@ -31,6 +31,31 @@ fn one_instruction_runs_between_two_runs_of_a_routine_that_leaves_its_flag_up() 
     let (entry, reti, nop) = (6, 6, 1);
     unit.run_until((start_up + 100 * (nop + entry + reti)) * TICKS_PER_CLOCK).unwrap();
     assert_eq!(unit.instructions(), 3 + 200);
+}
+
+#[test]
+fn on_the_slowest_chip_each_jump_that_is_taken_waits_for_its_target_and_movc_takes_its_longest() {
+    let program = [
+        0x53, 0xD9, 0xBF, // ANL PCA0MD,#0xBF
+        0xE4, // CLR A
+        0x70, 0x01, // JNZ: not taken
+        0x60, 0x01, 0x00, // JZ over a NOP
+        0x12, 0x00, 0x2B, // LCALL 0x002B
+        0x93, // MOVC A,@A+DPTR
+        0x80, 0xFE, // SJMP $
+    ];
+    let clocks = |slowest: bool| {
+        let mut unit = unit(&program, &[0x22]); // RET
+        if slowest {
+            unit.slow_down();
+        }
+        while unit.instructions() < 8 {
+            unit.run_until(unit.now() + 1).unwrap();
+        }
+        unit.now() / TICKS_PER_CLOCK
+    };
+    assert_eq!(clocks(false), 3 + 1 + 2 + 4 + 5 + 6 + 4 + 4);
+    assert_eq!(clocks(true), 3 + 1 + 2 + (4 + 2) + (5 + 2) + (6 + 2) + 7 + (4 + 2));
 }
 
 #[test]

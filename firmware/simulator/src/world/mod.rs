@@ -75,7 +75,14 @@ pub struct Truth {
 
 impl World {
     /// The world of unit `index`, counted from 0, at power-up: the sensor looks anywhere, by the seed.
-    pub fn new(scene: Rc<Scene>, index: usize, air: Option<Rc<Air>>, laps: usize, seed: u64) -> Self {
+    pub fn new(
+        scene: Rc<Scene>,
+        index: usize,
+        oscillator: Oscillator,
+        air: Option<Rc<Air>>,
+        laps: usize,
+        seed: u64,
+    ) -> Self {
         let mut rng = stream(seed, Part::World);
         let gear = scene.room().gear(index);
         let reach_rad = POWER_UP_RANGE_RAD.min(gear.stop_deg.to_radians());
@@ -87,7 +94,6 @@ impl World {
         let sonar = Sonar::of(&scene.room().sensor);
         let carrier = Carrier::new(scene.room().waypoints(), laps);
         let standing = scene.room().standing(index);
-        let oscillator = scene.room().oscillator(index);
         Self {
             hearing: Hearing::new(Rc::clone(&scene), air.map(|air| (air, index)), oscillator),
             scene,
@@ -140,6 +146,9 @@ impl World {
             Fault::SensorDeaf {} => self.sonar.fall_ill(Ailment::Deaf, until, now),
             Fault::SensorShortPulse {} => self.sonar.fall_ill(Ailment::ShortPulse, until, now),
             Fault::SensorTooEarly {} => self.sonar.fall_ill(Ailment::Early, until, now),
+            Fault::SensorRepeats { echo_ms } => {
+                self.sonar.fall_ill(Ailment::Repeats(from_seconds(echo_ms / 1e3)), until, now);
+            }
             Fault::MotorStuck {} => self.motor.stick(until),
             Fault::MotorLosesSteps { probability } => self.motor.lose_steps(probability, until),
             Fault::SensorTurned { by_deg } => self.motor.turn_by_hand(by_deg.to_radians()),
@@ -159,7 +168,8 @@ impl World {
             | Fault::PowerRamp { .. }
             | Fault::ResetPin {}
             | Fault::PowerCutAtFlashOperation { .. }
-            | Fault::PcaLosesFlags {} => {}
+            | Fault::PcaLosesFlags {}
+            | Fault::MemorySpoiled { .. } => {}
         }
     }
 

@@ -26,6 +26,8 @@ pub enum Ailment {
     ShortPulse,
     /// ECHO rises before the trigger is over.
     Early,
+    /// ECHO is always high for so long.
+    Repeats(Tick),
 }
 
 /// An edge of ECHO.
@@ -119,6 +121,7 @@ impl Sonar {
         let length = match self.ailment_at(now) {
             Some(Ailment::Deaf) => self.kind.no_echo,
             Some(Ailment::ShortPulse) => SHORT_PULSE,
+            Some(Ailment::Repeats(length)) => length,
             _ => flight.unwrap_or(self.kind.no_echo),
         };
         self.pulse(now + self.kind.lag, length);
@@ -265,6 +268,7 @@ mod tests {
             (Ailment::Missing, vec![]),
             (Ailment::Deaf, vec![(true, RISE), (false, RISE + NO_ECHO)]),
             (Ailment::ShortPulse, vec![(true, RISE), (false, RISE + SHORT_PULSE)]),
+            (Ailment::Repeats(777), vec![(true, RISE), (false, RISE + 777)]),
             (Ailment::Early, vec![(true, EARLY), (false, EARLY + TICKS_PER_MS)]),
         ] {
             let mut sonar = sonar_of(Sensor::default());

@@ -16,7 +16,13 @@ fn scene(sensor: &str, objects: &str) -> Rc<Scene> {
 }
 
 fn world(sensor: &str, objects: &str) -> World {
-    World::new(scene(sensor, &format!("{objects}{UNIT}")), 0, None, 1, 1)
+    in_scene(&scene(sensor, &format!("{objects}{UNIT}")), 0, None)
+}
+
+/// A unit whose oscillator is exact, if the room does not say otherwise.
+fn in_scene(scene: &Rc<Scene>, index: usize, air: Option<&Rc<Air>>) -> World {
+    let oscillator = scene.room().oscillator(index).unwrap_or(Oscillator::off_by(0.0));
+    World::new(Rc::clone(scene), index, oscillator, air.cloned(), 1, 1)
 }
 
 /// Sends a ping and gives the range that the pulse means.
@@ -70,7 +76,7 @@ fn a_unit_hears_the_burst_of_another_that_faces_it_before_its_own_echo() {
     let units = "[[unit]]\nposition_m = [0.0, 0.0]\n[[unit]]\nposition_m = [1.0, 0.0]\n";
     let scene = scene("", &format!("{WALL}{units}"));
     let air = Rc::new(Air::new(Rc::clone(&scene), vec![scene.room().standing(0), scene.room().standing(1)]));
-    let unit = |index| World::new(Rc::clone(&scene), index, Some(Rc::clone(&air)), 1, 1);
+    let unit = |index| in_scene(&scene, index, Some(&air));
     let (mut first, mut second) = (unit(0), unit(1));
     second.ping(TICKS_PER_MS);
     first.ping(0);
@@ -87,7 +93,7 @@ fn a_fast_oscillator_counts_more_for_the_same_echo_and_is_heard_by_others_at_the
         "[[unit]]\nposition_m = [0.0, 0.0]\noscillator_error = 0.015\n[[unit]]\nposition_m = [1.0, 0.0]\n";
     let scene = scene("", &format!("{WALL}{units}"));
     let air = Rc::new(Air::new(Rc::clone(&scene), vec![scene.room().standing(0), scene.room().standing(1)]));
-    let unit = |index| World::new(Rc::clone(&scene), index, Some(Rc::clone(&air)), 1, 1);
+    let unit = |index| in_scene(&scene, index, Some(&air));
     let (mut fast, mut right) = (unit(0), unit(1));
     assert_close(range_of_ping(&mut fast, 0), 2.5 * 1.015);
     // A second later by the true time, and 1 ms after the other's burst.
@@ -103,7 +109,7 @@ fn a_fast_oscillator_counts_more_for_the_same_echo_and_is_heard_by_others_at_the
 fn warm_air_brings_the_echo_sooner() {
     let schedule = "air_temperature_schedule = [{ at_s = 0.0, temperature_c = 0.0 }, { at_s = 60.0, temperature_c = 30.0 }]";
     let text = format!("name = 'x'\n{schedule}\n[sensor]\n{FORWARD}{WALL}{UNIT}");
-    let mut world = World::new(Rc::new(Scene::new(Room::parse("x", &text).unwrap())), 0, None, 1, 1);
+    let mut world = in_scene(&Rc::new(Scene::new(Room::parse("x", &text).unwrap())), 0, None);
     let speeds_m_s = [331.3, 331.3 + 0.606 * 30.0];
     for (at_s, speed_m_s) in [0.0, 60.0].into_iter().zip(speeds_m_s) {
         let range_m = range_of_ping(&mut world, from_seconds(at_s));

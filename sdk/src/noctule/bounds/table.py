@@ -42,7 +42,7 @@ UNIT_PLAN = {
     "bearing_step_rad": Number(2 * math.pi / 0x10000, 2 * math.pi, "rad"),
     "count": Number(1, MAX_READINGS),
     "ping_interval_s": Number(0.029, 1, "s", "in seconds"),
-    "top_speed_half_steps_s": Number(50, 1000, "half steps/s"),
+    "top_speed_half_steps_s": Number(50, 800, "half steps/s"),
     "ramp_s": Number(0, 1, "s", "in seconds"),
     "settle_s": Number(0, 1, "s", "in seconds"),
 }

@@ -51,6 +51,16 @@ fn an_operation_takes_any_time_within_the_datasheets_limits_by_the_seed() {
 }
 
 #[test]
+fn the_slowest_chip_takes_the_longest_that_the_datasheet_allows() {
+    let mut flash = flash();
+    flash.is_slowest = true;
+    for (psctl, expected) in [(PSWE, 70 * TICKS_PER_US), (PSWE | PSEE, 20 * TICKS_PER_MS)] {
+        unlock(&mut flash, psctl);
+        assert_eq!(flash.movx(0xF400, 0, true).unwrap(), Operation::Done(expected));
+    }
+}
+
+#[test]
 fn every_operation_wants_its_own_keys() {
     let mut flash = flash();
     unlock(&mut flash, PSWE);
