@@ -12,7 +12,7 @@ watcher=
 if [ -t 1 ]; then
     started=$(date +%s)
     while kill -0 $$ 2>/dev/null && sleep 1; do
-        printf '\r\033[K  %d s  %s' $(($(date +%s) - started)) "$(tail -n 1 "$log" | tr -d '\r' | cut -c 1-60)"
+        printf '\r\033[K  %d s  %s' $(($(date +%s) - started)) "$(tail -n 1 "$log" | tr -d '\r' | sed 's|^ *||' | cut -c 1-60)"
     done &
     watcher=$!
 fi

@@ -24,7 +24,7 @@ esac
 sync "Fetching Python packages (${SIZE:-900 MB} where none is here yet): up to two minutes" \
     --no-install-package noctule-sim $inexact "$@"
 case $simulator in
-build) sync "Building the simulator: up to a minute" "$@" ;;
+build) sync "Building the simulator: up to two minutes" "$@" ;;
 *.whl) "$uv" pip install --python .venv --quiet --no-deps --no-index --reinstall "$simulator" ;;
 esac
 sh deploy/simulator_sources.sh >.venv/simulator-sources # for simulator.sh, once no wheel is there any more

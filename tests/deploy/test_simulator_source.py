@@ -183,7 +183,7 @@ def test_the_set_up_says_what_it_fetches_unless_all_is_there(project: Path, with
     cargo(without_rust, "echo cargo 1.88.0 today")
     steps = [
         "Fetching Python packages (387 MB where none is here yet): up to two minutes",
-        "Building the simulator: up to a minute",
+        "Building the simulator: up to two minutes",
     ]
     assert said().splitlines() == steps
     assert said().splitlines() == steps  # those of the tests are missing, after those of the demo
