@@ -81,10 +81,8 @@
   // The words of the bar and its colour; no words where nothing is wrong.
   function age() {
     const now_ms = Date.now();
-    if (relay_is_silent || unanswered >= SILENT_AFTER_LOOKS) {
-      const why = relay_is_silent ? "" : ", or this computer can't keep up"; // which delays answers too
-      return [`The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}${why}: this page shows the past.`, PAST];
-    }
+    if (relay_is_silent || unanswered >= SILENT_AFTER_LOOKS)
+      return [`The relay has not answered for ${duration((now_ms - answered_ms) / 1000)}: this page shows the past.`, PAST];
     if (document.hidden) return ["", PAST]; // a browser draws no tab that nobody sees
     if (shown_s === null) {
       const waited_s = (now_ms - opened_ms) / 1000;
