@@ -80,7 +80,8 @@ setup setup-demo: $(UV)
 firmware: setup
 firmware-demo: setup-demo
 firmware firmware-demo:
-	@$(MAKE) --no-print-directory --silent -C firmware
+	@$(MAKE) --silent --question -C firmware 2>/dev/null || \
+	  sh deploy/step.sh firmware "Compiling the firmware: some 10 s" $(MAKE) --no-print-directory -C firmware
 
 .tools/bin/uv:
 	@echo "Fetching uv, which fetches the packages (25 MB)"

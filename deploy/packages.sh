@@ -24,14 +24,10 @@ if [ -n "$missing" ]; then
         echo "Packages are missing; type: sudo apt-get install --yes$missing" >&2
         exit 1
     fi
-    echo "Installing$missing"
     export DEBIAN_FRONTEND=noninteractive
-    log=$(mktemp)
-    # shellcheck disable=SC2086
-    if ! { apt-get update && apt-get install --yes --no-install-recommends $missing; } >"$log" 2>&1; then
-        cat "$log" >&2
-        echo "Packages could not be installed; the lines above say why. Then type: apt-get install --yes$missing" >&2
+    install="apt-get install --yes --no-install-recommends$missing"
+    if ! sh deploy/step.sh debian "Installing$missing" sh -c "apt-get update && $install"; then
+        echo "Then type: apt-get install --yes$missing" >&2
         exit 1
     fi
-    rm "$log"
 fi

@@ -126,10 +126,10 @@ def describe(comparison: Comparison, contour: Contour, room: Room) -> str:
     lines = [f"{_counted(contour.sweeps, 'sweep')}, {found_walls}, {_corners_off(comparison)}"]
     letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
     for label, (x_m, y_m), error_m in zip(letters, room.corners, comparison.corner_errors_m, strict=False):
-        off = "not found yet" if error_m is None else f"{100 * error_m:.2f} cm off"
+        off = "not found" if error_m is None else f"{100 * error_m:.2f} cm off"
         lines.append(f"  corner {label} ({x_m:+.3f}, {y_m:+.3f}) m: {off}")
     for (x_m, y_m, radius_m), errors_m in zip(room.cylinders, comparison.cylinder_errors_m, strict=True):
-        off = "not found yet"
+        off = "not found"
         if errors_m is not None:
             off = f"centre {100 * errors_m[0]:.2f} cm off, radius {100 * errors_m[1]:.2f} cm off"
         lines.append(f"  cylinder ({x_m:+.3f}, {y_m:+.3f}) m, radius {radius_m:.3f} m: {off}")

@@ -148,13 +148,13 @@ def test_what_runs_cargo_itself_takes_no_simulator_without_it(
 
 
 def synced(project: Path, environment: dict[str, str], *words: str) -> list[str]:
-    """The words of the first command that is given to uv, with ``words`` for it."""
+    """The words of the last command that is given to uv, with ``words`` for it."""
     uv = project / "uv"
     uv.write_text('#!/bin/sh\necho "$@"\n')
     uv.chmod(0o755)
     ended = run(project, environment, "sh", "deploy/sync.sh", "./uv", *words)
     assert ended.returncode == 0, ended.stderr
-    return ended.stdout.splitlines()[0].split()
+    return ended.stdout.splitlines()[-1].split()
 
 
 def test_a_simulator_that_is_not_built_is_not_removed_with_what_the_lock_file_does_not_name(
@@ -181,10 +181,22 @@ def test_the_set_up_says_what_it_fetches_unless_all_is_there(project: Path, with
         return ended.stdout
 
     cargo(without_rust, "echo cargo 1.88.0 today")
-    assert said().startswith("Fetching Python packages (387 MB where none is here yet) and building the simulator")
-    assert said().startswith("Fetching Python packages")  # those of the tests are missing, after those of the demo
+    steps = [
+        "Fetching Python packages (387 MB where none is here yet): up to two minutes",
+        "Building the simulator: up to two minutes",
+    ]
+    assert said().splitlines() == steps
+    assert said().splitlines() == steps  # those of the tests are missing, after those of the demo
     (project / "whole").touch()
     assert said() == ""
+
+
+def test_a_step_that_fails_shows_the_end_of_its_log(project: Path) -> None:
+    ended = run(project, dict(os.environ), "sh", "deploy/step.sh", "part", "Doing a part", "sh", "-c", "seq 30; exit 4")
+    assert (ended.returncode, ended.stdout) == (1, "Doing a part\n")
+    shown = [*map(str, range(11, 31)), "This failed: Doing a part. The lines above are the end of .tools/part.log."]
+    assert ended.stderr.splitlines() == shown
+    assert (project / ".tools/part.log").read_text().splitlines() == [str(number) for number in range(1, 31)]
 
 
 @pytest.mark.soak

@@ -205,6 +205,10 @@ def test_check_changes_no_file_and_says_that_all_is_sound_after_a_kill(tmp_path:
     assert [name for name in before if after[name] != before[name] and not name.endswith("-shm")] == []
     with pytest.raises(LogError, match="holds no logs"):
         look_at_all(tmp_path / "none")
+    site_file = tmp_path / "attic.toml"
+    site_file.touch()
+    with pytest.raises(LogError, match="for a site file type noctule doctor"):
+        look_at_all(site_file)
 
 
 @pytest.mark.parametrize("before_an_upgrade", [False, True])

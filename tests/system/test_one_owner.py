@@ -1,9 +1,14 @@
-"""A data folder has one owner: second gateways and mappers are refused in words, and killed ones leave it free."""
+"""A data folder has one owner, and so has a router's port: second gateways and mappers are refused in words, and killed
+ones leave it free.
+"""
 
+import socket
 from pathlib import Path
 
 import pytest
 from system.processes import Programs, free_ports, programs, wait_until
+
+NOTHING_LISTENS = 9  # the discard port
 
 SITE = """
 site = "{name}"
@@ -11,16 +16,18 @@ site = "{name}"
 [[unit]]
 name = "u1"
 serial = 1
-address = "socket://127.0.0.1:9"  # the discard port, where nothing listens
+address = "socket://127.0.0.1:{line}"
 pose = {{ x_m = 0.0, y_m = 0.0, heading_deg = 0.0 }}
 """
 
 
-def gateway(folder: Path, data: Path, site: str = "attic") -> tuple[str, ...]:
-    """A gateway with a router of its own, for a site with a unit u1 that is away."""
+def gateway(
+    folder: Path, data: Path, site: str = "attic", port: int | None = None, line: int = NOTHING_LISTENS
+) -> tuple[str, ...]:
+    """A gateway with a router of its own, at ``port``, for a site with a unit u1 that is away."""
     file = folder / f"{site}.toml"
-    file.write_text(SITE.format(name=site))
-    (port,) = free_ports(1)
+    file.write_text(SITE.format(name=site, line=line))
+    port = port or free_ports(1)[0]
     return "noctule-gateway", "run", str(file), "--data", str(data), "--listen", f"tcp/127.0.0.1:{port}"
 
 
@@ -64,6 +71,19 @@ def test_a_folder_of_another_site_or_another_kind_of_service_is_refused_though_n
         run_until(running, "cellar", gateway(tmp_path, data, "cellar"), whose)
         run_until(running, "mapper", mapper(data), whose)
         assert (running.wait("cellar"), running.wait("mapper")) == (1, 1)
+
+
+def test_a_gateway_whose_routers_port_is_taken_opens_no_line(tmp_path: Path) -> None:
+    with programs(tmp_path) as running, socket.create_server(("127.0.0.1", 0)) as taken, socket.socket() as line:
+        line.bind(("127.0.0.1", 0))
+        line.listen()
+        line.setblocking(False)
+        at = taken.getsockname()[1]
+        command = gateway(tmp_path, tmp_path / "data", port=at, line=line.getsockname()[1])
+        run_until(running, "gateway", command, f"port {at} is in use by ")
+        assert running.wait("gateway") == 1
+        with pytest.raises(BlockingIOError):  # nobody has come
+            line.accept()
 
 
 @pytest.mark.parametrize("role", ["gateway", "mapper"])

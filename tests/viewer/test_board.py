@@ -380,11 +380,13 @@ def test_the_scale_has_at_most_a_dozen_lines_of_a_round_distance(side_m: float, 
 
 
 def test_the_scales_labels_keep_clear_of_the_edges_that_would_cut_them_off() -> None:
-    drawn = components(drawing.draw_scale(MapBox(-1.0, -1.0, 3.0, 2.0)), rerun_paths.SCALE)
-    assert drawn["Points2D:labels"] == [
-        *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m", "2 m", "2.5 m"),
-        *("-0.5 m", "0 m", "0.5 m", "1 m", "1.5 m"),
-    ]
+    box = MapBox(-1.0, -1.0, 3.0, 2.0)
+    drawn, between = (
+        components(drawing.draw_scale(box), path) for path in (rerun_paths.SCALE, rerun_paths.SCALE_BETWEEN)
+    )
+    assert drawn["Points2D:labels"] == ["0 m", "1 m", "2 m", "0 m", "1 m"]
+    beside_them = ["-0.5 m", "0.5 m", "1.5 m", "2.5 m", "-0.5 m", "0.5 m", "1.5 m"]
+    assert between["Points2D:labels"] == beside_them
 
 
 @pytest.mark.parametrize(

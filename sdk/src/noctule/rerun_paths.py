@@ -31,6 +31,7 @@ HEARTBEAT = "mapper/heartbeat"  # a heading that bears the hour
 ALARMS = "board/alarms"
 UNITS_TABLE = "board/units"
 SCALE = "world/scale"
+SCALE_BETWEEN = "world/scale/between"
 HEALTH = "world/health"  # of the units, where the map has them
 CHANGES = "world/changes"  # what is new on the map, and what is gone
 FLOOR_PLAN = "world/floor_plan"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import zenoh
 
-from noctule import bus, bus_config, firmware_rules, metrics, metrics_server, site
+from noctule import bus, bus_config, firmware_rules, metrics, metrics_server, site, tls
 from noctule.bus_watch import BusWatch
 from noctule.ending import Ending
 from noctule.systemd import ServiceManager
@@ -51,12 +51,17 @@ def serve(site_file: Path, data: Path, name: str, retention: Retention, access: 
         gateway.report()
         manager.serving(gateway.summary, gateway.makes_progress)
 
+    def open_session() -> zenoh.Session:
+        return bus.open_session(access.connect, access.listen, tls_folder=access.tls_folder, while_waiting=look_after)
+
     try:
+        config = bus_config.config(access.connect, access.listen, tls.chosen(access.tls_folder))
+        is_router = bus_config.is_router(config)
         with metrics_server.serving(access.metrics_at, metrics.registry(gateway.statuses)):
+            if is_router:  # whose port may be taken: then the units are another gateway's, and their lines stay shut
+                session = open_session()
             gateway.start()
-            session = bus.open_session(
-                access.connect, access.listen, tls_folder=access.tls_folder, while_waiting=look_after
-            )
+            session = session or open_session()
             watch = BusWatch(session, access.connect, access.listen, access.tls_folder)
             gateway.join(session, watch, access.tls_folder)
             where = access.listen or access.connect or [f"as {access.tls_folder} says"]

@@ -49,6 +49,8 @@ def look_at_all(data: Path, tell: Callable[[str, int, int], None] = lambda *_: N
     """
     units = units_in(data)
     if not units:
+        if data.is_file():
+            raise LogError(f"{data} is no folder of logs: for a site file type noctule doctor {data}")
         raise LogError(f"{data} holds no logs: give what noctule-gateway run has as --data")
     looks = []
     for done, unit in enumerate(units):

@@ -1,7 +1,7 @@
 """A measurement of one unit: orders given one after the other, each when the one before is over. Reads no clock."""
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 from noctule.messages_pb2 import Measurement, UnitStatus
 from noctule_gateway.errors import CommandError
@@ -112,10 +112,14 @@ def longest_s(steps: Iterable[Order], settings: Settings) -> float:
     return _SPARE_S + _HOMING / _HOMING_SPEED + sum(_STEP_S + _moves_s(step, settings) for step in steps)
 
 
-def summary(found: Iterable[Measurement]) -> str:
-    """One sentence: what is bad, or that nothing is."""
-    wrong = [each.name for each in found if each.verdict == Measurement.VERDICT_BAD]
-    return f"not as it should be: {', '.join(wrong)}" if wrong else "nothing found wrong"
+def summary(found: Sequence[Measurement]) -> str:
+    """One line: what is bad, or that nothing is, and what could not be told."""
+    wrong, unknown, good = (
+        [each.name for each in found if each.verdict == verdict]
+        for verdict in (Measurement.VERDICT_BAD, Measurement.VERDICT_UNKNOWN, Measurement.VERDICT_GOOD)
+    )
+    parts = [f"not as it should be: {', '.join(wrong)}"] if wrong else ["nothing found wrong"] if good else []
+    return "; ".join([*parts, f"could not be told: {', '.join(unknown)}"] if unknown else parts)
 
 
 def _check(name: str, settings: Settings, status: UnitStatus) -> None:

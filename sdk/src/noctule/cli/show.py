@@ -22,8 +22,8 @@ def units(
 ) -> None:
     """Show a site's units: which gateway serves them, in which state and since when, how long their logs are.
 
-    With the site file, its units that are missing are shown too; without, those that a service has read before. Below
-    them are the site's services: gateways, mappers, viewers.
+    With the site file, its units that are missing are shown too; without, those that a service has read before.
+    Below them are the site's services: gateways, mappers, viewers.
     """
     from noctule.cli.site_table import show_site
 

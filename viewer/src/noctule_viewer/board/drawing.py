@@ -48,7 +48,9 @@ def draw_temperatures(units: Sequence[UnitHealth]) -> Entries:
 
 
 def draw_scale(box: MapBox) -> Entries:
-    """Lines at whole metres, or what fits the map, with their coordinates near the left and the lower edge."""
+    """Lines at whole metres, or what fits the map, with their coordinates near the left and the lower edge: every other
+    one in an entity of its own, because a unit's tab has no room for it.
+    """
     spacing_m = map_box.line_spacing_m(box)
     across = map_box.multiples(box.left_m, box.right_m, spacing_m)
     up = map_box.multiples(box.bottom_m, box.top_m, spacing_m)
@@ -60,15 +62,23 @@ def draw_scale(box: MapBox) -> Entries:
     right_m, top_m = (edge_m - _LABEL_INSET * box.side_m for edge_m in (box.right_m, box.top_m))
     below = [(x_m, bottom_m, x_m) for x_m in across if left_m < x_m < right_m]
     beside = [(left_m, y_m, y_m) for y_m in up if bottom_m < y_m < top_m]
-    labels = rr.Points2D(
-        [(x_m, y_m) for x_m, y_m, _ in (*below, *beside)],
+    even, odd = [], []
+    for label in (*below, *beside):
+        (odd if round(label[2] / spacing_m) % 2 else even).append(label)
+    yield rerun_paths.SCALE, Together(strips, _coordinates(even))
+    yield rerun_paths.SCALE_BETWEEN, _coordinates(odd)
+
+
+def _coordinates(labels: Sequence[tuple[float, float, float]]) -> rr.Points2D:
+    """Where each stands, and what it says, in metres."""
+    return rr.Points2D(
+        [(x_m, y_m) for x_m, y_m, _ in labels],
         colors=[_LINE_LABEL],
         radii=rr.Radius.ui_points(1.0),
-        labels=[f"{coordinate_m:g} m" for *_, coordinate_m in (*below, *beside)],
+        labels=[f"{coordinate_m:g} m" for *_, coordinate_m in labels],
         show_labels=True,
         draw_order=_SCALE_ORDER,
     )
-    yield rerun_paths.SCALE, Together(strips, labels)
 
 
 def _marks(units: Sequence[UnitHealth], heard: Heard) -> rr.Points2D:
