@@ -27,6 +27,7 @@ RAISED_IN = (
     "gateway/src/noctule_gateway/bus/unit_on_bus.py::report",
     "gateway/src/noctule_gateway/audit/audit_log.py",
     "gateway/src/noctule_gateway/turns/keeper.py::trouble",
+    "mapper/src/noctule_mapper/contour/reasons.py::no_room",
     "mapper/src/noctule_mapper/live/intake.py",
     "mapper/src/noctule_mapper/live/map_worker.py",
     "mapper/src/noctule_mapper/live/publish.py",

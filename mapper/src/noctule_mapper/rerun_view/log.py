@@ -85,6 +85,8 @@ class RerunLog:
             with self._drawing_tiles:
                 self._tiles[tile.tile_x, tile.tile_y] = tile
                 self._show_tile(tile)
+                if not any(tile.occupied) and not any(tile.free):
+                    del self._tiles[tile.tile_x, tile.tile_y]
 
     def show_unit_status(self, status: UnitStatus) -> None:
         """A unit's state and clock, and in the log what it tells its operator."""
@@ -142,7 +144,8 @@ class RerunLog:
         self._seen = seen
         for place in list(self._tiles):
             with self._drawing_tiles:  # never an older tile over a newer one
-                self._show_tile(self._tiles[place])
+                if (tile := self._tiles.get(place)) is not None:
+                    self._show_tile(tile)
 
     def _show_tile(self, tile: GridTile) -> None:
         path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))
