@@ -2,6 +2,7 @@
 
 import logging
 import re
+import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -135,13 +136,13 @@ def declare_publisher(session: zenoh.Session, key: str, message_type: type[Messa
 class StatePublisher:
     """Publishes a state and answers queries on its key with the last one, so that a late joiner sees the present.
 
-    Its attachment is the session's Zenoh id, by which noctule.rivals tells one publisher from another.
+    Its attachment, by which noctule.rivals tells one publisher from another, is the session's Zenoh id and the host.
     """
 
     def __init__(self, session: zenoh.Session, key: str, message_type: type[Message]) -> None:
         self.key = key
         self._encoding = encoding(message_type)
-        self._instance = str(session.zid())
+        self._instance = f"{session.zid()} {socket.gethostname()}"
         self.last: bytes | None = None  # what was put last
         self._publisher = declare_publisher(session, key, message_type)
         self._queryable = session.declare_queryable(key, self._answer, complete=True)
