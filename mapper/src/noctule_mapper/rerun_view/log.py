@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from time import monotonic, time
 from typing import Any
 
-from noctule import keys, poses, rerun_paths
+from noctule import bounds, keys, poses, rerun_paths
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
@@ -89,7 +89,9 @@ class RerunLog:
                     del self._tiles[tile.tile_x, tile.tile_y]
 
     def show_unit_status(self, status: UnitStatus) -> None:
-        """A unit's state and clock, and in the log what it tells its operator."""
+        """A unit's state and clock, and in the log what it tells its operator; of the first MAX_UNITS units."""
+        if status.unit not in self._states and len(self._states) >= bounds.MAX_UNITS:  # somebody makes up names
+            return
         now_s = time()
         clock = rerun_paths.unit_clock_error(status.unit)
         if status.state != UnitStatus.STATE_DISCONNECTED and self._thinning.is_due(clock):
