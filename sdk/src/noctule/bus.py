@@ -77,11 +77,8 @@ def closing(session: zenoh.Session) -> Iterator[zenoh.Session]:
 
 def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.Session:
     listen = bus_config.endpoints_of(config, "listen")
-    if open_to_all := bus_config.open_to_all(config):
-        _log.warning(
-            "anybody who reaches %s can command the units: listen on loopback, or give --tls FOLDER",
-            endpoints.shown(open_to_all),
-        )
+    if warning := bus_config.open_to_all(config):
+        _log.warning("%s", warning)
     if missing := [endpoint for endpoint in listen if own_addresses.is_missing(endpoint)]:
         _log.warning("this host does not have the address of %s yet: waiting for it", endpoints.shown(missing))
         bus_config.wait_for_addresses(config)
