@@ -2,7 +2,8 @@
 
 Model units of one gateway sweep at a steady pace over TCP; a follower of their logs reads them over a router of its own
 process. The sick ones: a client that asks for logs without end; the same client frozen while it takes its answers;
-a gateway of the same site that is frozen, as by a hung disk; a line over which bytes come without end.
+a gateway of the same site that is frozen, as by a hung disk; thirty units whose logs take each question and never
+answer; a line over which bytes come without end.
 """
 
 import os
@@ -43,6 +44,18 @@ with bus.open_session([sys.argv[1]]) as session:
         replies = [session.get(keys.log("{SITE}", "u1") + "?from=1;max=500", attachment="flood") for _ in range(50)]
         for each in replies:
             list(each)
+"""
+
+SILENT = f"""
+import sys, threading
+from noctule import bus, keys
+with bus.open_session([sys.argv[1]]) as session:
+    kept = []  # a query that is let go of is at its end
+    for n in range(30):
+        kept.append(session.declare_queryable(keys.log("{SITE}", f"silent{{n}}"), kept.append))
+        kept.append(session.liveliness().declare_token(keys.alive("{SITE}", f"silent{{n}}")))
+    print("silent", flush=True)
+    threading.Event().wait()
 """
 
 
@@ -153,7 +166,7 @@ def rows() -> list[str]:
 
 def _parts(running: Programs, sick: Line, endpoint: str, number: int) -> Iterator[str]:
     """What is wrong in round ``number``: each holds until the next one is asked for."""
-    name = f"flood-{number}"
+    name, silent = f"flood-{number}", f"silent-{number}"
     yield "alone"
     sick.floods.set()
     yield "a line that floods"
@@ -161,6 +174,10 @@ def _parts(running: Programs, sick: Line, endpoint: str, number: int) -> Iterato
     os.kill(running.pid("hung"), signal.SIGSTOP)
     yield "a gateway that hangs, as on a hung disk"
     os.kill(running.pid("hung"), signal.SIGCONT)
+    running.start(silent, sys.executable, "-c", SILENT, endpoint)
+    wait_until(lambda: running.log(silent), "no silent logs", 60)
+    yield "thirty logs that never answer"
+    running.kill(silent)
     running.start(name, sys.executable, "-c", FLOOD, endpoint)
     wait_until(lambda: running.log(name), "no flood", 60)
     yield "a client that asks for logs without end, at nice 19"

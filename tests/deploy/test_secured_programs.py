@@ -200,5 +200,7 @@ def test_a_program_whose_key_others_may_read_says_what_to_do(tmp_path: Path) -> 
 def test_a_router_that_anybody_may_reach_is_warned_of(
     endpoint: str, warned: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with caplog.at_level(logging.WARNING), bus.open_session(listen=[endpoint]):
+    with caplog.at_level(logging.WARNING), bus.open_session(listen=[endpoint]) as session:
         assert any("can command the units" in record.getMessage() for record in caplog.records) == warned
+        watch = BusWatch(session, listen=[endpoint])
+        assert ("can command the units" in watch.detail()) == warned  # as long as it is so

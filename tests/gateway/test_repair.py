@@ -12,6 +12,7 @@ import pytest
 from deploy.other_versions import make_log_earlier
 from gateway.test_sweep_log import WRITER, append, arrival, opened, read
 
+from noctule import elapsed
 from noctule.folder_lock import FolderError, FolderLock, Owner, owner_of
 from noctule_gateway.errors import LogError
 from noctule_gateway.log.look import look_at_all
@@ -209,6 +210,26 @@ def test_check_changes_no_file_and_says_that_all_is_sound_after_a_kill(tmp_path:
     site_file.touch()
     with pytest.raises(LogError, match="for a site file type noctule doctor"):
         look_at_all(site_file)
+
+
+def test_check_says_that_a_log_without_its_newest_commits_is_not_sound_and_repair_leaves_it_to_the_gateway(
+    tmp_path: Path,
+) -> None:
+    """SQLite reads a -wal up to the first damaged frame, and says nothing of the others."""
+    acknowledged = killed_while_writing(tmp_path / "u1.sqlite")
+    wal = tmp_path / "u1.sqlite-wal"
+    whole = bytearray(wal.read_bytes())
+    whole[len(whole) // 2] ^= 4
+    wal.write_bytes(whole)
+    (found,) = look_at_all(tmp_path)
+    assert 0 < found.head < acknowledged <= found.committed
+    assert not found.is_sound
+    assert str(found).endswith(f"; its newest commits, up to sweep {found.committed}, are gone")
+    assert [each.set_aside for each in repair(tmp_path, [])] == [None]
+    with opened(tmp_path / "u1.sqlite", now=elapsed.now):  # as the gateway does, which states what is lost
+        pass
+    (after,) = look_at_all(tmp_path)
+    assert (after.is_sound, after.sweeps, after.stated) == (True, found.sweeps, found.committed - found.head)
 
 
 @pytest.mark.parametrize("before_an_upgrade", [False, True])

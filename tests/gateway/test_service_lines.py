@@ -155,7 +155,7 @@ def test_a_server_that_sends_no_rfc2217_is_its_units_trouble_and_the_other_units
 
 
 def test_two_gateways_on_one_unit_both_say_so_until_one_is_gone(tmp_path: Path) -> None:
-    told = "another gateway serves it too (gateway): take it out of one site file"
+    told = f"another gateway serves it too (gateway on {socket.gethostname()}): take it out of one site file"
     path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED))
     (port,) = free_ports(1)
     with (

@@ -214,6 +214,19 @@ def test_a_units_state_is_shown_when_it_changes_and_its_trouble_is_told_once(sho
     assert states == [["sweeping"], ["fault"], ["idle"], ["disconnected"]]
 
 
+def test_units_that_somebody_makes_up_without_end_are_not_drawn(
+    shown: tuple[RerunLog, Viewer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, watching = shown
+    monkeypatch.setattr("noctule.bounds.MAX_UNITS", 3)
+    for number in range(50):
+        log.show_unit_status(UnitStatus(unit=f"u{number}", state=UnitStatus.STATE_IDLE, detail="cold"))
+    log.show_event("the end")
+    watching.wait_for(rerun_paths.LOG)
+    drawn = [number for number in range(50) if rerun_paths.unit_state(f"u{number}") in str(watching.seen().keys())]
+    assert drawn == [0, 1, 2]
+
+
 def test_figures_that_come_each_second_are_drawn_every_ten_and_counters_only_when_they_change(tmp_path: Path) -> None:
     now_s = 0
     with logged(tmp_path, lambda: now_s) as (log, watching):

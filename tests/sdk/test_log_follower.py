@@ -365,6 +365,42 @@ def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_s
     assert caplog.text.count("more than 3 units: made-up is not read") == 1
 
 
+def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_session, follow, monkeypatch):
+    monkeypatch.setattr(log_follower, "MOST_LIVE", 10)
+    monkeypatch.setattr(log_follower, "MOST_ANSWERS", 2)
+    hangs, go_on = threading.Event(), threading.Event()
+    go_on.set()
+
+    class Hanging(Store):
+        def deliver(self, sweeps):
+            if not go_on.is_set():
+                hangs.set()
+                assert go_on.wait(PATIENCE_S)
+            held.append((follower._live, len(follower._answers)))
+            super().deliver(sweeps)
+
+    held, session, store = [], open_session(), Hanging()
+    units = [LoggedUnit(session, f"u{number}") for number in range(12)]
+    for unit in units:
+        unit.sweep()
+    follower = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == len(units))
+    go_on.clear()
+    units[0].sweep()
+    assert hangs.wait(PATIENCE_S)
+    come = follower._client.counters()["delivered"]
+    for unit in units:
+        unit.sweep(20)
+    wait_until(lambda: follower._client.counters()["delivered"] >= come + 12 * 20, "the sweeps don't come")
+    assert follower._live == 10
+    go_on.set()
+    store.wait_for(lambda stored: len(stored.sweeps) == 12 * 21 + 1)
+    assert all(store.of(f"u{number}") == list(range(1, 22 + (number == 0))) for number in range(12))
+    assert max(live for live, _ in held) <= 10
+    assert max(answers for _, answers in held) <= 2
+    assert follower.counters()["lost"] == 0
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_each_sweep_is_stored_once_in_order_under_random_faults(router, open_session, follow, seed):
     dice = random.Random(seed)

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from noctule import bounds
 from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
 SHORTEST_RANGE_M, LONGEST_RANGE_M = 0.001, 20.0  # of any ranger in air; what a range costs grows with its square
@@ -85,6 +86,8 @@ class GridConfig(_Model):
 
     cell_m: float = Field(default=0.02, ge=0.002)
     tile_cells: Literal[16, 32, 64, 128, 256] = 64
+    # By default 6,500 m2, in 450 MB at the most. Sweeps beyond are left out of the grid.
+    most_tiles: int = Field(default=4000, ge=1, le=bounds.MAX_TILES)
     nodes: Literal[12, 16, 32] = 12  # of the fusion integral, per cell
     epsilon_sigmas: float = Field(default=2.0, gt=0)  # the paper's eps, in sigmas of a range
     most_occupied: float = Field(default=0.9, gt=0, lt=1)  # one contact's belief at its very point

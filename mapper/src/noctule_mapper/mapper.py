@@ -14,7 +14,7 @@ from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.contact_book import ContactBook, ContactChange, Identity
 from noctule_mapper.contacts.contact_report import ContactReport, contact_report
 from noctule_mapper.contour.contour import Contour, joined
-from noctule_mapper.contour.reasons import reason
+from noctule_mapper.contour.reasons import no_room, reason
 from noctule_mapper.contour.stops import parted
 from noctule_mapper.placement.unplaced import Unplaced
 from noctule_mapper.readings.echoes import Echoes, echoes_of
@@ -25,6 +25,7 @@ from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.refinement.refine import refine
 
 if TYPE_CHECKING:  # the grid and the paper's own methods, which the default method does without
+    from noctule_mapper.grid.bounded import BoundedGrid
     from noctule_mapper.grid.grid import Grid
     from noctule_mapper.paper.features import FeaturePoints
 
@@ -36,7 +37,7 @@ class Mapper:
 
     def __init__(self, config: MapperConfig | None = None) -> None:
         self.config = config or MapperConfig()
-        self._grid: Grid | None = None  # until it is looked at
+        self._grid: BoundedGrid | None = None  # until it is looked at
         self._contacts = ContactBook(self.config.contacts, self.config.refinement)
         self._sweeps: dict[Identity, SweepReadings] = {}
         self._came: dict[Identity, None] = {}  # as they came, those that wait for a pose too
@@ -77,12 +78,14 @@ class Mapper:
         sweep = self._sweeps.pop(identity, None)
         if sweep is None:
             return
-        self._free(self._lasting.pop(identity), sign=-1)
         self._update(self._contacts.remove(identity))
+        self._unfree(self._lasting.pop(identity))
         del self._numbers[identity]
         if is_fine(sweep):
             self._places[pose_of(sweep)].remove(identity)
             self._judge_again(pose_of(sweep))
+        if self._grid is not None and (left_out := self._grid.next_left_out()) is not None:
+            self._add_to(self._grid, left_out)
 
     def sweeps(self) -> list[SweepReadings]:
         """The sweeps on the map and those that wait for a pose, as they came."""
@@ -94,14 +97,18 @@ class Mapper:
         without; from then on it goes along with the sweeps.
         """
         if self._grid is None:
-            from noctule_mapper.grid.grid import Grid
+            from noctule_mapper.grid.bounded import BoundedGrid
 
-            grid = Grid(self.config.grid, self.config.rule)
-            for sweep in self._lasting.values():
-                grid.add_sweep(sweep)
-            grid.add_contacts(self._contacts.echoes(), self._contacts.contacts())
+            grid = BoundedGrid(self.config.grid, self.config.rule)
+            for identity in self._lasting:
+                self._add_to(grid, identity)
             self._grid = grid
-        return self._grid
+        return self._grid.grid
+
+    @property
+    def off_grid(self) -> int:
+        """How many sweeps the grid has no room for; none until it is looked at."""
+        return 0 if self._grid is None else self._grid.left_out
 
     def contact_report(self) -> ContactReport:
         """II.B: what each reading touched, by its tangent circle (Fig. 2) and by the R2d test (Eq. 1-2)."""
@@ -125,7 +132,8 @@ class Mapper:
         newest_s = _newest_s([self._sweeps[identity] for identity in self._came if identity in self._sweeps])
         heard_from_m = self._contacts.heard_from_m()
         found = self._contour() if len(heard_from_m) else Contour()
-        note = reason(found, heard_from_m, list(self._sweeps.values()), self.config)
+        lacks = reason(found, heard_from_m, list(self._sweeps.values()), self.config)
+        note = "; ".join(filter(None, (lacks, no_room(self.off_grid, self.config.grid))))
         now, stops = parted(found.poses, self._sweeps.values())
         poses, method = self._unplaced.published(now), self.config.method
         return replace(
@@ -171,10 +179,11 @@ class Mapper:
             if not np.array_equal(np.isfinite(old.range_m), lasts):
                 new = replace(sweep, range_m=np.where(lasts, sweep.range_m, np.nan))
                 self._lasting[sweep.identity] = new
-                self._free(old, sign=-1)
+                gone, come = self._contacts.exchange(sweep.identity, self._echoes(new), self._looks([new]))
+                self._update(gone)
+                self._unfree(old)
                 self._free(new)
-                for change in self._contacts.exchange(sweep.identity, self._echoes(new), self._looks([new])):
-                    self._update(change)
+                self._update(come)
         if not at:
             del self._places[pose]
 
@@ -185,17 +194,25 @@ class Mapper:
     def _looks(self, sweeps: Sequence[SweepReadings]) -> Looks | None:
         return looks_of(sweeps, self.config.noise.assumed_sigma_m, self._units)
 
-    def _free(self, sweep: SweepReadings, sign: int = 1) -> None:
+    def _free(self, sweep: SweepReadings) -> None:
         """II.A, Eq. 5-8: what lies before the arcs."""
         if self._grid is not None:
-            self._grid.add_sweep(sweep, sign=sign)
+            self._grid.add(sweep, self._numbers[sweep.identity])
+
+    def _unfree(self, sweep: SweepReadings) -> None:
+        if self._grid is not None:
+            self._grid.remove(sweep, self._numbers[sweep.identity])
 
     def _update(self, change: ContactChange) -> None:
         """III.C: a reading speaks of the region about its contact; a sweep's coming or going moves some contacts."""
         self._report = self._points = None
         if self._grid is not None:
-            self._grid.add_contacts(change.echoes, change.before, sign=-1)
-            self._grid.add_contacts(change.echoes, change.after)
+            self._grid.update(change)
+
+    def _add_to(self, grid: "BoundedGrid", identity: Identity) -> None:
+        """Put a sweep that is on the map into ``grid`` with its contacts, if there is room."""
+        if grid.add(self._lasting[identity], self._numbers[identity]):
+            grid.grid.add_contacts(self._contacts.echoes([identity]), self._contacts.contacts([identity]))
 
 
 def _newest_s(sweeps: Sequence[SweepReadings]) -> float:

@@ -2,6 +2,7 @@
 
 import logging
 import re
+import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -76,11 +77,8 @@ def closing(session: zenoh.Session) -> Iterator[zenoh.Session]:
 
 def _open_router(config: zenoh.Config, identity: tls.Identity | None) -> zenoh.Session:
     listen = bus_config.endpoints_of(config, "listen")
-    if open_to_all := bus_config.open_to_all(config):
-        _log.warning(
-            "anybody who reaches %s can command the units: listen on loopback, or give --tls FOLDER",
-            endpoints.shown(open_to_all),
-        )
+    if warning := bus_config.open_to_all(config):
+        _log.warning("%s", warning)
     if missing := [endpoint for endpoint in listen if own_addresses.is_missing(endpoint)]:
         _log.warning("this host does not have the address of %s yet: waiting for it", endpoints.shown(missing))
         bus_config.wait_for_addresses(config)
@@ -135,13 +133,13 @@ def declare_publisher(session: zenoh.Session, key: str, message_type: type[Messa
 class StatePublisher:
     """Publishes a state and answers queries on its key with the last one, so that a late joiner sees the present.
 
-    Its attachment is the session's Zenoh id, by which noctule.rivals tells one publisher from another.
+    Its attachment, by which noctule.rivals tells one publisher from another, is the session's Zenoh id and the host.
     """
 
     def __init__(self, session: zenoh.Session, key: str, message_type: type[Message]) -> None:
         self.key = key
         self._encoding = encoding(message_type)
-        self._instance = str(session.zid())
+        self._instance = f"{session.zid()} {socket.gethostname()}"
         self.last: bytes | None = None  # what was put last
         self._publisher = declare_publisher(session, key, message_type)
         self._queryable = session.declare_queryable(key, self._answer, complete=True)

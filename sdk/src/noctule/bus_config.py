@@ -125,13 +125,19 @@ def _is_secured(config: zenoh.Config, endpoint: str) -> bool:
     return endpoints.protocol(endpoint) in ("tls", "quic") and mutual is True
 
 
-def open_to_all(config: zenoh.Config) -> list[str]:
-    """The endpoints beyond loopback on which a session listens for anybody, with or without a certificate."""
-    return [
+def open_to_all(config: zenoh.Config) -> str:
+    """That a session listens beyond loopback for anybody, with or without a certificate; "" where it does not."""
+    found = [
         each
         for each in endpoints_of(config, "listen")
         if not endpoints.is_loopback(each) and not _is_secured(config, each)
     ]
+    if not found:
+        return ""
+    return (
+        f"anybody who reaches {endpoints.shown(found)} can command the units and forge their sweeps: listen on "
+        "loopback, or give --tls FOLDER"
+    )
 
 
 def is_local(connect: Sequence[str], listen: Sequence[str], tls_folder: Path | None) -> bool:

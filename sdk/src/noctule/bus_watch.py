@@ -52,6 +52,7 @@ class BusWatch:
         self._is_router = bus_config.is_router(config)
         listen_on = bus_config.endpoints_of(config, "listen") if self._is_router else []
         self._endpoints = EndpointWatch(self._routers, listen_on, self._is_router)
+        self._open_to_all = bus_config.open_to_all(config) if self._is_router else ""
         self._publishers: Callable[[], Sequence[StatePublisher]] = tuple
         self._trouble = self._expiry = ""
         self._said: set[str] = set()  # all that it was since all was well
@@ -67,12 +68,14 @@ class BusWatch:
             self._thread.start()
 
     def detail(self) -> str:
-        """What is wrong, and a certificate that expires soon, in words; empty while all is well."""
+        """What is wrong, a router that is open to all, and a certificate that expires soon, in words; empty while all
+        is well.
+        """
         alarm = self._identity.expiry_alarm(datetime.now(UTC)) if self._identity else ""
         if alarm and alarm != self._expiry:
             _log.warning("%s", alarm)
         self._expiry = alarm
-        return "; ".join(filter(None, (self._trouble, self._endpoints.detail(), alarm)))
+        return "; ".join(filter(None, (self._trouble, self._endpoints.detail(), self._open_to_all, alarm)))
 
     def close(self) -> None:
         """Watch no more."""

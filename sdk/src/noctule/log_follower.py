@@ -18,6 +18,8 @@ from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
 LIVE_LENGTH = 500  # live sweeps held per unit; those that don't fit are read from the log
+MOST_LIVE = 10_000  # of all units together, 100 MB at the most: while deliveries hang, a flood must not take more
+MOST_ANSWERS = 8  # that wait to be read, of up to 4 MB each
 FIRST_RETRY_S = 0.1
 LAST_RETRY_S = 10.0
 
@@ -52,7 +54,7 @@ class _Unit:
 
     def __init__(self, reader: UnitReader) -> None:
         self.reader = reader
-        self.live: deque[Sweep] = deque(maxlen=LIVE_LENGTH)
+        self.live: list[Sweep] = []
         self.behind = True  # the log may hold more than was delivered
         self.told = False  # since the last poll, by a status, how far the log goes
         self.asking = False
@@ -97,7 +99,9 @@ class LogFollower:
         self._deliver = deliver
         self._poll_s = poll_s
         self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, damaged=0, refused=0, failed=0)
-        self._changed = threading.Condition()
+        self._live = 0  # sweeps held of all units
+        lock = threading.RLock()
+        self._changed, self._answer_taken = threading.Condition(lock), threading.Condition(lock)
         self._closed = self._told_too_many = False
         self._units: dict[str, _Unit] = {}
         self._due: dict[str, None] = {}  # units to see to, in the order in which they came up
@@ -136,6 +140,7 @@ class LogFollower:
         with self._changed:
             self._closed = True
             self._changed.notify()
+            self._answer_taken.notify_all()
         if self._thread.is_alive():
             self._thread.join()
         self._pulls.close()
@@ -160,7 +165,11 @@ class LogFollower:
     def _on_sweep(self, sweep: Sweep) -> None:
         with self._changed:
             if unit := self._unit(sweep.unit):
-                unit.live.append(sweep)
+                if len(unit.live) < LIVE_LENGTH and self._live < MOST_LIVE:
+                    unit.live.append(sweep)
+                    self._live += 1
+                else:
+                    unit.behind = True
                 self._see_to(sweep.unit)
 
     def _on_unit_status(self, status: UnitStatus) -> None:
@@ -183,6 +192,7 @@ class LogFollower:
 
     def _on_answer(self, answer: Answer) -> None:
         with self._changed:
+            self._answer_taken.wait_for(lambda: self._closed or len(self._answers) < MOST_ANSWERS)
             self._answers.append(answer)
             self._changed.notify()
 
@@ -212,8 +222,8 @@ class LogFollower:
         while self._wait():
             for name in self._take_due():
                 self._attempt(name)
-            if self._answers:  # one at a time: live sweeps that have come meanwhile go before the next
-                self._read(self._answers.popleft())
+            if (answer := self._take_answer()) is not None:  # one: live sweeps that come meanwhile go before the next
+                self._read(answer)
 
     def _wait(self) -> bool:
         """Wait until there is something to do; False when closed."""
@@ -242,12 +252,17 @@ class LogFollower:
                 del self._due[name]
             return names
 
+    def _take_answer(self) -> Answer | None:
+        with self._changed:
+            self._answer_taken.notify()
+            return self._answers.popleft() if self._answers else None
+
     def _attempt(self, name: str) -> None:
         """Deliver what has come live, and ask the log where that is due."""
         unit = self._units[name]
         with self._changed:
-            live = list(unit.live)
-            unit.live.clear()
+            live, unit.live = unit.live, []
+            self._live -= len(live)
         try:
             before = unit.reader.cursor
             if not unit.reader.take(live):

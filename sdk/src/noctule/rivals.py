@@ -1,9 +1,11 @@
 """Others that publish a state which only one program should: a second gateway on a unit, a second mapper of a site.
 
-A state names the session that published it (its attachment, see bus.StatePublisher): two programs may bear one name.
+A state names the session that published it and its host (its attachment, see bus.StatePublisher): two programs may
+bear one name.
 """
 
 import logging
+import re
 from collections.abc import Callable
 from time import monotonic
 from typing import Generic, TypeVar
@@ -17,6 +19,7 @@ from noctule.errors import BoundsError
 GONE_AFTER_S = 5.0  # states are published each second
 _HELD = 32  # states that came since they were last looked at; the oldest go
 _MOST, _LISTED = 16, 3
+_HOST = re.compile(r"[\w.-]{1,64}", re.ASCII)  # a host of Linux; a stranger could name any
 
 M = TypeVar("M", bound=Message)
 
@@ -39,12 +42,12 @@ class Rivals(Generic[M]):
     ) -> None:
         self._key, self._type, self._name_of, self._now = key, message_type, name_of, now
         self._own = str(session.zid())
-        self._heard: dict[str, tuple[str, float]] = {}  # by session: the name, and when
+        self._heard: dict[str, tuple[str, float]] = {}  # by session: the name and the host, and when
         self._logged: list[str] = []
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(_HELD))
 
     def names(self) -> list[str]:
-        """Who else has published within GONE_AFTER_S; a name as often as there are sessions that bear it."""
+        """Who else has published within GONE_AFTER_S, as "mapper on HOST"; as often as there are sessions."""
         now_s = self._now()
         while (sample := self._subscriber.try_recv()) is not None:
             self._note(sample, now_s)
@@ -52,7 +55,7 @@ class Rivals(Generic[M]):
         names = sorted(name for name, _ in self._heard.values())
         if names != self._logged:
             if names:
-                _log.warning("%s is published by %s too: stop one of them", self._key, " and ".join(map(repr, names)))
+                _log.warning("%s is published by %s too: stop one of them", self._key, " and ".join(names))
             else:
                 _log.info("%s is published by nobody else any more", self._key)
         self._logged = names
@@ -69,7 +72,8 @@ class Rivals(Generic[M]):
         self._subscriber.undeclare()
 
     def _note(self, sample: zenoh.Sample, now_s: float) -> None:
-        session = sample.attachment.to_bytes().decode(errors="replace") if sample.attachment is not None else ""
+        attached = sample.attachment.to_bytes().decode(errors="replace") if sample.attachment is not None else ""
+        session, _, host = attached.partition(" ")
         if session == self._own or (session not in self._heard and len(self._heard) >= _MOST):
             return
         try:
@@ -77,4 +81,4 @@ class Rivals(Generic[M]):
         except BoundsError:
             return
         if name:
-            self._heard[session] = name, now_s
+            self._heard[session] = (f"{name} on {host}" if _HOST.fullmatch(host) else name), now_s

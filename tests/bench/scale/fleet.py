@@ -56,6 +56,11 @@ class Fleet:
         kinds["mapper"] = _pids(self.running, "m")
         return {kind: _cost(pids) for kind, pids in kinds.items()}
 
+    def processor_s(self, but: str) -> float:
+        """What all programs ``but`` one have taken so far."""
+        pids = [self._gateways.pid, *(self.running.pid(name) for name in self.running.names() if name != but)]
+        return sum(_processor_s(each) for pid in pids for each in _with_children(pid))
+
     def wait_for_owners(self, session: zenoh.Session, names: Sequence[str], within_s: float) -> float:
         """Seconds until every site is mapped by the mapper that rendezvous hashing gives it."""
         expected, began_s = {site: owner_of(site, names) for site in self.sites}, time.monotonic()
@@ -144,9 +149,17 @@ def _cost(pids: Sequence[int]) -> Cost:
     """Of the processes and all their descendants."""
     processor_s = memory_bytes = 0.0
     for pid in pids:
-        process = psutil.Process(pid)
-        for each in (process, *process.children(recursive=True)):
-            used = each.cpu_times()
-            processor_s += used.user + used.system
+        for each in _with_children(pid):
+            processor_s += _processor_s(each)
             memory_bytes += each.memory_full_info().pss
     return Cost(processor_s, memory_bytes / 1e6)
+
+
+def _with_children(pid: int) -> list[psutil.Process]:
+    process = psutil.Process(pid)
+    return [process, *process.children(recursive=True)]
+
+
+def _processor_s(process: psutil.Process) -> float:
+    used = process.cpu_times()
+    return used.user + used.system

@@ -8,7 +8,9 @@ from pathlib import Path
 from noctule.messages_pb2 import Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS
 from noctule_gateway.errors import LogError
-from noctule_gateway.log.log_files import SUFFIX
+from noctule_gateway.log import head_file
+from noctule_gateway.log.head_file import Heads
+from noctule_gateway.log.log_files import SUFFIX, head_path
 from noctule_gateway.log.log_reader import uncovered
 from noctule_gateway.log.salvage import Salvage
 
@@ -18,7 +20,8 @@ _MOST_NAMED = 20  # damaged sweeps of one log
 @dataclass(frozen=True)
 class Look:
     """What was found. ``stated``: sweeps that the log itself says it has lost; ``trouble``: how it is damaged, empty if
-    it is not; ``strangers``: other units whose sweeps it holds, as where the files of two units were exchanged.
+    it is not; ``strangers``: other units whose sweeps it holds, as where the files of two units were exchanged;
+    ``committed``: the newest sweep that its head file knows of, 0 where it knows none of this log.
     """
 
     unit: str
@@ -28,17 +31,19 @@ class Look:
     stated: int = 0
     trouble: str = ""
     strangers: tuple[str, ...] = ()
+    committed: int = 0
 
     @property
     def is_sound(self) -> bool:
-        """All records can be read, and all are the unit's."""
-        return not self.trouble and not self.strangers
+        """All records can be read, all are the unit's, and the newest are there."""
+        return not self.trouble and not self.strangers and self.committed <= self.head
 
     def __str__(self) -> str:
         bounds = f"{self.tail} to {self.head}" if self.head >= self.tail else "none"
         lost = f", {self.stated} lost to damage before" if self.stated else ""
         strangers = f"it holds sweeps of {', '.join(self.strangers)}" if self.strangers else ""
-        found = "; ".join(filter(None, (self.trouble, strangers))) or "all is sound"
+        gone = f"its newest commits, up to sweep {self.committed}, are gone" if self.committed > self.head else ""
+        found = "; ".join(filter(None, (self.trouble, strangers, gone))) or "all is sound"
         return f"{self.unit}: {self.sweeps} sound sweeps, sequences {bounds}{lost}; {found}"
 
 
@@ -67,13 +72,14 @@ def units_in(data: Path) -> list[str]:
 def look_at(path: Path) -> Look:
     """Read the whole log at ``path``. Raises LogError where it is of a later gateway."""
     try:
+        heads = head_file.read(head_path(path), head_file.file_identity(path))  # first: a gateway may go on meanwhile
         with closing(Salvage(path)) as found:
-            return _look_at(path.stem, found)
+            return _look_at(path.stem, found, heads)
     except SQLITE_ERRORS as error:
         return Look(path.stem, trouble=f"the file is damaged: {error}")
 
 
-def _look_at(unit: str, file: Salvage) -> Look:
+def _look_at(unit: str, file: Salvage, heads: Heads) -> Look:
     sound: list[int] = []
     bad: list[str] = []
     strangers: set[str] = set()
@@ -87,7 +93,9 @@ def _look_at(unit: str, file: Salvage) -> Look:
     head, tail = (log.head, log.tail) if log else (max(sound, default=0), min(sound, default=1))
     stated = sum(gap.sequences(gap.first, gap.last) for gap in file.gaps if gap.damaged)
     trouble = _trouble(file, bad, _missing(file, tail, head, sound, len(bad)))
-    return Look(unit, len(sound), tail, head, stated, trouble, tuple(sorted(strangers)))
+    newest = None if heads.copied else heads.newest
+    committed = newest.head if newest and log and newest.log_id == log.log_id else 0
+    return Look(unit, len(sound), tail, head, stated, trouble, tuple(sorted(strangers)), committed)
 
 
 def _missing(file: Salvage, tail: int, head: int, sound: Sequence[int], bad: int) -> int:

@@ -44,6 +44,8 @@ def fit(
     parameters = in_force(config, method, rule, sensor)
     with progress() as shown:
         surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window, progress=shown)
+        if rrd or view:
+            surveyed.mapper.grid.tiles()  # before the contour, whose note says for what the grid has no room
         shown.at("looking for walls and cylinders")
         result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:

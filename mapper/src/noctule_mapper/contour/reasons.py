@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from noctule_mapper.config import LimitConfig, MapperConfig
+from noctule_mapper.config import GridConfig, LimitConfig, MapperConfig
 from noctule_mapper.contour.contour import Contour
 from noctule_mapper.readings.looks import is_fine
 from noctule_mapper.readings.parts import stops_are_rare
@@ -26,6 +26,17 @@ def reason(contour: Contour, heard_from_m: np.ndarray, sweeps: Sequence[SweepRea
     if not (contour.walls or contour.cylinders):
         return f"{heard}, but no wall and no cylinder explains enough of them: check the poses"
     return ""
+
+
+def no_room(off_grid: int, config: GridConfig) -> str:
+    """That the grid has no room for so many sweeps; "" where it has."""
+    if not off_grid:
+        return ""
+    count = f"{off_grid} sweep{'' if off_grid == 1 else 's'}"
+    return (
+        f"the grid has no room for the cells of {count} ([mapper.grid] most_tiles = {config.most_tiles}): check for "
+        "poses far from the site, or map it as several sites"
+    )
 
 
 def _needed(contour: Contour, places: int, sweeps: Sequence[SweepReadings], config: MapperConfig) -> str:

@@ -90,6 +90,10 @@ class Grid:
         if len(arcs.table):
             self._tiles.add_arcs(arcs.table, sign)
 
+    def has_more_tiles_than(self, most: int) -> bool:
+        """Whether more tiles than ``most`` hold evidence."""
+        return self._tiles.more_than(most)
+
     def changed(self) -> list[GridTile]:
         """Tiles touched since this was last asked; one that has lost all its evidence comes as all unknown."""
         return [self._tile(key, slot) for key, slot in sorted(self._tiles.touched().items())]

@@ -133,6 +133,15 @@ class Tiles:
         self._settle()
         return self._by_key(self._pieces() > 0)
 
+    def more_than(self, most: int) -> bool:
+        """Whether more tiles than ``most`` hold evidence. No tile without a slot does, and to count those with one is
+        cheap.
+        """
+        if len(self._slots) - self._state[self._kernels.SPARE_SLOTS] <= most:
+            return False
+        self._settle()
+        return bool(np.count_nonzero(self._pieces()) > most)
+
     def touched(self) -> dict[Key, int | None]:
         """The tiles that hold evidence and were touched since this was last asked, and their slots; None for those told
         of before that hold nothing any more.

@@ -88,8 +88,10 @@ class MapWorker:
         return self._looks.unchanged((self._steps, self._waits)) < STUCK_AFTER or self._waits
 
     def counters(self) -> dict[str, int]:
-        """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait."""
-        return self._figures | {"sweeps_waiting": len(self._waiting)}
+        """Contours so far; how long the last one took to fit, and since its oldest new sweep came; sweeps that wait,
+        and those that the grid has no room for.
+        """
+        return self._figures | {"sweeps_waiting": len(self._waiting), "sweeps_off_grid": self._mapper.off_grid}
 
     def _run(self) -> None:
         try:

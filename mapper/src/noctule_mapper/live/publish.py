@@ -25,10 +25,10 @@ class MapPublisher:
         A tile that holds nothing any more is published once, and then there is none for late joiners. Of a map of more
         than MAX_TILES tiles the others are not published.
         """
-        for tile in changed_tiles:
+        for tile in sorted(changed_tiles, key=_holds_anything):  # what is gone makes room
             key = keys.grid(self._site, keys.tile_name(tile.tile_x, tile.tile_y))
             self._tiles.put(key, tile)
-            if not any(tile.occupied) and not any(tile.free):
+            if not _holds_anything(tile):
                 self._tiles.forget(key)
         self._features.put(features)
         self._contour.put(contour)
@@ -46,3 +46,7 @@ class MapPublisher:
         """Publish and answer no more."""
         for publisher in (self._contour, self._features, self.status, self._tiles):
             publisher.close()
+
+
+def _holds_anything(tile: GridTile) -> bool:
+    return any(tile.occupied) or any(tile.free)

@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 _ENDED = "map process"
 _SILENT_AFTER = 30  # looks, one each second, as the beats
 _CLOSE_WITHIN_S = 1.0
-_FIGURES = ("contour_fit_ms", "contour_delay_ms", "sweeps_waiting", "map_memory_bytes", "map_cpu_ms")
+_FIGURES = ("contour_fit_ms", "contour_delay_ms", "sweeps_waiting", "sweeps_off_grid", "map_memory_bytes", "map_cpu_ms")
 
 _Change = tuple[Sequence[Identity], Sequence[SweepReadings], float]
 

@@ -203,14 +203,15 @@ class LiveMapper:
             self._troubles.end("rivals", "no other mapper maps this site any more")
 
     def _detail(self) -> str:
-        """What is wrong, and why there is no wall, as long as a status may be."""
+        """What is wrong, and why there is no wall or not the whole grid, as long as a status may be."""
+        lacks = not self._contour.walls or self._map.counters()["sweeps_off_grid"]
         parts = (
             self._watch.detail(),
             self._troubles.detail(),
             self._intake.detail(),
             unread_detail(self._follower.unread()),
             self._publisher.detail(),
-            "" if self._contour.walls else self._contour.note,
+            self._contour.note if lacks else "",
         )
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from time import monotonic, time
 from typing import Any
 
-from noctule import keys, poses, rerun_paths
+from noctule import bounds, keys, poses, rerun_paths
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, UnitStatus
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view import map as rerun_map
@@ -85,9 +85,13 @@ class RerunLog:
             with self._drawing_tiles:
                 self._tiles[tile.tile_x, tile.tile_y] = tile
                 self._show_tile(tile)
+                if not any(tile.occupied) and not any(tile.free):
+                    del self._tiles[tile.tile_x, tile.tile_y]
 
     def show_unit_status(self, status: UnitStatus) -> None:
-        """A unit's state and clock, and in the log what it tells its operator."""
+        """A unit's state and clock, and in the log what it tells its operator; of the first MAX_UNITS units."""
+        if status.unit not in self._states and len(self._states) >= bounds.MAX_UNITS:  # somebody makes up names
+            return
         now_s = time()
         clock = rerun_paths.unit_clock_error(status.unit)
         if status.state != UnitStatus.STATE_DISCONNECTED and self._thinning.is_due(clock):
@@ -142,7 +146,8 @@ class RerunLog:
         self._seen = seen
         for place in list(self._tiles):
             with self._drawing_tiles:  # never an older tile over a newer one
-                self._show_tile(self._tiles[place])
+                if (tile := self._tiles.get(place)) is not None:
+                    self._show_tile(tile)
 
     def _show_tile(self, tile: GridTile) -> None:
         path = rerun_paths.grid_tile(keys.tile_name(tile.tile_x, tile.tile_y))

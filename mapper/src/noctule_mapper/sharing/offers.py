@@ -18,6 +18,7 @@ SETTLED_AFTER_S = 1.0  # since one came: others may come with it, and each takes
 # Since one went. All its tokens go in one moment, and a mapper that goes next takes no site from those that stay.
 GONE_AFTER_S = 0.2
 GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off; of an earlier version, with Zenoh's lease of 10 s, too
+_MOST_MAPPERS = 256  # of a site: on an open bus somebody could make up any number
 _ASK_AGAIN_S = 0.5
 _QUERY_TIMEOUT_S = 1.0
 
@@ -101,7 +102,11 @@ class Offers:
             return  # no mapper of ours
         comes = sample.kind == zenoh.SampleKind.PUT
         with self._lock:
-            (self._members[site].add if comes else self._members[site].discard)(member)
+            members = self._members[site]
+            if not comes:
+                members.discard(member)
+            elif len(members) < _MOST_MAPPERS:
+                members.add(member)
         self._wait(SETTLED_AFTER_S if comes else GONE_AFTER_S)
 
     def _wait(self, seconds: float) -> None:
