@@ -2,7 +2,8 @@
 
 The last sweeps are asked together how much likelier they are under each of these than under the past; the likeliest is
 named once it leads by enough. A sweep is looked at closely only where it, or the last three, fit the past worse than
-usual. What explains the sweeps must then fit about as well as usual, which no change of the room does.
+usual, or where its marks show a shift by far. What explains the sweeps must then fit about as well as usual, which no
+change of the room does.
 """
 
 import math
@@ -26,6 +27,7 @@ _WORSE, _WORSE_OF_THREE = 0.2, 0.15  # nats a reading, than usual: looked at clo
 _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
 _LEAST_SHIFT_GAIN = 3.5
+_CLEAR_MOTION_GAIN = 8.0  # where the readings fit the past as usual
 _MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
 _JUMP_LEADS = 3.0  # nats, over a motion: where both explain the same marks, it does so by 4
 _ASKED, _TO_SHIFT = 4, 2  # sweeps together
@@ -68,7 +70,7 @@ class PoseWatch:
         self.strange = fits[-1] < -_BAD
         shift = self._shift(past)
         if fits[-1] >= -_WORSE and sum(fits) >= -_WORSE_OF_THREE * 3:
-            return self._shifted(shift) if shift is not None and not shift.moved_m else self._as_usual()
+            return self._shifted(shift) if shift is not None and _is_clear(shift) else self._as_usual()
         self._well = 0
         off = self._bearings_off(past, shift)
         if off is not None:
@@ -181,6 +183,11 @@ class PoseWatch:
         self.strange = True
         words = f"ranges scatter by {100 * scatter:.0f} cm and do not repeat themselves"
         return Suspicion(messages.FAULT_KIND_TOO_NOISY, 15.0, words)
+
+
+def _is_clear(shift: Shift) -> bool:
+    """It is believed though the readings fit the past as usual: what is off by less than 2.5 cm still fits."""
+    return not shift.moved_m or shift.gain >= _CLEAR_MOTION_GAIN
 
 
 def _likely(shift: Shift) -> float:
