@@ -37,7 +37,7 @@ uint8_t install(void)
         return RESULT_BAD_CRC;
     if (flash_read(STAGING + DESCRIPTION_HARDWARE) != IMAGE_HARDWARE)
         return RESULT_NOT_FOR_THIS_UNIT;
-    flash_erase(APPLICATION + LAST_PAGE);
+    page_erase(APPLICATION + LAST_PAGE);
     if (!copy_pages(image_length(STAGING)))
         return RESULT_FLASH_FAILED;
     copy_description();

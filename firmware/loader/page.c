@@ -30,16 +30,23 @@ static bool holds_image(uint16_t address)
     return true;
 }
 
+void page_erase(uint16_t address)
+{
+    watchdog_feed();
+    flash_erase(address);
+    watchdog_feed();
+}
+
 bool page_program(uint16_t address)
 {
     watchdog_feed();
     if (holds_image(address))
         return true;
-    flash_erase(address);
-    watchdog_feed();
-    for (uint16_t i = 0; i < FLASH_PAGE_BYTES; i++)
+    page_erase(address);
+    for (uint16_t i = 0; i < FLASH_PAGE_BYTES; i++) {
+        watchdog_feed(); // all of them together take up to 36 ms
         if (page_image[i] != ERASED)
             flash_write(address + i, page_image[i]);
-    watchdog_feed();
+    }
     return holds_image(address);
 }

@@ -14,6 +14,9 @@ void page_load(uint16_t address);
 
 uint32_t page_crc(void);
 
+// Erases the page at `address`, alone between two feedings of the watchdog: it takes up to 20 ms of the 65.
+void page_erase(uint16_t address);
+
 // Makes the page at `address` hold the image; false if the flash does not take it. A page that holds it already is
 // left alone. Flash must be writable (../hal/flash.h).
 bool page_program(uint16_t address);

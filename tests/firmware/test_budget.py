@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 from firmware.stepped_unit import stepped_unit
+from firmware.update_rig import Update
 
 from noctule_gateway.wire.frames import (
     AskClock,
@@ -106,3 +107,14 @@ def test_the_stack_keeps_its_reserve_whatever_a_host_asks_for():
         assert unit.command(Single(0)) == Outcome.DONE
         left = unit.ask(AskStatus(0), Status).stack_free
         assert left >= STACK_RESERVE_BYTES
+
+
+def test_on_the_slowest_chip_the_loader_works_for_a_third_of_the_watchdogs_time_at_most(new_image):
+    # firmware/loader/chip.h: 65 ms, of which the erase of a page takes 20
+    with stepped_unit("--laps", "0", "--slowest-chip") as unit:
+        unit.greet()
+        update, operations, longest_work_us = Update(unit, new_image), 0, 0.0
+        while update.run(until_operation=operations) is None:
+            operations = unit.truth["flash_operations"] + 1
+            longest_work_us = max(longest_work_us, unit.truth["longest_work_us"])
+        assert 20_000 < longest_work_us < 65_280 / 3
