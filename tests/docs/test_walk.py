@@ -29,6 +29,8 @@ def test_a_site_is_simulated_served_mapped_and_looked_after(tmp_path: Path) -> N
 
     walk.types("noctule-sim --room attic-room.toml --svg attic.svg")
     assert "<svg" in (tmp_path / "attic.svg").read_text()
+    walk.types("noctule-sim --room attic-room.toml --site attic-room-site.toml")
+    assert "closed = false" in (tmp_path / "attic-room-site.toml").read_text()
 
     with ExitStack() as ends:
         for line, more in (

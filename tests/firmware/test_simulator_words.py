@@ -15,6 +15,9 @@ from firmware.small_rooms import (
     room_of,
 )
 from firmware.stepped_unit import IMAGE
+from system.processes import ROOT
+
+from noctule.site import load
 
 pytestmark = pytest.mark.usefixtures("firmware")
 
@@ -40,6 +43,16 @@ def test_a_room_is_drawn_without_a_firmware(tmp_path):
     subprocess.run(["noctule-sim", "--room", room, "--svg", drawing], check=True, cwd=tmp_path)
     words = " ".join(ElementTree.parse(drawing).getroot().itertext())
     assert all(word in words for word in ("room", "unit 1", "unit 2", "absorber", "70 %", "1 m"))
+
+
+def test_a_site_file_has_the_rooms_units_and_no_other_is_overwritten(tmp_path):
+    file = tmp_path / "lounge.toml"
+    command = ["noctule-sim", "--room", "lounge", "--tcp", "127.0.0.1:7101", "--speed", "12", "--site", file]
+    subprocess.run(command, check=True)
+    made, of_the_demo = load(file), load(ROOT / "deploy/demo/sites/lounge.toml")
+    assert (made.name, made.clock, made.units) == (of_the_demo.name, of_the_demo.clock, of_the_demo.units)
+    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert again.returncode == 1 and "File exists" in again.stderr
 
 
 def read_to_the_end(terminal: int) -> bytes:

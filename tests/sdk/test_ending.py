@@ -138,6 +138,16 @@ def test_a_program_has_the_status_that_python_gives_and_loses_no_output(program:
     assert done.stdout == "printed\nat exit\n"
 
 
+def test_ctrl_c_while_a_library_is_loaded_is_no_failure_to_report() -> None:
+    done = run(
+        "from noctule.ending import end_with\n"
+        "def program():\n"
+        "    raise ImportError('initialization failed') from KeyboardInterrupt()\n"  # as pybind11 has it
+        "end_with(program)"
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_output_for_which_the_disk_has_no_room_is_no_success() -> None:
     done = run(
         "import sys; from noctule.ending import end_with\n"

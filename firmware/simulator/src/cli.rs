@@ -31,6 +31,10 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.svg")]
     pub svg: Option<PathBuf>,
 
+    /// Write a site file with the units, for their gateway, and do nothing else; a file that is there stays
+    #[arg(long, value_name = "SITE.toml")]
+    pub site: Option<PathBuf>,
+
     /// Simulated seconds per second, or max
     #[arg(long, value_name = "N|max", default_value = "1")]
     pub speed: Speed,
@@ -105,13 +109,19 @@ impl Arguments {
         format!("seed {}, {speed}{end}", self.seed)
     }
 
-    /// The address that unit 1 listens on.
+    /// The address that the unit of this number, from 1, listens on.
     ///
     /// # Errors
-    /// If the host has no address or the text is not HOST:PORT.
-    pub fn first_address(&self) -> std::io::Result<SocketAddr> {
+    /// If the host has no address, the text is not HOST:PORT, or no port is that high.
+    pub fn address(&self, serial: u32) -> std::io::Result<SocketAddr> {
         let none = || std::io::Error::new(std::io::ErrorKind::NotFound, "no such host");
-        self.tcp.to_socket_addrs()?.next().ok_or_else(none)
+        let mut address = self.tcp.to_socket_addrs()?.next().ok_or_else(none)?;
+        // With port 0 the operating system chooses a port for each unit.
+        let port = if address.port() == 0 { 0 } else { u32::from(address.port()) + serial - 1 };
+        let too_high =
+            |_| std::io::Error::new(std::io::ErrorKind::InvalidInput, "no port is higher than 65535");
+        address.set_port(u16::try_from(port).map_err(too_high)?);
+        Ok(address)
     }
 }
 

@@ -9,6 +9,7 @@ mod fleet;
 mod image;
 mod random;
 mod room;
+mod site_file;
 mod svg;
 mod time;
 mod unit;
@@ -16,7 +17,7 @@ mod world;
 
 use cable::Cable;
 use clap::{CommandFactory, Parser};
-use cli::Arguments;
+use cli::{Arguments, Speed};
 use faults::{FaultError, FaultSchedule};
 use fleet::control::ControlError;
 use fleet::flash_store::FlashStore;
@@ -30,7 +31,9 @@ use rand::Rng;
 use random::{Part, stream};
 use room::acoustics::Scene;
 use room::{Room, RoomError};
+use std::fs::File;
 use std::io::{self, Write};
+use std::path::Path;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -85,6 +88,10 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
         return std::fs::write(file, svg::drawing(&room))
             .map_err(io_error(format!("--svg {}", file.display())));
     }
+    if let Some(file) = &arguments.site {
+        return write_site_file(arguments, &room, file)
+            .map_err(io_error(format!("--site {}", file.display())));
+    }
     let walks = room.walks(arguments.seed)?;
     let scene = Rc::new(Scene::with_people(room, walks));
     let records = image::read_hex(&arguments.firmware)?;
@@ -109,10 +116,24 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     Ok(())
 }
 
+fn write_site_file(arguments: &Arguments, room: &Room, file: &Path) -> io::Result<()> {
+    let address = |serial: u32| match &arguments.pty {
+        Some(directory) => Ok(format!("{}/unit-{serial}", std::path::absolute(directory)?.display())),
+        None => Ok(format!("socket://{}", arguments.address(serial)?)),
+    };
+    let addresses: Vec<_> = (1..=units(arguments, room) as u32).map(address).collect::<io::Result<_>>()?;
+    let text = site_file::site_file(room, &addresses, arguments.speed == Speed::Times(1.0));
+    File::create_new(file)?.write_all(text.as_bytes())
+}
+
+fn units(arguments: &Arguments, room: &Room) -> usize {
+    arguments.units.map_or(room.shared_by().unwrap_or(1), |units| units as usize)
+}
+
 /// The units in their room or rooms, and the faults to inject.
 fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result<Fleet, SimulatorError> {
     let room = scene.room();
-    let units = arguments.units.map_or(room.shared_by().unwrap_or(1), |units| units as usize);
+    let units = units(arguments, room);
     let faults = match &arguments.faults {
         Some(file) => FaultSchedule::load(file, units)?,
         None => FaultSchedule::default(),
@@ -217,12 +238,7 @@ fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
             .map_err(io_error(format!("--pty {}", directory.display())))?,
         None => {
             let what = format!("--tcp {} for unit {serial}", arguments.tcp);
-            let mut address = arguments.first_address().map_err(io_error(what.clone()))?;
-            // With port 0 the operating system chooses a port for each unit.
-            let port = if address.port() == 0 { 0 } else { u32::from(address.port()) + serial - 1 };
-            let too_high = |_| io::Error::new(io::ErrorKind::InvalidInput, "no port is higher than 65535");
-            address.set_port(u16::try_from(port).map_err(too_high).map_err(io_error(what.clone()))?);
-            Line::tcp(address).map_err(io_error(what))?
+            arguments.address(serial).and_then(Line::tcp).map_err(io_error(what))?
         }
     };
     Ok(Peer::Line(line))
