@@ -1,8 +1,10 @@
 """What holds for every test."""
 
+import gc
 import os
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import zenoh
@@ -39,6 +41,27 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return LONG.index(folder) if folder in LONG else len(LONG)
 
     items.sort(key=place)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_session_is_left_open() -> Iterator[None]:
+    """A session that a test leaves open has threads for as long as its worker lives, and a fork of it may hang."""
+    opened: list[tuple[str, zenoh.Session]] = []
+    open_one = zenoh.open
+
+    def noted(*arguments: Any, **named: Any) -> zenoh.Session:
+        session = open_one(*arguments, **named)
+        opened.append((os.environ.get("PYTEST_CURRENT_TEST", ""), session))
+        return session
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(zenoh, "open", noted)
+        yield
+    left = {test for test, session in opened if not session.is_closed()}
+    if opened:  # a closed one in a cycle of references is collected here, and not in a fork
+        opened.clear()
+        gc.collect()
+    assert not left, f"left a Zenoh session open: {left}"
 
 
 @pytest.fixture

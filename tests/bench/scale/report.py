@@ -124,7 +124,7 @@ def _percentiles(milliseconds: np.ndarray, what: str) -> None:
     if not len(milliseconds):
         print(f"{'none':>12} {what}", flush=True)
         return
-    p50, p99 = np.percentile(milliseconds, (50, 99))
+    p50, p99 = np.nanpercentile(milliseconds, (50, 99))  # the gateway may have noted what is read a little later
     print(f"{p50:12.1f} ms p50, {p99:.1f} ms p99 {what} ({len(milliseconds)} sweeps)", flush=True)
 
 
