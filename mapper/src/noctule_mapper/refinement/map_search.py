@@ -46,8 +46,8 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
 
 
 def _with_one_sided(state: State, config: MapperConfig) -> State:
-    """The state with the cylinders that two units hear from one side, the worthiest first; none for whose sake the
-    poses would have to move.
+    """The state with the cylinders that two units hear from one side, the worthiest first. One that the poses must move
+    to suit gains more than they lose.
     """
     while True:
         solid, scene = [one for one in state.objects if not isinstance(one, Spot)], state.scene
@@ -55,8 +55,8 @@ def _with_one_sided(state: State, config: MapperConfig) -> State:
         found = [[*state.objects, one] for one in one_sided_cylinders(free, scene.data, config)]
         near = [one for one in found if _rough_worth(one, state, config) > state.worth - _NEAR_NATS]
         tried = [_state(one, scene, config) for one in near]
-        unmoved = [one for one in tried if one.of_poses > state.of_poses - _LEAST_RISE_NATS]
-        better = max(unmoved, key=lambda one: one.worth, default=state)
+        unforced = [one for one in tried if one.worth - state.worth > state.of_poses - one.of_poses]
+        better = max(unforced, key=lambda one: one.worth, default=state)
         if better.worth < state.worth + _LEAST_RISE_NATS:
             return state
         state = better

@@ -6,7 +6,6 @@ what is not there. Before the walls are known many pairs do, so these cylinders 
 """
 
 from collections.abc import Iterator
-from itertools import combinations
 
 import numpy as np
 
@@ -14,9 +13,9 @@ from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.reflectors import Circle
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.refinement.candidates import circles_of_pairs
 from noctule_mapper.refinement.model_selection import determined
 
-_LEAST_SINE = 0.3  # of the angle between two directions that cross in a place
 _STEPS = 4
 _MOST_SQUARE = 9.0  # squared normalised errors of two ranges and two directions, one more than there are parameters
 _ALONE = 2.0  # times as free as a reported one: all the readings will tell more than two plateaus do
@@ -24,30 +23,11 @@ _ALONE = 2.0  # times as free as a reported one: all the readings will tell more
 
 def one_sided_cylinders(free: np.ndarray, data: Evidence, config: MapperConfig) -> Iterator[Circle]:
     """Cylinders that explain two of the ``free`` plateaus, bool (n,), of two places, and are known by them."""
-    at = np.nonzero(free & np.isfinite(data.direction_sigma_rad))[0]
-    for pair in combinations(at, 2):
-        heard = data.take(np.array(pair))
-        start = _crossing(heard) if heard.place[0] != heard.place[1] else None
-        if start is None:
-            continue
-        circle, covariance, square = _fitted(start, heard)
+    flat = data.take(free & np.isfinite(data.direction_sigma_rad))
+    for pair, start in zip(*circles_of_pairs(flat, config.cylinders), strict=True):
+        circle, covariance, square = _fitted(Circle(*(float(p) for p in start)), flat.take(pair))
         if square < _MOST_SQUARE and determined(circle, covariance, 2, data, config, _ALONE):
             yield circle
-
-
-def _crossing(heard: Evidence) -> Circle | None:
-    """The circle about the crossing of the two directions of ``heard``; None where they do not cross before them."""
-    echoes = heard.echoes
-    axis = np.stack([np.cos(echoes.axis_rad), np.sin(echoes.axis_rad)])
-    if abs(np.linalg.det(axis)) < _LEAST_SINE:
-        return None
-    apart = np.array([echoes.x_m[1] - echoes.x_m[0], echoes.y_m[1] - echoes.y_m[0]])
-    away_m = np.linalg.solve(axis * (1, -1), apart)
-    radius_m = float(np.mean(away_m - echoes.range_m))
-    if radius_m <= 0:
-        return None
-    x_m, y_m = (echoes.x_m[0], echoes.y_m[0]) + away_m[0] * axis[:, 0]
-    return Circle(float(x_m), float(y_m), radius_m)
 
 
 def _fitted(circle: Circle, heard: Evidence) -> tuple[Circle, np.ndarray, float]:
