@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mapper.judged_poses import taped
 from mapper.small_scene import Heard, evidence_of
 
 from noctule_mapper.config import MapperConfig
@@ -87,3 +88,15 @@ def test_echoes_whose_directions_only_beams_tell_are_no_plateaus() -> None:
     cylinder = Circle(1.0, 1.0, 0.2)
     assert is_told_by_two(cylinder, plateaus_of([WEST, SOUTH]))
     assert not is_told_by_two(cylinder, evidence_of([WEST, SOUTH]))
+
+
+@pytest.mark.parametrize("seed", [20016, 20052])
+def test_a_cylinder_that_two_units_hear_from_one_side_is_found_by_tape_measure(seed: int) -> None:
+    verdict = taped(seed).verdict
+    assert "cylinder 0" in verdict.due
+    assert not any(what.startswith("cylinder") for what in verdict.missed)
+    assert not verdict.false
+
+
+def test_two_walls_at_a_right_angle_are_no_cylinder_by_tape_measure() -> None:
+    assert not taped(20024).verdict.false
