@@ -130,9 +130,12 @@ def contradictions(reflector: Reflector, data: Evidence, config: RefinementConfi
 def price_beside(one: Reflector, data: Evidence, config: RefinementConfig) -> float:
     """What an object must gain to be believed, in nats. A cylinder costs more than a wall because arcs of walls and
     corners may agree on one; those lie on one side of it, so one that is heard from both sides costs what a wall does.
+    So does one that two plateaus tell, if they are not at a right angle, as the walls of most corners are.
     """
-    if isinstance(one, Circle) and data.has_fine and are_facing(one, data.take(gains(one, data, config) > 0)):
-        return min(config.prices.cylinder_nats, config.prices.wall_nats)
+    if isinstance(one, Circle) and data.has_fine:
+        made = data.take(gains(one, data, config) > 0)
+        if are_facing(one, made) or (is_told_by_two(one, made) and not _is_square(one, made)):
+            return min(config.prices.cylinder_nats, config.prices.wall_nats)
     return price_of(type(one), config)
 
 
@@ -142,6 +145,18 @@ def are_facing(one: Circle, made: Evidence) -> bool:
     return bool((np.abs(wrapped(directions_rad[:, None] - directions_rad)) > FACING_RAD).any())
 
 
+def is_told_by_two(one: Reflector, made: Evidence) -> bool:
+    """Whether ``one`` is a cylinder and those of the echoes ``made`` of it that have directions are of two places."""
+    return isinstance(one, Circle) and len(np.unique(made.place[np.isfinite(made.direction_sigma_rad)])) == 2
+
+
+def _is_square(one: Circle, made: Evidence) -> bool:
+    """Whether two of the echoes ``made`` of a cylinder are at a right angle, to within the errors of plateaus."""
+    directions_rad = one.directions(made.echoes)
+    return bool((np.abs(np.cos(directions_rad[:, None] - directions_rad)) < _SQUARE_COSINE).any())
+
+
+_SQUARE_COSINE = np.sin(np.radians(5.0))
 FACING_RAD = np.radians(100.0)  # of two directions: more than a right angle, for edges are mostly right-angled
 
 

@@ -234,45 +234,52 @@ def _plateau_lines(data: Evidence) -> np.ndarray:
 def _plateau_circles(data: Evidence, cylinder: CylinderConfig, config: RefinementConfig) -> np.ndarray:
     """Circles (x, y, radius) by the ranges and directions of three plateaus from different places, or of two that face
     each other, (m, 3): three ranges alone tell a radius poorly, and directions choose among few triples.
-
-    Along and across its axis u a plateau says u . (c - p) - r = R and v . (c - p) = 0: least squares in c and r.
     """
-    at = np.nonzero(np.isfinite(data.direction_sigma_rad))[0]
-    heard, place = data.echoes.take(at), data.place[at]
-    axis = np.stack([np.cos(heard.axis_rad), np.sin(heard.axis_rad)], axis=1)
-    along = np.column_stack([axis, -np.ones(len(at))]) / _ALONG_M
-    off_m = (heard.range_m + cylinder.smallest_radius_m) * data.turn_sigma_rad[at]
-    across = np.column_stack([-axis[:, 1], axis[:, 0], np.zeros(len(at))]) / off_m[:, None]
-    start = np.stack([heard.x_m, heard.y_m, -heard.range_m], axis=1)
-    said = np.stack([(along * start).sum(axis=1), (across * start).sum(axis=1)], axis=1)
-    rows = np.stack([along, across], axis=1)
-    normal = np.einsum("nki,nkj->nij", rows, rows)
-    right = np.einsum("nki,nk->ni", rows, said)
-    squares = (said**2).sum(axis=1)
-
-    def fitted(members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Circles of sets of plateaus (m, k), and which are likely, bool (m,)."""
-        matrix, wanted = normal[members].sum(axis=1) + 1e-3 * np.eye(3), right[members].sum(axis=1)
-        circle = np.linalg.solve(matrix, wanted[..., None])[..., 0]
-        left = squares[members].sum(axis=1) - (circle * wanted).sum(axis=1)
-        spread = np.sqrt(np.linalg.inv(matrix)[:, 2, 2])
-        sized = circle[:, 2] >= cylinder.smallest_radius_m - 2 * spread
-        return circle, sized & (circle[:, 2] <= cylinder.largest_radius_m + 2 * spread) & (left < _LIKELY_SQUARE)
-
-    i, j = np.nonzero((place[:, None] != place[None, :]) & (np.arange(len(at))[:, None] < np.arange(len(at))[None, :]))
-    pairs = np.stack([i, j], axis=1)
-    pairs = pairs[fitted(pairs)[1]]
-    may = np.zeros((len(at), len(at)), bool)
+    flat = data.take(np.isfinite(data.direction_sigma_rad))
+    pairs = circles_of_pairs(flat, cylinder)[0]
+    may = np.zeros((len(flat.echoes), len(flat.echoes)), bool)
     may[pairs[:, 0], pairs[:, 1]] = True
     pair, third = np.nonzero(may[pairs[:, 0]] & may[pairs[:, 1]])
     triples = np.column_stack([pairs[pair], third])[: config.search.most_triples]
-    facing = pairs[(axis[pairs[:, 0]] * axis[pairs[:, 1]]).sum(axis=1) < np.cos(FACING_RAD)]
-    both = [fitted(members) for members in (triples, facing)]
+    turned = flat.echoes.axis_rad[pairs[:, 0]] - flat.echoes.axis_rad[pairs[:, 1]]
+    facing = pairs[np.cos(turned) < np.cos(FACING_RAD)]
+    both = [_circles_through(members, flat, cylinder) for members in (triples, facing)]
     return np.concatenate([circle[likely] for circle, likely in both])
 
 
+def circles_of_pairs(flat: Evidence, cylinder: CylinderConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Which plateaus from two places may be of one cylinder, pairs of numbers (m, 2), and the circles, (m, 3)."""
+    number = np.arange(len(flat.echoes))
+    apart = (flat.place[:, None] != flat.place[None, :]) & (number[:, None] < number[None, :])
+    pairs = np.stack(np.nonzero(apart), axis=1)
+    circle, likely = _circles_through(pairs, flat, cylinder)
+    return pairs[likely], circle[likely]
+
+
+def _circles_through(members: np.ndarray, flat: Evidence, cylinder: CylinderConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Circles of sets of plateaus (m, k), (m, 3), and which are likely, bool (m,).
+
+    Along and across its axis u a plateau says u . (c - p) - r = R and v . (c - p) = 0: least squares in c and r.
+    """
+    heard = flat.echoes
+    axis = np.stack([np.cos(heard.axis_rad), np.sin(heard.axis_rad)], axis=1)
+    along = np.column_stack([axis, -np.ones(len(heard))]) / _ALONG_M
+    off_m = (heard.range_m + cylinder.smallest_radius_m) * flat.turn_sigma_rad
+    across = np.column_stack([-axis[:, 1], axis[:, 0], np.zeros(len(heard))]) / off_m[:, None]
+    start = np.stack([heard.x_m, heard.y_m, -heard.range_m], axis=1)
+    said = np.stack([(along * start).sum(axis=1), (across * start).sum(axis=1)], axis=1)
+    rows = np.stack([along, across], axis=1)
+    matrix = np.einsum("nki,nkj->nij", rows, rows)[members].sum(axis=1) + 1e-3 * np.eye(3)
+    wanted = np.einsum("nki,nk->ni", rows, said)[members].sum(axis=1)
+    circle = np.linalg.solve(matrix, wanted[..., None])[..., 0]
+    left = (said**2).sum(axis=1)[members].sum(axis=1) - (circle * wanted).sum(axis=1)
+    spread = np.sqrt(np.linalg.inv(matrix)[:, 2, 2])
+    sized = circle[:, 2] >= cylinder.smallest_radius_m - 2 * spread
+    return circle, sized & (circle[:, 2] <= cylinder.largest_radius_m + 2 * spread) & (left < _LIKELY_SQUARE)
+
+
 _ALONG_M = 0.005  # of a plateau's range for a start
-_LIKELY_SQUARE = 20.0  # of the squared normalised errors of three plateaus that are of one cylinder
+_LIKELY_SQUARE = 20.0  # of the squared normalised errors of two or three plateaus that are of one cylinder
 
 
 def _contact_lines(echoes: Echoes, found: Contacts) -> np.ndarray:

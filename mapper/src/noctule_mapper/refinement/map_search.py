@@ -13,6 +13,7 @@ import numpy as np
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.contour.corners import Link, link_ends
+from noctule_mapper.contour.likelihood import is_told_by_two
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.evidence import Evidence
 from noctule_mapper.refinement.association import Claims, Scene
@@ -20,6 +21,7 @@ from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import settle
 from noctule_mapper.refinement.exchanges import met_walls, others_for
 from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed
+from noctule_mapper.refinement.one_sided import one_sided_cylinders
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
 from noctule_mapper.refinement.state import State
@@ -39,7 +41,25 @@ def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
         best = _exchanged(best, library, config)
         if data.looks is not None:
             best = _sure(_met(best, config), library, config)
-    return _confirmed(best, config) if len(data.stands.open) else best
+    best = _confirmed(best, config) if len(data.stands.open) else best
+    return _with_one_sided(best, config) if data.has_fine else best
+
+
+def _with_one_sided(state: State, config: MapperConfig) -> State:
+    """The state with the cylinders that two units hear from one side, the worthiest first. One that the poses must move
+    to suit gains more than they lose.
+    """
+    while True:
+        solid, scene = [one for one in state.objects if not isinstance(one, Spot)], state.scene
+        free = scene.explain(scene.claims(solid, links_of(solid, scene, config))).unexplained >= 0.5
+        found = [[*state.objects, one] for one in one_sided_cylinders(free, scene.data, config)]
+        near = [one for one in found if _rough_worth(one, state, config) > state.worth - _NEAR_NATS]
+        tried = [_state(one, scene, config) for one in near]
+        unforced = [one for one in tried if one.worth - state.worth > state.of_poses - one.of_poses]
+        better = max(unforced, key=lambda one: one.worth, default=state)
+        if better.worth < state.worth + _LEAST_RISE_NATS:
+            return state
+        state = better
 
 
 def _met(state: State, config: MapperConfig) -> State:
@@ -235,7 +255,7 @@ def _without_one(
     explanation = scene.explain(claims)
     for number in range(len(objects)):
         made = scene.data.take(made_by(number, claims, explanation.share))
-        if not is_heard_enough(objects[number], made, config):
+        if not is_heard_enough(objects[number], made, config) and not is_told_by_two(objects[number], made):
             return objects[:number] + objects[number + 1 :]
     worth = scene.worth(objects, links, explanation)
     alone = np.bincount(claims.maker, -np.log1p(-np.minimum(explanation.share, 1 - 1e-12)), minlength=len(objects))
