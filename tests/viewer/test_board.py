@@ -73,7 +73,7 @@ def test_a_site_without_trouble_is_well(site: Site) -> None:
 def test_what_a_map_of_walls_could_have_more_stands_beside_it_and_is_no_alarm(site: Site) -> None:
     site.mapper()
     site.unit("u1")
-    note = "echoes from 2 places; a cylinder needs 3, or 2 on opposite sides of it"
+    note = "echoes from 2 places; a cylinder needs 3; 2 may do, best on opposite sides of it"
     site.state.note_contour(Contour(walls=[Wall()], note=note))
     heading, *_, last = site.alarms().splitlines()
     assert heading.startswith("### attic — all is well — ")

@@ -48,10 +48,10 @@ def _needed(contour: Contour, places: int, sweeps: Sequence[SweepReadings], conf
         wall, wall_needs = f"a wall needs {most - 1}", most - 1
     elif places == 1:
         wall += f" ({most - 1} if over {config.parts.reach_m / config.parts.steps:g} m apart)"
-    facing = f", or {most - 1} on opposite sides of it" if fine else ""
+    two_may = f"; {most - 1} may do, best on opposite sides of it" if fine else ""
     if places < wall_needs and not contour.walls:
-        return f"{wall}, a cylinder {most}{facing}"
-    return f"a cylinder needs {most}{facing}"
+        return f"{wall}, a cylinder {most}{two_may}"
+    return f"a cylinder needs {most}{two_may}"
 
 
 def _nothing_heard(sweeps: Sequence[SweepReadings]) -> str:
