@@ -14,7 +14,7 @@ demo: packages-run setup-demo firmware-demo
 
 test: packages-test setup firmware
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
-	pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+	pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder
 
 # These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
 # in one process, which maps its rooms once for all of them.
