@@ -213,7 +213,6 @@ def test_a_reset_ends_it() -> None:
 )
 def test_a_measurement_is_summed_up_in_one_line(verdicts: str, said: str) -> None:
     found = [
-        Measurement(name=f"m{number}", verdict=Measurement.Verdict.Value(f"VERDICT_{verdict}"))
-        for number, verdict in enumerate(verdicts.split())
+        Measurement(name=f"m{number}", verdict=f"VERDICT_{verdict}") for number, verdict in enumerate(verdicts.split())
     ]
     assert summary(found) == said
