@@ -21,11 +21,15 @@ end() {
 }
 trap end EXIT
 trap 'exit 130' INT
-trap 'exit 143' TERM HUP
-if ! "$@" >"$log" 2>&1; then
+trap 'exit 129' HUP
+trap 'exit 143' TERM
+: >"$log"
+status=0
+"$@" >>"$log" 2>&1 || status=$?
+if [ "$status" -ne 0 ]; then
     end
     watcher=
     tail -n 20 "$log" >&2
     echo "This failed: $words. The lines above are the end of $log." >&2
-    exit 1
+    exit "$status"
 fi

@@ -38,7 +38,7 @@ FILLING_S = 60
 RING, SLOT, SLOTS, IN_READINGS = 0x040C, 552, 5, 40
 PERIOD_TICKS = 200_000  # of the turns: 50 ms
 BURST_S = 0.1
-BURST_BYTES = 1130  # of the 1152 that the line takes in that time
+BURST_BYTES = 1130  # of the 1152 that the line takes in that time: acknowledgements must get through too
 BURSTS = 100
 LONGEST_GARBAGE = 200
 
@@ -97,12 +97,12 @@ def burst(noise: Random) -> bytes:
     return data[:BURST_BYTES]
 
 
-def flood(unit: Simulation) -> int:
-    """Keep the line full; how many sweeps have come meanwhile, each acknowledged."""
-    noise, came = Random(1), 0
+def flood(unit: Simulation) -> list[int]:
+    """Keep the line full, but while a sweep is acknowledged; the sequences of those that have come meanwhile."""
+    noise, came = Random(1), []
     for _ in range(BURSTS):
         sweeps = of_type(Sweep, unit.run(BURST_S, data=burst(noise)))
-        came += len(sweeps)
+        came += [sweep.sequence for sweep in sweeps]
         for sweep in sweeps:
             unit.run(0.01, data=b"\0" + encode(Ack(sweep.boot, sweep.sequence, sweep.serial, sweep.life)))
     return came
@@ -120,9 +120,12 @@ def worst_case(image: Path, *options: str) -> tuple[str, float]:
         status = of_type(Status, unit.run(0.1, AskStatus(4)))[-1]
         assert (status.state, status.sweeps_waiting) == (State.WAITING, SLOTS), status
         unit.run(0.1, Start(5, 0, status.tick, PERIOD_TICKS))
+        spoiled = set(range(1, SLOTS))  # and sweep 0, which may be on its way already
         for slot in range(SLOTS):
             unit.spoil(RING + slot * SLOT + IN_READINGS)
-        assert flood(unit) > 0
+        came = flood(unit)
+        assert came and max(came) >= SLOTS, came
+        assert not spoiled & set(came), f"spoiled sweeps have come: {came}"
         unit.run(5.0, Stop(6), data=b"\0")  # which ends the garbage
         measured = unit.measured
         results = of_type(Result, unit.run(1.0, Store(7)))

@@ -146,7 +146,7 @@ static void write_page(uint16_t generation)
     write32(crc_end(crc));
 }
 
-// Both take longer than the watchdog's share of a round.
+// The erase takes longer than the watchdog's time, and writing and checking after it more than a third of that.
 static void erase_and_write(uint16_t victim, uint16_t generation)
 {
     watchdog_stop();

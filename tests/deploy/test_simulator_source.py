@@ -193,7 +193,7 @@ def test_the_set_up_says_what_it_fetches_unless_all_is_there(project: Path, with
 
 def test_a_step_that_fails_shows_the_end_of_its_log(project: Path) -> None:
     ended = run(project, dict(os.environ), "sh", "deploy/step.sh", "part", "Doing a part", "sh", "-c", "seq 30; exit 4")
-    assert (ended.returncode, ended.stdout) == (1, "Doing a part\n")
+    assert (ended.returncode, ended.stdout) == (4, "Doing a part\n")
     shown = [*map(str, range(11, 31)), "This failed: Doing a part. The lines above are the end of .tools/part.log."]
     assert ended.stderr.splitlines() == shown
     assert (project / ".tools/part.log").read_text().splitlines() == [str(number) for number in range(1, 31)]

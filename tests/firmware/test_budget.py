@@ -8,6 +8,7 @@ from pathlib import Path
 from firmware.stepped_unit import stepped_unit
 from firmware.update_rig import Update
 
+from noctule_gateway.update.outcome import Updated
 from noctule_gateway.wire.frames import (
     AskClock,
     AskHello,
@@ -65,6 +66,8 @@ def test_each_budget_that_is_not_kept_fails(tmp_path):
         (r'(IDLE = Budget\(".*", )[^"]+(, "%", at_least=True\))', "99.99"),
         (r'(INSTRUCTIONS = Budget\(".*", )[^"]+(, "a second"\))', "100"),
         (r'("round": Budget\(".*", )[^"]+(, "us"\))', "100"),
+        (r'(WORK = Budget\(".*", )[^"]+(, "us"\))', "100"),
+        (r'(WORST_LATENCY = Budget\(".*", )[^"]+(, "us"\))', "1"),
     ]
     for limit, figure in too_strict:
         script, changes = re.subn(limit, lambda found, figure=figure: f"{found[1]}{figure}{found[2]}", script)
@@ -114,7 +117,8 @@ def test_on_the_slowest_chip_the_loader_works_for_a_third_of_the_watchdogs_time_
     with stepped_unit("--laps", "0", "--slowest-chip") as unit:
         unit.greet()
         update, operations, longest_work_us = Update(unit, new_image), 0, 0.0
-        while update.run(until_operation=operations) is None:
+        while (outcome := update.run(until_operation=operations)) is None:
             operations = unit.truth["flash_operations"] + 1
             longest_work_us = max(longest_work_us, unit.truth["longest_work_us"])
+        assert isinstance(outcome, Updated)
         assert 20_000 < longest_work_us < 65_280 / 3

@@ -48,6 +48,8 @@ def test_a_room_is_drawn_without_a_firmware(tmp_path):
 def test_a_site_file_has_the_rooms_units_and_no_other_is_overwritten(tmp_path):
     file = tmp_path / "lounge.toml"
     command = ["noctule-sim", "--room", "lounge", "--tcp", "127.0.0.1:7101", "--speed", "12", "--site", file]
+    crowded = subprocess.run([*command, "--units", "3"], capture_output=True, text=True)
+    assert (crowded.returncode, "has places for 2 units" in crowded.stderr) == (1, True), crowded.stderr
     subprocess.run(command, check=True)
     made, of_the_demo = load(file), load(ROOT / "deploy/demo/sites/lounge.toml")
     assert (made.name, made.clock, made.units) == (of_the_demo.name, of_the_demo.clock, of_the_demo.units)

@@ -11,7 +11,7 @@ from noctule.bounds import UNIT_PLAN
 from noctule.cli.command import MEASURE_TIMEOUT_S, SELF_TEST_TIMEOUT_S
 from noctule.messages_pb2 import CommandRequest, Measurement, UnitStatus
 from noctule_gateway.errors import CommandError
-from noctule_gateway.measure.procedure import BACKLASH, COMMANDS, GEAR, SELF_TEST, Procedure
+from noctule_gateway.measure.procedure import BACKLASH, COMMANDS, GEAR, SELF_TEST, Procedure, summary
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.frames import (
     NEVER,
@@ -200,3 +200,19 @@ def test_a_reset_ends_it() -> None:
     assert "the unit was reset" in reply.result(0).error
     desk.run(5.0)
     assert desk.unit.carried_out == [Measure(0, MeasureKind.TURN)]
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "said"),
+    [
+        ("GOOD", "nothing found wrong"),
+        ("GOOD UNKNOWN", "nothing found wrong; could not be determined: m1"),
+        ("UNKNOWN", "could not be determined: m0"),
+        ("BAD GOOD UNKNOWN", "not as it should be: m0; could not be determined: m2"),
+    ],
+)
+def test_a_measurement_is_summed_up_in_one_line(verdicts: str, said: str) -> None:
+    found = [
+        Measurement(name=f"m{number}", verdict=f"VERDICT_{verdict}") for number, verdict in enumerate(verdicts.split())
+    ]
+    assert summary(found) == said

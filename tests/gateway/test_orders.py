@@ -47,6 +47,12 @@ def test_a_fast_plan_needs_a_ramp() -> None:
         orders.configure(SweepPlan(top_speed_half_steps_s=501, ramp_s=0.049), OWN_PLAN)
 
 
+@pytest.mark.parametrize("plan", [SweepPlan(), SweepPlan(pings=1)])
+def test_a_plan_that_older_firmware_took_is_eased_where_it_is_not_given_anew(plan: SweepPlan) -> None:
+    fast = replace(OWN_PLAN, top_speed=1000, ramp_ms=0)
+    assert orders.configure(plan, fast) == replace(OWN_PLAN, top_speed=800, ramp_ms=50)
+
+
 def test_settings_come_to_the_bus_in_si_units() -> None:
     told = settings_message.to_message(SETTINGS)
     assert told.stored

@@ -64,6 +64,15 @@ def test_a_ramp_that_was_valid_before_firmware_0_4_is_lengthened_with_a_warning(
     assert ("u1: a ramp of" in caplog.text and "gets one of 0.05 s" in caplog.text) == is_warned
 
 
+def test_a_top_speed_that_was_valid_before_firmware_0_6_is_lowered_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    plan = wanted(tmp_path, FIXED, "sweep = { top_speed_half_steps_s = 801, ramp_s = 0 }")
+    assert plan == replace(FIXED_PLAN, top_speed=800, ramp_ms=50)  # firmware/README.md, CONFIGURE
+    assert "u1: 801 half steps/s are more than a unit takes, so it gets 800" in caplog.text
+    assert "u1: a ramp of 0 s is too short for 800 half steps/s" in caplog.text
+
+
 @pytest.mark.parametrize("given", ["first_bearing_deg = -140", "bearing_step_deg = 10", "count = 7"])
 def test_bearings_that_a_fixed_units_file_gives_in_part_are_completed_by_the_units_own(
     given: str, tmp_path: Path

@@ -8,7 +8,7 @@ from mapper.room import paper_path, paper_room, survey
 from mapper.test_fixed_units import ON_THE_WALLS, RECTANGLE
 
 from noctule_mapper.config import GridConfig, MapperConfig
-from noctule_mapper.grid.grid import Grid
+from noctule_mapper.grid.grid import Grid, GridTile
 from noctule_mapper.mapper import Mapper
 from noctule_mapper.readings.sweep import SweepReadings
 
@@ -26,6 +26,12 @@ def far_apart(count: int) -> list[SweepReadings]:
     (here,) = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))
     along_m = np.linspace(-9000, 9000, count)
     return [replace(here, identity=("log", number), x_m=float(x_m)) for number, x_m in enumerate(along_m)]
+
+
+def tiles_of(sweep: SweepReadings) -> list[GridTile]:
+    mapper = Mapper()
+    mapper.register_sweep(sweep)
+    return mapper.grid.tiles()
 
 
 def assert_same(grid: Grid, other: Grid) -> None:
@@ -87,3 +93,15 @@ def test_a_map_at_its_limit_is_as_good_as_one_of_the_sweeps_that_there_was_room_
     for sweep in mapper.sweeps():
         mapper.remove_sweep(sweep.identity)
     assert mapper.grid.tiles() == []
+
+
+def test_room_that_a_wide_sweep_leaves_is_taken_by_all_that_wait_for_it() -> None:
+    (here,) = survey(paper_room(), paper_path()[:1], np.random.default_rng(1))
+    mapper = limited(wide := len(tiles_of(here)))
+    mapper.register_sweep(here)
+    short = np.where(here.range_m > 0.1, 0.1, here.range_m)
+    for number in range(3):
+        mapper.register_sweep(replace(here, identity=("log", 10 + number), x_m=50.0 + 10 * number, range_m=short))
+    assert (mapper.off_grid, len(mapper.grid.tiles())) == (3, wide)
+    mapper.remove_sweep(here.identity)
+    assert (mapper.off_grid, len(mapper.grid.tiles()) > 0) == (0, True)

@@ -60,8 +60,8 @@ def echo(x_m: float) -> Sweep:
         ),
         (
             fixed(STANDS[[0, 0]]),  # right angles alone tell its walls
-            "echoes from 1 place; a cylinder needs 3; 2 may do, best on opposite sides of it. 2 units state the same pose: "
-            "give each its own in the site file",
+            "echoes from 1 place; a cylinder needs 3; 2 may do, best on opposite sides of it. "
+            "2 units state the same pose: give each its own in the site file",
         ),
         (fixed(STANDS), "echoes from 2 places; a cylinder needs 3; 2 may do, best on opposite sides of it"),
         (paper_survey(), ""),

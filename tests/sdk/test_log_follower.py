@@ -366,7 +366,8 @@ def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_s
 
 
 def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_session, follow, monkeypatch):
-    monkeypatch.setattr(log_follower, "MOST_LIVE", 10)
+    most_bytes = 1000
+    monkeypatch.setattr(log_follower, "MOST_LIVE_BYTES", most_bytes)
     monkeypatch.setattr(log_follower, "MOST_ANSWERS", 2)
     hangs, go_on = threading.Event(), threading.Event()
     go_on.set()
@@ -376,7 +377,7 @@ def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_se
             if not go_on.is_set():
                 hangs.set()
                 assert go_on.wait(PATIENCE_S)
-            held.append((follower._live, len(follower._answers)))
+            held.append((follower._live_bytes, len(follower._answers)))
             super().deliver(sweeps)
 
     held, session, store = [], open_session(), Hanging()
@@ -392,11 +393,11 @@ def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_se
     for unit in units:
         unit.sweep(20)
     wait_until(lambda: follower._client.counters()["delivered"] >= come + 12 * 20, "the sweeps don't come")
-    assert follower._live == 10
+    assert most_bytes / 2 < follower._live_bytes <= most_bytes
     go_on.set()
     store.wait_for(lambda stored: len(stored.sweeps) == 12 * 21 + 1)
     assert all(store.of(f"u{number}") == list(range(1, 22 + (number == 0))) for number in range(12))
-    assert max(live for live, _ in held) <= 10
+    assert max(live_bytes for live_bytes, _ in held) <= most_bytes
     assert max(answers for _, answers in held) <= 2
     assert follower.counters()["lost"] == 0
 

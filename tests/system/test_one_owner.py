@@ -82,6 +82,7 @@ def test_a_gateway_whose_routers_port_is_taken_opens_no_line(tmp_path: Path) -> 
         command = gateway(tmp_path, tmp_path / "data", port=at, line=line.getsockname()[1])
         run_until(running, "gateway", command, f"port {at} is in use by ")
         assert running.wait("gateway") == 1
+        assert "Traceback" not in running.log("gateway")
         with pytest.raises(BlockingIOError):  # nobody has come
             line.accept()
 

@@ -193,7 +193,7 @@ def test_a_unit_with_a_stop_tests_what_needs_no_switch(tmp_path: Path) -> None:
         desk.carry_out(home, 5.0)
         reply = desk.reply("self_test")
         without_switch = ["home_switch", "backlash_half_steps", "round_half_steps_lost"]
-        said = f"nothing found wrong; could not be told: {', '.join(without_switch)}"
+        said = f"nothing found wrong; could not be determined: {', '.join(without_switch)}"
         assert (reply.done, reply.detail) == (True, said)
         assert list(verdicts(reply, Measurement.VERDICT_UNKNOWN)) == without_switch
         assert "without a home switch" in desk.reply("measure_gear").error

@@ -81,7 +81,7 @@ pub struct Arguments {
     #[arg(long)]
     pub exact_clocks: bool,
 
-    /// The slowest chip that the datasheet allows: each jump waits for the prefetch engine, and flash takes its longest
+    /// A slow chip: each jump waits for the prefetch engine, and flash takes the longest that the datasheet allows
     #[arg(long)]
     pub slowest_chip: bool,
 

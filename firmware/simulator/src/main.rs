@@ -89,8 +89,7 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
             .map_err(io_error(format!("--svg {}", file.display())));
     }
     if let Some(file) = &arguments.site {
-        return write_site_file(arguments, &room, file)
-            .map_err(io_error(format!("--site {}", file.display())));
+        return write_site_file(arguments, &room, file);
     }
     let walks = room.walks(arguments.seed)?;
     let scene = Rc::new(Scene::with_people(room, walks));
@@ -116,32 +115,40 @@ fn run(arguments: &Arguments) -> Result<(), SimulatorError> {
     Ok(())
 }
 
-fn write_site_file(arguments: &Arguments, room: &Room, file: &Path) -> io::Result<()> {
+fn write_site_file(arguments: &Arguments, room: &Room, file: &Path) -> Result<(), SimulatorError> {
     let address = |serial: u32| match &arguments.pty {
         Some(directory) => Ok(format!("{}/unit-{serial}", std::path::absolute(directory)?.display())),
         None => Ok(format!("socket://{}", arguments.address(serial)?)),
     };
-    let addresses: Vec<_> = (1..=units(arguments, room) as u32).map(address).collect::<io::Result<_>>()?;
-    let text = site_file::site_file(room, &addresses, arguments.speed == Speed::Times(1.0));
-    File::create_new(file)?.write_all(text.as_bytes())
+    let numbers = 1..=units(arguments, room)? as u32;
+    let write = || {
+        let addresses: Vec<_> = numbers.map(address).collect::<io::Result<_>>()?;
+        let text = site_file::site_file(room, &addresses, arguments.speed == Speed::Times(1.0));
+        File::create_new(file)?.write_all(text.as_bytes())
+    };
+    write().map_err(io_error(format!("--site {}", file.display())))
 }
 
-fn units(arguments: &Arguments, room: &Room) -> usize {
-    arguments.units.map_or(room.shared_by().unwrap_or(1), |units| units as usize)
+fn units(arguments: &Arguments, room: &Room) -> Result<usize, SimulatorError> {
+    let places = room.shared_by();
+    let units = arguments.units.map_or(places.unwrap_or(1), |units| units as usize);
+    match places {
+        Some(places) if units > places => {
+            Err(SimulatorError::Crowded { room: room.name.clone(), places, units })
+        }
+        _ => Ok(units),
+    }
 }
 
 /// The units in their room or rooms, and the faults to inject.
 fn fleet(arguments: &Arguments, scene: &Rc<Scene>, records: &[Record]) -> Result<Fleet, SimulatorError> {
     let room = scene.room();
-    let units = units(arguments, room);
+    let units = units(arguments, room)?;
     let faults = match &arguments.faults {
         Some(file) => FaultSchedule::load(file, units)?,
         None => FaultSchedule::default(),
     };
     let air = match room.shared_by() {
-        Some(places) if units > places => {
-            return Err(SimulatorError::Crowded { room: room.name.clone(), places, units });
-        }
         Some(_) => {
             let ears = (0..units).map(|index| room.standing(index)).collect();
             Some(Rc::new(Air::new(Rc::clone(scene), ears)))

@@ -6,11 +6,14 @@ use crate::room::geometry::Point;
 /// The units that are reached at `addresses`, numbered from 1. `keeps_up` says that simulated time is the host's.
 pub fn site_file(room: &Room, addresses: &[String], keeps_up: bool) -> String {
     let mut lines = vec![
-        format!("site = {:?}", room.name),
+        format!("site = {:?}", site_name(&room.name)),
         format!("air_temperature_c = {}", room.air_temperature_c(0.0)),
     ];
     if !keeps_up {
-        lines.push("clock = \"unit\" # simulated time is not the host's".to_owned());
+        lines.push(
+            "clock = \"unit\" # simulated time is not the host's: run noctule-sim with --exact-clocks"
+                .to_owned(),
+        );
     }
     for (index, address) in addresses.iter().enumerate() {
         let serial = index + 1;
@@ -18,6 +21,14 @@ pub fn site_file(room: &Room, addresses: &[String], keeps_up: bool) -> String {
         lines.push(whereabouts(room, index));
     }
     lines.join("\n") + "\n"
+}
+
+/// A room's name as a site may be called: lower-case letters, digits, - and _.
+fn site_name(room: &str) -> String {
+    let kept = |letter: char| if letter.is_ascii_alphanumeric() || letter == '_' { letter } else { '-' };
+    let name: String = room.to_ascii_lowercase().chars().map(kept).collect();
+    let name = name.trim_start_matches(['-', '_']);
+    if name.is_empty() { "room".to_owned() } else { name.to_owned() }
 }
 
 fn whereabouts(room: &Room, index: usize) -> String {
@@ -60,6 +71,13 @@ mod tests {
         );
         let path = "path = { corners_m = [[-0.7, -0.45], [2, -0.45], [2, 1.05], [-0.7, 1.05]], spacing_m = 0.2, closed = true }";
         assert_eq!(lines[7..], [path]);
+    }
+
+    #[test]
+    fn a_site_has_a_name_that_a_site_may_have() {
+        for (room, site) in [("My Lounge", "my-lounge"), ("_Küche 2", "k-che-2"), ("...", "room")] {
+            assert_eq!(site_name(room), site);
+        }
     }
 
     #[test]

@@ -131,7 +131,7 @@ impl Unit {
         self.next_event = self.next_event.min(self.chip.now);
     }
 
-    /// Makes the chip the slowest that the datasheet allows.
+    /// Makes the chip slow: its jumps miss the prefetch engine, flash takes the longest that the datasheet allows.
     pub fn slow_down(&mut self) {
         self.misses = true;
         self.chip.flash.is_slowest = true;

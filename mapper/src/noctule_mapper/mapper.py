@@ -84,8 +84,9 @@ class Mapper:
         if is_fine(sweep):
             self._places[pose_of(sweep)].remove(identity)
             self._judge_again(pose_of(sweep))
-        if self._grid is not None and (left_out := self._grid.next_left_out()) is not None:
-            self._add_to(self._grid, left_out)
+        while self._grid is not None and (left_out := self._grid.next_left_out()) is not None:
+            if not self._add_to(self._grid, left_out):
+                break  # it waits behind the others now
 
     def sweeps(self) -> list[SweepReadings]:
         """The sweeps on the map and those that wait for a pose, as they came."""
@@ -209,10 +210,12 @@ class Mapper:
         if self._grid is not None:
             self._grid.update(change)
 
-    def _add_to(self, grid: "BoundedGrid", identity: Identity) -> None:
-        """Put a sweep that is on the map into ``grid`` with its contacts, if there is room."""
-        if grid.add(self._lasting[identity], self._numbers[identity]):
+    def _add_to(self, grid: "BoundedGrid", identity: Identity) -> bool:
+        """Put a sweep that is on the map into ``grid`` with its contacts, if there is room; whether there was."""
+        has_room = grid.add(self._lasting[identity], self._numbers[identity])
+        if has_room:
             grid.grid.add_contacts(self._contacts.echoes([identity]), self._contacts.contacts([identity]))
+        return has_room
 
 
 def _newest_s(sweeps: Sequence[SweepReadings]) -> float:

@@ -96,7 +96,7 @@ def _status_of(program: Callable[[], object]) -> int:
         print(end.code, file=sys.stderr)
         return 1
     except BaseException as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):
+        if isinstance(error, ImportError) and isinstance(error.__cause__, KeyboardInterrupt):
             return _STOPPED  # a library in C that was being loaded calls Ctrl-C an ImportError
         sys.excepthook(type(error), error, error.__traceback__)
         return _STOPPED if isinstance(error, KeyboardInterrupt) else 1

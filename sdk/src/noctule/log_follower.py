@@ -18,8 +18,10 @@ from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
 LIVE_LENGTH = 500  # live sweeps held per unit; those that don't fit are read from the log
-MOST_LIVE = 10_000  # of all units together, 100 MB at the most: while deliveries hang, a flood must not take more
-MOST_ANSWERS = 8  # that wait to be read, of up to 4 MB each
+# Of all units' live sweeps, as they came; in memory they take four times as much. While deliveries hang, a flood must
+# not take more.
+MOST_LIVE_BYTES = 25_000_000
+MOST_ANSWERS = 8  # that wait to be read, of up to 4 MB each; each thread that asks may hold one more
 FIRST_RETRY_S = 0.1
 LAST_RETRY_S = 10.0
 
@@ -99,7 +101,7 @@ class LogFollower:
         self._deliver = deliver
         self._poll_s = poll_s
         self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, damaged=0, refused=0, failed=0)
-        self._live = 0  # sweeps held of all units
+        self._live_bytes = 0  # of the sweeps held of all units
         lock = threading.RLock()
         self._changed, self._answer_taken = threading.Condition(lock), threading.Condition(lock)
         self._closed = self._told_too_many = False
@@ -165,9 +167,10 @@ class LogFollower:
     def _on_sweep(self, sweep: Sweep) -> None:
         with self._changed:
             if unit := self._unit(sweep.unit):
-                if len(unit.live) < LIVE_LENGTH and self._live < MOST_LIVE:
+                size = sweep.ByteSize()
+                if len(unit.live) < LIVE_LENGTH and self._live_bytes + size <= MOST_LIVE_BYTES:
                     unit.live.append(sweep)
-                    self._live += 1
+                    self._live_bytes += size
                 else:
                     unit.behind = True
                 self._see_to(sweep.unit)
@@ -262,7 +265,7 @@ class LogFollower:
         unit = self._units[name]
         with self._changed:
             live, unit.live = unit.live, []
-            self._live -= len(live)
+            self._live_bytes -= sum(sweep.ByteSize() for sweep in live)
         try:
             before = unit.reader.cursor
             if not unit.reader.take(live):

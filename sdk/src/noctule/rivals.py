@@ -47,7 +47,7 @@ class Rivals(Generic[M]):
         self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(_HELD))
 
     def names(self) -> list[str]:
-        """Who else has published within GONE_AFTER_S, as "mapper on HOST"; as often as there are sessions."""
+        """Who else has published within GONE_AFTER_S, one for each session: NAME on HOST, where it gives its host."""
         now_s = self._now()
         while (sample := self._subscriber.try_recv()) is not None:
             self._note(sample, now_s)

@@ -39,7 +39,7 @@ pub struct Pca {
     modules: [Module; MODULES],
     /// The counter's total at which the watchdog bites.
     watchdog_due: Option<u64>,
-    /// The counter's total when the watchdog was last fed, less what the CPU has slept since; and the most that it has
+    /// The counter's total when the watchdog was last fed, and what the CPU has slept since; and the most that it has
     /// worked between two feedings.
     fed_at: u64,
     asleep_since: u64,

@@ -58,8 +58,8 @@ def serve(site_file: Path, data: Path, name: str, retention: Retention, access: 
         config = bus_config.config(access.connect, access.listen, tls.chosen(access.tls_folder))
         is_router = bus_config.is_router(config)
         with metrics_server.serving(access.metrics_at, metrics.registry(gateway.statuses)):
-            if is_router:  # whose port may be taken: then the units are another gateway's, and their lines stay shut
-                session = open_session()
+            # A router's port may be taken: then the units are another gateway's, and their lines stay shut.
+            session = open_session() if is_router else None
             gateway.start()
             session = session or open_session()
             watch = BusWatch(session, access.connect, access.listen, access.tls_folder)

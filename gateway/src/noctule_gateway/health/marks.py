@@ -34,14 +34,15 @@ class Mark:
 
 
 def marks_of(sweeps: Sequence[Readings], past: Past, off: int = 0) -> list[Mark]:
-    """The past's marks that two readings hear which agree, and more than a third of one sweep's.
+    """Marks of the past that at least two readings hear which agree, and more than a third as many as the mark has
+    bearings.
 
     A motion also moves a mark by a bearing, so that half of a short run's readings may be silent. ``off`` is in half
     steps between bearings: a reading looks where the past looked that much farther on.
     """
     found = []
     for run in runs_of(past):
-        longer_m = [
+        by_sweep_m = [
             [
                 sweep.range_m[n - off // 2] - past.median_m[n]
                 for n in run
@@ -49,7 +50,7 @@ def marks_of(sweeps: Sequence[Readings], past: Past, off: int = 0) -> list[Mark]
             ]
             for sweep in sweeps
         ]
-        agree = _most_alike(longer_m)
+        agree = _most_alike(by_sweep_m)
         if len(agree) < _LEAST_HEARD or len(agree) * 3 <= len(run):
             continue
         direction_rad = sum(sweeps[-1].bearing_rad[n] for n in run) / len(run)
@@ -59,8 +60,9 @@ def marks_of(sweeps: Sequence[Readings], past: Past, off: int = 0) -> list[Mark]
 
 
 def _most_alike(by_sweep: Sequence[Sequence[float]]) -> list[float]:
-    """Of all sweeps the readings beside the one of the last sweep that has the most of that sweep beside it, or of all
-    sweeps where it has less than two: the others may be of before the fault began.
+    """The readings of all sweeps that are near the one which most others of the last sweep are near.
+
+    Earlier sweeps may be from before the fault, so they choose that one only where no two of the last sweep agree.
     """
     every = [one for each in by_sweep for one in each]
     for among in (by_sweep[-1], every):

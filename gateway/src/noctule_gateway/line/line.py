@@ -67,8 +67,9 @@ class Line:
         self.call(lambda: None)
 
     def join(self, within_s: float | None = None) -> bool:
-        """Wait for the line to be closed after stop(); whether it was, ``within_s``."""
-        self._thread.join(within_s)
+        """Wait for the line to be closed after stop(); whether it was, ``within_s``. One never opened is closed."""
+        if self._thread.ident is not None:
+            self._thread.join(within_s)
         return not self._thread.is_alive()
 
     def call(self, function: Callable[[], None]) -> None:

@@ -113,13 +113,13 @@ def longest_s(steps: Iterable[Order], settings: Settings) -> float:
 
 
 def summary(found: Sequence[Measurement]) -> str:
-    """One line: what is bad, or that nothing is, and what could not be told."""
+    """One line: what is bad, or that nothing is, and what could not be determined."""
     wrong, unknown, good = (
         [each.name for each in found if each.verdict == verdict]
         for verdict in (Measurement.VERDICT_BAD, Measurement.VERDICT_UNKNOWN, Measurement.VERDICT_GOOD)
     )
     parts = [f"not as it should be: {', '.join(wrong)}"] if wrong else ["nothing found wrong"] if good else []
-    return "; ".join([*parts, f"could not be told: {', '.join(unknown)}"] if unknown else parts)
+    return "; ".join([*parts, f"could not be determined: {', '.join(unknown)}"] if unknown else parts)
 
 
 def _check(name: str, settings: Settings, status: UnitStatus) -> None:

@@ -36,40 +36,49 @@ def wanted_plan(unit: Unit) -> Configure | None:
     """What the gateway gives ``unit``; None leaves the unit the plan that it has.
 
     A fixed unit whose site file names no bearings gets FIXED_PLAN under what else the file says. Bearings that the file
-    gives in part are completed by OWN_PLAN. A ramp too short for the top speed is lengthened, with a warning: before
-    firmware 0.4 it was valid, and an upgrade must not stop the gateway. Raises CommandError if a unit would not take
-    the file's plan for another reason.
+    gives in part are completed by OWN_PLAN. A top speed over 800 half steps/s and a ramp too short for it are eased,
+    with a warning: older firmware took them, and an upgrade must not stop the gateway. Raises CommandError if a unit
+    would not take the file's plan for another reason.
     """
     plan = _given_plan(unit)
-    return plan and _with_longer_ramp(unit.name, plan)
+    return plan and _eased(unit.name, plan)
 
 
 def expected_plan(unit: Unit) -> Configure:
     """The plan that ``unit`` will most likely go by. Raises CommandError as wanted_plan()."""
-    return limits.with_longer_ramp(_given_plan(unit) or OWN_PLAN)
+    return limits.eased(_given_plan(unit) or OWN_PLAN)
 
 
 def _given_plan(unit: Unit) -> Configure | None:
-    """Before a ramp is lengthened."""
+    """As the site file has it."""
     given = unit.plan or SweepPlan()
     try:
         if isinstance(unit.pose, FixedPose) and not any(map(given.HasField, _BEARINGS)):
-            return orders.configure_with_any_ramp(given, FIXED_PLAN)
-        return orders.configure_with_any_ramp(given, OWN_PLAN) if unit.plan else None
+            return orders.as_written(given, FIXED_PLAN)
+        return orders.as_written(given, OWN_PLAN) if unit.plan else None
     except CommandError as error:
         raise CommandError(f"the site file's plan of unit {unit.name}: {error}") from error
 
 
-def _with_longer_ramp(name: str, plan: Configure) -> Configure:
-    longer = limits.with_longer_ramp(plan)
-    if longer != plan:
+def _eased(name: str, plan: Configure) -> Configure:
+    eased = limits.eased(plan)
+    if eased.top_speed != plan.top_speed:
+        _log.warning(
+            "%s: %d half steps/s are more than a unit takes, so it gets %d: write top_speed_half_steps_s = %d into the "
+            "sweep table of the site file",
+            name,
+            plan.top_speed,
+            eased.top_speed,
+            eased.top_speed,
+        )
+    if eased.ramp_ms != plan.ramp_ms:
         _log.warning(
             "%s: a ramp of %g s is too short for %d half steps/s, so the unit gets one of %g s: "
             "write ramp_s = %g into the sweep table of the site file",
             name,
             plan.ramp_ms / 1000,
-            plan.top_speed,
-            longer.ramp_ms / 1000,
-            longer.ramp_ms / 1000,
+            eased.top_speed,
+            eased.ramp_ms / 1000,
+            eased.ramp_ms / 1000,
         )
-    return longer
+    return eased

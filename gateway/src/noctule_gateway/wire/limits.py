@@ -13,7 +13,10 @@ from noctule_gateway.errors import CommandError
 from noctule_gateway.wire.frames import Configure
 from noctule_gateway.wire.units import PER_RADIAN
 
-PLAN_BOUNDS = UNIT_PLAN | {"pings": Number(PINGS[0], PINGS[-1])}
+WRITTEN_PLAN_BOUNDS = UNIT_PLAN | {"pings": Number(PINGS[0], PINGS[-1])}
+_FASTEST = 800  # half steps/s
+_TOP_SPEED = Number(UNIT_PLAN["top_speed_half_steps_s"].least, _FASTEST, "half steps/s")
+PLAN_BOUNDS = WRITTEN_PLAN_BOUNDS | {"top_speed_half_steps_s": _TOP_SPEED}
 CALIBRATION_BOUNDS = {
     "half_steps_per_turn": Number(3800, 4400),
     "backlash_half_steps": Number(0, 128),
@@ -66,16 +69,18 @@ def check_last_bearing(plan: Configure) -> None:
         )
 
 
-def with_longer_ramp(plan: Configure) -> Configure:
-    """``plan`` with the shortest ramp that its top speed allows, if its own is shorter."""
-    if plan.top_speed > _FASTEST_FROM_REST and plan.ramp_ms < _SHORTEST_RAMP_MS:
-        return replace(plan, ramp_ms=_SHORTEST_RAMP_MS)
-    return plan
+def eased(plan: Configure) -> Configure:
+    """``plan`` no faster than a unit takes it, and with the shortest ramp that its top speed allows, if its own is
+    shorter. Older firmware took more.
+    """
+    top_speed = min(plan.top_speed, _FASTEST)
+    least_ramp_ms = _SHORTEST_RAMP_MS if top_speed > _FASTEST_FROM_REST else 0
+    return replace(plan, top_speed=top_speed, ramp_ms=max(plan.ramp_ms, least_ramp_ms))
 
 
 def check_ramp(plan: Configure) -> None:
     """Raise CommandError where ``plan`` has the motor start faster than it can from rest."""
-    if with_longer_ramp(plan) != plan:
+    if eased(plan).ramp_ms != plan.ramp_ms:
         raise CommandError(
             f"out of range: ramp_s is {plan.ramp_ms / 1000:.6g} at {plan.top_speed} half steps/s: give "
             f"{_SHORTEST_RAMP_MS / 1000:.6g} s or more, or a top speed of {_FASTEST_FROM_REST} half steps/s or less"

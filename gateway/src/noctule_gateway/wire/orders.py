@@ -32,16 +32,20 @@ T = TypeVar("T", bound=Order)
 
 
 def configure(plan: SweepPlan, present: Configure) -> Configure:
-    """``plan`` over the ``present`` one. Raises CommandError, which names the field, if a unit would not take it."""
-    order = configure_with_any_ramp(plan, present)
-    if plan.ListFields():
-        limits.check_ramp(order)
+    """``plan`` over the ``present`` one, which older firmware may have taken though it is faster than a unit takes now.
+    Raises CommandError, which names the field, if a unit would not take ``plan``.
+    """
+    limits.check_fields(plan, limits.PLAN_BOUNDS)
+    order = as_written(plan, limits.eased(present))
+    limits.check_ramp(order)
     return order
 
 
-def configure_with_any_ramp(plan: SweepPlan, present: Configure) -> Configure:
-    """configure(), but a ramp too short for the top speed stays: only firmware before 0.4 takes that."""
-    limits.check_fields(plan, limits.PLAN_BOUNDS)
+def as_written(plan: SweepPlan, present: Configure) -> Configure:
+    """configure(), but a plan stays that only older firmware takes: a ramp too short for the top speed was valid before
+    0.4, a top speed of up to 1000 half steps/s before 0.6.
+    """
+    limits.check_fields(plan, limits.WRITTEN_PLAN_BOUNDS)
     given = _given(plan, PLAN)
     if "first_bearing" in given:
         given["first_bearing"] = limits.within_outermost(given["first_bearing"])

@@ -134,7 +134,7 @@ def price_beside(one: Reflector, data: Evidence, config: RefinementConfig) -> fl
     """
     if isinstance(one, Circle) and data.has_fine:
         made = data.take(gains(one, data, config) > 0)
-        if are_facing(one, made) or (is_told_by_two(one, made) and not _is_square(one, made)):
+        if are_facing(one, made) or (is_told_by_two(one, made) and not _is_right_angled(one, made)):
             return min(config.prices.cylinder_nats, config.prices.wall_nats)
     return price_of(type(one), config)
 
@@ -146,17 +146,18 @@ def are_facing(one: Circle, made: Evidence) -> bool:
 
 
 def is_told_by_two(one: Reflector, made: Evidence) -> bool:
-    """Whether ``one`` is a cylinder and those of the echoes ``made`` of it that have directions are of two places."""
-    return isinstance(one, Circle) and len(np.unique(made.place[np.isfinite(made.direction_sigma_rad)])) == 2
+    """Whether ``one`` is a cylinder and the echoes ``made`` of it are of two places, both with directions."""
+    has_direction = np.isfinite(made.direction_sigma_rad)
+    return isinstance(one, Circle) and len(np.unique(made.place)) == len(np.unique(made.place[has_direction])) == 2
 
 
-def _is_square(one: Circle, made: Evidence) -> bool:
+def _is_right_angled(one: Circle, made: Evidence) -> bool:
     """Whether two of the echoes ``made`` of a cylinder are at a right angle, to within the errors of plateaus."""
     directions_rad = one.directions(made.echoes)
-    return bool((np.abs(np.cos(directions_rad[:, None] - directions_rad)) < _SQUARE_COSINE).any())
+    return bool((np.abs(np.cos(directions_rad[:, None] - directions_rad)) < _RIGHT_ANGLE_COSINE).any())
 
 
-_SQUARE_COSINE = np.sin(np.radians(5.0))
+_RIGHT_ANGLE_COSINE = np.sin(np.radians(5.0))
 FACING_RAD = np.radians(100.0)  # of two directions: more than a right angle, for edges are mostly right-angled
 
 

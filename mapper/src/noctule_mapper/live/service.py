@@ -21,6 +21,7 @@ from noctule.log_follower import LogFollower
 from noctule.messages_pb2 import Contour, ServiceStatus, UnitStatus
 from noctule.rivals import Rivals
 from noctule.systemd import ServiceManager
+from noctule_mapper.contour.reasons import no_room
 from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.live.intake import SweepIntake
 from noctule_mapper.live.map_messages import MapSettings, MapState
@@ -204,14 +205,14 @@ class LiveMapper:
 
     def _detail(self) -> str:
         """What is wrong, and why there is no wall or not the whole grid, as long as a status may be."""
-        lacks = not self._contour.walls or self._map.counters()["sweeps_off_grid"]
+        off_grid = self._map.counters()["sweeps_off_grid"]
         parts = (
             self._watch.detail(),
             self._troubles.detail(),
             self._intake.detail(),
             unread_detail(self._follower.unread()),
             self._publisher.detail(),
-            self._contour.note if lacks else "",
+            no_room(off_grid, self._settings.config.mapper.grid) if self._contour.walls else self._contour.note,
         )
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."

@@ -49,17 +49,19 @@ def _with_one_sided(state: State, config: MapperConfig) -> State:
     """The state with the cylinders that two units hear from one side, the worthiest first. One that the poses must move
     to suit gains more than they lose.
     """
-    while True:
+    for _ in range(_MOST_EXCHANGES):
         solid, scene = [one for one in state.objects if not isinstance(one, Spot)], state.scene
         free = scene.explain(scene.claims(solid, links_of(solid, scene, config))).unexplained >= 0.5
         found = [[*state.objects, one] for one in one_sided_cylinders(free, scene.data, config)]
-        near = [one for one in found if _rough_worth(one, state, config) > state.worth - _NEAR_NATS]
+        rough = sorted(((_rough_worth(one, state, config), one) for one in found), key=lambda one: -one[0])
+        near = [objects for worth, objects in rough[:MOST_FITTED] if worth > state.worth - _NEAR_NATS]
         tried = [_state(one, scene, config) for one in near]
         unforced = [one for one in tried if one.worth - state.worth > state.of_poses - one.of_poses]
         better = max(unforced, key=lambda one: one.worth, default=state)
         if better.worth < state.worth + _LEAST_RISE_NATS:
-            return state
+            break
         state = better
+    return state
 
 
 def _met(state: State, config: MapperConfig) -> State:

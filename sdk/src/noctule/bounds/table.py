@@ -36,13 +36,14 @@ UNKNOWN_SIGMA_POSITION_M = 100.0
 # Air as the unit's chip survives it.
 AIR_C = Number(-60, 85, "degrees C", "in degrees Celsius, not kelvin")
 
-# What a unit takes of a plan, and as a pause (firmware/README.md, CONFIGURE and START).
+# What a unit takes of a plan, and as a pause (firmware/README.md, CONFIGURE and START). Before firmware 0.6 it took up
+# to 1000 half steps/s: a site file may still say so, and the gateway eases it.
 UNIT_PLAN = {
     "first_bearing_rad": Number(-math.radians(148), math.radians(148), "rad"),
     "bearing_step_rad": Number(2 * math.pi / 0x10000, 2 * math.pi, "rad"),
     "count": Number(1, MAX_READINGS),
     "ping_interval_s": Number(0.029, 1, "s", "in seconds"),
-    "top_speed_half_steps_s": Number(50, 800, "half steps/s"),
+    "top_speed_half_steps_s": Number(50, 1000, "half steps/s"),
     "ramp_s": Number(0, 1, "s", "in seconds"),
     "settle_s": Number(0, 1, "s", "in seconds"),
 }
