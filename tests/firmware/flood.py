@@ -3,22 +3,9 @@
 from random import Random
 
 from firmware.stepped_unit import SteppedUnit
+from worst_case import BURST_S, burst
 
-from noctule_gateway.wire.codec import encode
-from noctule_gateway.wire.frames import AskStatus, Sweep
-
-BURST_S = 0.1
-BURST_BYTES = 1130  # of the 1152 that the line takes in that time: acknowledgements must get through too
-LONGEST_GARBAGE_BYTES = 200
-
-
-def burst(noise: Random) -> bytes:
-    """What fills the line for ``BURST_S``."""
-    data = b""
-    while len(data) < BURST_BYTES:
-        garbage = noise.randbytes(noise.randrange(LONGEST_GARBAGE_BYTES)).replace(b"\0", b"\1")
-        data += encode(AskStatus(noise.randrange(1, 256))) + garbage + b"\0"
-    return data[:BURST_BYTES]
+from noctule_gateway.wire.frames import Sweep
 
 
 def flood(unit: SteppedUnit, duration_s: float, noise: Random) -> list[Sweep]:

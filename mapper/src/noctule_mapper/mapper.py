@@ -106,6 +106,12 @@ class Mapper:
             self._grid = grid
         return self._grid.grid
 
+    def draw_grid(self) -> None:
+        """Make the grid now: then sweeps that break it are known as they come, and a contour's note says for how many
+        it has no room.
+        """
+        _ = self.grid
+
     @property
     def off_grid(self) -> int:
         """How many sweeps the grid has no room for; none until it is looked at."""

@@ -45,7 +45,7 @@ def fit(
     with progress() as shown:
         surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window, progress=shown)
         if rrd or view:
-            surveyed.mapper.grid.tiles()  # before the contour, whose note says for what the grid has no room
+            surveyed.mapper.draw_grid()  # before the contour, whose note says for how many sweeps it has no room
         shown.at("looking for walls and cylinders")
         result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:

@@ -53,7 +53,7 @@ def export_file(source: Path, out: Path, config: MapperConfig | None = None, win
         surveyed = map_survey(survey.read_records(source), config, window=window)
         mapper, left_out = surveyed.mapper, surveyed.left_out
         if out.suffix in _ROS_SUFFIXES:
-            mapper.grid.tiles()  # before the contour, whose note says for what the grid has no room
+            mapper.draw_grid()  # before the contour, whose note says for how many sweeps it has no room
         contour = contour_message(mapper.contour(), site=surveyed.site)
         stated = [sweep for sweep in mapper.sweeps() if not sweep.pose_is_unknown]
         found = [pose for pose in contour.poses if poses.is_placed(pose)]

@@ -169,7 +169,7 @@ class MapWorker:
     def _empty_map(self) -> Mapper:
         """A map whose grid is there from the start, so that a sweep which breaks it is known by its coming."""
         mapper = Mapper(self._config)
-        mapper.grid.tiles()
+        mapper.draw_grid()
         return mapper
 
     def _fit_and_show(self, oldest_s: float) -> None:
