@@ -5,14 +5,16 @@ UV_VERSION := 0.13.9
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
 BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
+# Tests run side by side: threads of linear algebra that wait for one another cost some of them twenty times their work.
+test soak: export OPENBLAS_NUM_THREADS := 1
 
 .PHONY: demo test soak bench lint docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
-  packages-test firmware firmware-demo clean
+  packages-test firmware firmware-demo kernels clean
 
 demo: packages-run setup-demo firmware-demo
 	@python deploy/demo/run.py
 
-test: packages-test setup firmware
+test: packages-test setup firmware kernels
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
 	pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder
 
@@ -20,7 +22,7 @@ test: packages-test setup firmware
 # in one process, which maps its rooms once for all of them.
 BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py
 
-soak: packages-test setup firmware
+soak: packages-test setup firmware kernels
 	pytest -m soak --timeout 1800 --numprocesses 2 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
 	pytest -m soak --timeout 1800 $(BY_THE_CLOCK)
 
@@ -82,6 +84,10 @@ firmware-demo: setup-demo
 firmware firmware-demo:
 	@$(MAKE) --silent --question -C firmware 2>/dev/null || \
 	  sh deploy/step.sh firmware "Compiling the firmware: some 10 s" $(MAKE) --no-print-directory -C firmware
+
+# The grid's functions, compiled once: else each of the tests' processes does it for itself.
+kernels: setup
+	@python -c "import noctule_mapper.grid.kernels"
 
 .tools/bin/uv:
 	@echo "Fetching uv, which fetches the packages (25 MB)"

@@ -135,10 +135,20 @@ SWEEPS = st.builds(
 @given(sweeps=st.lists(SWEEPS, max_size=5))
 def test_sweeps_at_the_edge_of_what_is_allowed_are_mapped(method: Method, sweeps: list[SweepReadings]) -> None:
     mapper = Mapper(MapperConfig(method=method))
-    mapper.grid.tiles()  # from here on it goes along with every sweep, as it does live
     for number, sweep in enumerate(sweeps):
         mapper.register_sweep(replace(sweep, identity=("log", number)))
     bounds.check(contour_message(mapper.contour(), "s"))
+
+
+@settings(max_examples=40)
+@given(sweeps=st.lists(SWEEPS, max_size=5))
+def test_a_grid_that_sweeps_at_the_edge_of_what_is_allowed_come_to_and_leave_is_empty(
+    sweeps: list[SweepReadings],
+) -> None:
+    mapper = Mapper(MapperConfig())
+    mapper.draw_grid()  # from here on it goes along with every sweep, as it does live
+    for number, sweep in enumerate(sweeps):
+        mapper.register_sweep(replace(sweep, identity=("log", number)))
     for number in range(len(sweeps)):
         mapper.remove_sweep(("log", number))
     assert mapper.grid.tiles() == []

@@ -61,8 +61,9 @@ def knows_its_age(shown: Screen) -> bool:
 
 def drawn_s(shown: Screen) -> float | None:
     """When what the page shows was drawn, by the clock; None if that is longer ago than FRESH_S."""
-    taken_s = time.time()
-    age = age_s(shown.picture(), taken_s)
+    picture = shown.picture()
+    taken_s = time.time()  # afterwards: on a busy machine a picture takes seconds, and shows what was drawn meanwhile
+    age = age_s(picture, taken_s)
     return None if age is None or age > FRESH_S else taken_s - age
 
 

@@ -32,5 +32,6 @@ def _places(reach: int, sectors: int) -> tuple[np.ndarray, np.ndarray, np.ndarra
     key = sector * (reach * reach + 1) + square
     order = np.argsort(key)
     squares = np.concatenate([[-1], np.floor((np.arange(_RINGS + 1) * reach / _RINGS) ** 2)]).astype(np.int64)
-    rings = np.searchsorted(key[order], np.arange(sectors) * (reach * reach + 1) + squares[:, None], side="right")
-    return row[order], column[order], rings.astype(np.int32)
+    ends = np.arange(sectors)[:, None] * (reach * reach + 1) + squares  # rising, so that each search begins at the last
+    rings = np.searchsorted(key[order], ends, side="right").T
+    return row[order], column[order], np.ascontiguousarray(rings, np.int32)
