@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 import zenoh
 from google.protobuf.message import Message
+from sdk.followed import POLL_S
 
-from noctule import bus, keys, survey
+from noctule import Client, LogFollower, bus, keys, survey
 from noctule.messages_pb2 import (
     POSE_STATE_OPEN,
     Contour,
@@ -129,6 +130,24 @@ def open_session(router: Router) -> Iterator[Callable[[], zenoh.Session]]:
     yield open_one
     for session in sessions:
         session.close()
+
+
+@pytest.fixture
+def follow(open_session):
+    """Starts a follower with a client of its own that stores into a store; returns it."""
+    running = []
+
+    def start(store, poll_s=POLL_S):
+        client = Client("room", session=open_session())
+        follower = LogFollower(client, store.deliver, dict(store.cursors), poll_s)
+        follower.start()
+        running.append((follower, client))
+        return follower
+
+    yield start
+    for follower, client in running:
+        follower.close()
+        client.close()
 
 
 @pytest.fixture

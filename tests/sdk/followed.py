@@ -9,6 +9,7 @@ from noctule import bus, keys
 from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
 
 PATIENCE_S = 120.0
+POLL_S = 0.3  # so that a test in which all signs are lost need not wait for the usual ten seconds
 
 
 class LoggedUnit:

@@ -1,0 +1,244 @@
+"""A follower beside stores that fail, logs that do not answer, and records and names that nobody meant."""
+
+import subprocess
+import sys
+import threading
+from time import monotonic
+
+from sdk.followed import PATIENCE_S, LoggedUnit, SilentUnit, Store
+from system.processes import wait_until
+
+from noctule import bus, keys, log_follower
+from noctule.client import QUERY_TIMEOUT_S
+from noctule.errors import NoctuleError
+from noctule.messages_pb2 import Cursor, Reading, Sweep, UnitStatus
+
+
+def test_a_status_that_names_a_unit_by_64_kb_ends_nothing(open_session, far, follow):
+    """A key of 65,536 bytes makes Zenoh 1.10.2 panic, which is no Exception and breaks the session."""
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    follow(store)
+    unit.sweep()
+    store.wait_for(lambda stored: stored.of("u1") == [1])
+    forged = UnitStatus(unit="x" * 65536, log_id="L", log_head=1)
+    far.publish(keys.unit_status("room", "u2"), forged)
+    unit.sweep()
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2])
+
+
+def test_records_that_can_not_be_true_are_passed_over_and_counted(open_session, follow, caplog):
+    """Beam 1e-300, angles 1.7e308 and 100,000 readings, the last as many as an attack had; two end the log."""
+    unit, store = LoggedUnit(open_session(), "u1", lose=1.0), Store()
+    unit.sweep(6)
+    unit.sweeps[1].sensor.beam_width_rad = 1e-300
+    unit.sweeps[2].readings.extend([Reading(bearing_rad=0.1)] * 100_000)
+    unit.sweeps[4].pose.heading_rad = unit.sweeps[5].pose.heading_rad = 1.7e308
+    follower = follow(store)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 4])
+    unit.sweep(1)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 4, 7])
+    assert follower.counters()["refused"] == 4
+    assert follower.counters()["lost"] == 0
+    assert "unit u1: 4 records of its log are refused and passed over, the first is 2: sensor.beam_width" in caplog.text
+
+
+PANICKING = """
+import sys, threading
+from noctule import Client, LogFollower, threads
+threads.end_process_when_one_fails()
+client = Client("room", [sys.argv[1]])
+follower = LogFollower(client, lambda sweeps: client.session.get("x" * 70_000), {})
+follower.start()
+threading.Event().wait()
+"""
+
+
+def test_a_panic_in_a_thread_ends_the_program_with_its_reason(open_session, router):
+    unit = LoggedUnit(open_session(), "u1")
+    unit.sweep()
+    program = subprocess.run(
+        [sys.executable, "-c", PANICKING, router.endpoint], timeout=60, capture_output=True, text=True, check=False
+    )
+    assert program.returncode == 70
+    assert "noctule-follow-room failed, and with it the program" in program.stderr
+    assert "PanicException" in program.stderr
+
+
+def test_a_store_that_fails_gets_the_same_sweeps_again_and_meanwhile_nothing_moves(open_session, follow):
+    failing = threading.Event()
+    failing.set()
+    failed = threading.Semaphore(0)
+    store = Store(fail=lambda: failing.is_set() and (failed.release() or True))
+    unit = LoggedUnit(open_session(), "u1")
+    unit.sweep(5)
+    follower = follow(store)
+    for _ in range(3):
+        assert failed.acquire(timeout=120)
+    assert follower.cursors()["u1"].log_sequence == 0
+    failing.clear()
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4, 5])
+    assert follower.counters()["failed"] >= 3
+
+
+def test_whose_log_can_not_be_read_and_why_is_told_as_long_as_it_can_not(open_session, follow):
+    well, sick, store = LoggedUnit(open_session(), "u1"), LoggedUnit(open_session(), "u2"), Store()
+    sick.trouble = "its disk is gone"
+    follower = follow(store)
+    well.sweep()
+    wait_until(lambda: "u2" in follower.unread(), "it is not told")
+    unread = follower.unread()
+    assert list(unread) == ["u2"] and "its disk is gone" in unread["u2"]
+    sick.trouble = ""
+    wait_until(lambda: not follower.unread(), "it is still told")
+    sick.sweep()
+    store.wait_for(lambda stored: stored.of("u1") == stored.of("u2") == [1])
+
+
+def test_a_log_that_nobody_serves_any_more_is_not_called_unreadable(open_session, follow):
+    sick = LoggedUnit(open_session(), "u1")
+    sick.trouble = "its disk is gone"
+    follower = follow(Store())
+    wait_until(lambda: "u1" in follower.unread(), "it is not told")
+    sick.end()
+    wait_until(lambda: not follower.unread(), "it is still told")
+
+
+def test_a_store_that_fails_is_told_in_one_line_until_it_has_taken_something(open_session, follow, caplog):
+    failing = threading.Event()
+    failing.set()
+    failed = threading.Semaphore(0)
+
+    class Full(Store):
+        def deliver(self, sweeps):
+            if failing.is_set():
+                failed.release()
+                raise NoctuleError("the disk is full: make room")
+            super().deliver(sweeps)
+
+    store, unit = Full(), LoggedUnit(open_session(), "u1")
+    follow(store)
+    for times in (1, 2):
+        unit.sweep()
+        for _ in range(3):
+            assert failed.acquire(timeout=PATIENCE_S)
+        failing.clear()
+        store.wait_for(lambda stored, times=times: len(stored.sweeps) == times)
+        failing.set()
+        told = [record for record in caplog.records if "the disk is full: make room" in record.getMessage()]
+        assert len(told) == times
+        assert not any(record.exc_info for record in told)
+
+
+def test_a_store_that_fails_is_tried_later_and_later_though_sweeps_keep_coming(open_session, follow):
+    failed_s = []
+    session = open_session()
+    unit = LoggedUnit(session, "u1", lose=1.0)
+    unit.sweep(5)
+    follow(Store(fail=lambda: failed_s.append(monotonic()) or True))
+    live = bus.declare_publisher(session, keys.sweep("room", "u1"), Sweep)
+    deadline_s = monotonic() + PATIENCE_S
+    while len(failed_s) < 5:
+        assert monotonic() < deadline_s, failed_s
+        unit.sweep()
+        live.put(unit.sweeps[-1].SerializeToString())
+        threading.Event().wait(0.02)  # sweeps come fifty times a second
+    assert failed_s[4] - failed_s[0] >= log_follower.FIRST_RETRY_S * (1 + 2 + 4 + 8)
+
+
+def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, follow):
+    class Picky(Store):
+        def deliver(self, sweeps):
+            if sweeps[0].unit == "bad":
+                raise ValueError("no such unit in the store")
+            super().deliver(sweeps)
+
+    session, store = open_session(), Picky()
+    units = [LoggedUnit(session, name) for name in ("bad", "good")]
+    follow(store)
+    for _ in range(20):
+        for unit in units:
+            unit.sweep()
+    store.wait_for(lambda stored: stored.of("good") == list(range(1, 21)))
+
+
+def test_a_unit_is_read_live_and_from_its_log_while_thirty_others_do_not_answer(open_session, follow):
+    """With one question at a time, of 5 s each, this took minutes."""
+    session, store = open_session(), Store()
+    unit = LoggedUnit(session, "good")
+    unit.sweep(3)
+    follow(store)
+    store.wait_for(lambda stored: stored.of("good") == [1, 2, 3])
+    silent = [SilentUnit(session, f"silent{number}") for number in range(30)]
+    assert any(each.asked.acquire(timeout=PATIENCE_S) for each in silent)
+    began_s = monotonic()
+    unit._lose = 1.0  # the rest must come from the log
+    unit.sweep(700)
+    unit.status()
+    store.wait_for(lambda stored: stored.of("good") == list(range(1, 704)))
+    assert monotonic() - began_s < QUERY_TIMEOUT_S  # it waited for none of the others
+
+
+def test_live_sweeps_of_a_unit_come_though_its_log_does_not_answer(open_session, far, follow):
+    store = Store()
+    store.cursors["u1"] = Cursor(unit="u1", log_id="a", log_sequence=4)
+    silent = SilentUnit(open_session(), "u1")
+    follow(store)
+    assert silent.asked.acquire(timeout=PATIENCE_S)
+    began_s = monotonic()
+    far.publish(keys.sweep("room", "u1"), Sweep(site="room", unit="u1", log_id="a", log_sequence=5))
+    store.wait_for(lambda stored: stored.of("u1") == [5])
+    assert monotonic() - began_s < QUERY_TIMEOUT_S
+
+
+def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_session, follow, monkeypatch, caplog):
+    monkeypatch.setattr(log_follower, "MAX_UNITS", 3)
+    session, store = open_session(), Store()
+    units = [LoggedUnit(session, f"u{number}") for number in range(3)]
+    for unit in units:
+        unit.sweep()
+    follower = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == 3)
+    made_up = LoggedUnit(session, "made-up")
+    made_up.sweep(5)
+    units[0].sweep()
+    store.wait_for(lambda stored: len(stored.of("u0")) == 2)
+    wait_until(lambda: follower.counters()["refused"] >= 5, "the made-up unit's sweeps are not counted")
+    assert store.of("made-up") == []
+    assert caplog.text.count("more than 3 units: made-up is not read") == 1
+
+
+def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_session, follow, monkeypatch):
+    most_bytes = 1000
+    monkeypatch.setattr(log_follower, "MOST_LIVE_BYTES", most_bytes)
+    monkeypatch.setattr(log_follower, "MOST_ANSWERS", 2)
+    hangs, go_on = threading.Event(), threading.Event()
+    go_on.set()
+
+    class Hanging(Store):
+        def deliver(self, sweeps):
+            if not go_on.is_set():
+                hangs.set()
+                assert go_on.wait(PATIENCE_S)
+            held.append((follower._live_bytes, len(follower._answers)))
+            super().deliver(sweeps)
+
+    held, session, store = [], open_session(), Hanging()
+    units = [LoggedUnit(session, f"u{number}") for number in range(12)]
+    for unit in units:
+        unit.sweep()
+    follower = follow(store)
+    store.wait_for(lambda stored: len(stored.sweeps) == len(units))
+    go_on.clear()
+    units[0].sweep()
+    assert hangs.wait(PATIENCE_S)
+    come = follower._client.counters()["delivered"]
+    for unit in units:
+        unit.sweep(20)
+    wait_until(lambda: follower._client.counters()["delivered"] >= come + 12 * 20, "the sweeps don't come")
+    assert most_bytes / 2 < follower._live_bytes <= most_bytes
+    go_on.set()
+    store.wait_for(lambda stored: len(stored.sweeps) == 12 * 21 + 1)
+    assert all(store.of(f"u{number}") == list(range(1, 22 + (number == 0))) for number in range(12))
+    assert max(live_bytes for live_bytes, _ in held) <= most_bytes
+    assert max(answers for _, answers in held) <= 2
+    assert follower.counters()["lost"] == 0
