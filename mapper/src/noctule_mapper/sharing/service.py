@@ -69,6 +69,7 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         closing.callback(manager.stopping)
         unshared = UnsharedSites()
         while not stop.wait(_STEP_S):
+            left_out = offers.let_in()
             if offers.are_settled():
                 _step(mapped, offers, session, name, starts)
             if offers.are_quiet():
@@ -77,9 +78,8 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
             if shared.metrics_at is not None:
                 shown.note(_counters(mapped, unshared), pids)
                 shown.follow(session, pids)
-            manager.serving(
-                "; ".join(filter(None, (f"maps {len(pids)} of {len(mapped)} shared sites", unshared.detail)))
-            )
+            maps = f"maps {len(pids)} of {len(mapped)} shared sites"
+            manager.serving("; ".join(filter(None, (maps, unshared.detail, left_out))))
 
 
 def site_settings(shared: SharedSites) -> list[LiveSettings]:
