@@ -68,6 +68,12 @@ def _kill_one(made: Fleet, session: zenoh.Session) -> None:
     wait_until(lambda: stored_again().keys() == moved, "a site of the killed mapper stores nothing", _START_WITHIN_S)
     _say(max(stored_again().values()) - began_s, "s until each of them had stored a sweep")
 
+    def published_again() -> dict[str, float]:
+        return made.times().published_again_s(moved, began_s)
+
+    wait_until(lambda: published_again().keys() == moved, "a site of the killed mapper has no contour", _START_WITHIN_S)
+    _say(max(published_again().values()) - began_s, "s until each of them had a contour published by its new mapper")
+
 
 def _one_gateway(size: Size, seconds: float) -> None:
     print(f"{size.units} units on one gateway", flush=True)

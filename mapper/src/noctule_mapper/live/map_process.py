@@ -26,6 +26,7 @@ from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.readings.sweep import SweepReadings
 
 _BEAT_S = 1.0
+_LOWER = 10  # a tenth of the processor where others want it, as setpriority(2) counts
 
 
 def run_map(connection: Connection) -> NoReturn:
@@ -36,6 +37,8 @@ def run_map(connection: Connection) -> NoReturn:
     threading.Thread(target=service.beat, name="map-beat", daemon=True).start()
     settings = service.receive()
     assert isinstance(settings, MapSettings)
+    if settings.fit_turn:
+        os.nice(_LOWER)  # one of many sites: sweeps of all go into the stores, and sites change hands, before it fits
     worker = MapWorker(
         settings.config,
         settings.site,

@@ -17,6 +17,7 @@ from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus
 from noctule.systemd import ServiceManager
 from noctule_mapper.live.service import LiveSettings, join
+from noctule_mapper.sharing.last_contours import LastContours
 from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.rendezvous import owner_of
 from noctule_mapper.sharing.shown import Shown
@@ -63,7 +64,9 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         offers = Offers(session, name, [each.site for each in settings], stop)
         closing.callback(offers.close)
         closing.callback(shown.close)
-        mapped = [SiteProcess(each, shared.log_format, context) for each in settings]
+        contours = LastContours(session, [each.site for each in settings])
+        closing.callback(contours.close)
+        mapped = [SiteProcess(each, shared.log_format, context, last_contour=contours.of) for each in settings]
         starts = closing.enter_context(ThreadPoolExecutor(_STARTS_AT_ONCE, thread_name_prefix="start"))
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)

@@ -9,6 +9,8 @@ import multiprocessing
 import os
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
@@ -50,10 +52,13 @@ class SiteProcess:
         context: ForkServerContext,
         hangs_after_s: float = HANGS_AFTER_S,
         starts_within_s: float = STARTS_WITHIN_S,
+        last_contour: Callable[[str], bytes] = lambda _site: b"",
     ) -> None:
+        """``last_contour`` gives the last contour of a site, as in LiveSettings."""
         self.site = settings.site
         self.failed = 0  # how often it ended though nobody wanted that
         self._settings, self._log_format, self._context = settings, log_format, context
+        self._last_contour = last_contour
         self._hangs_after_s, self._starts_within_s = hangs_after_s, starts_within_s
         self._heartbeat = Heartbeat()
         self._process: BaseProcess | None = None
@@ -112,9 +117,10 @@ class SiteProcess:
     def _start(self, now_s: float) -> None:
         _log.info("maps site %s", self.site)
         self._heartbeat.begin(now_s)
+        settings = replace(self._settings, last_contour=self._last_contour(self.site))
         process = self._context.Process(
             target=map_site,
-            args=(self._settings, self._log_format, self._heartbeat.address),
+            args=(settings, self._log_format, self._heartbeat.address),
             name=f"mapper of {self.site}",
         )
         process.start()
