@@ -2,8 +2,8 @@
 and in the contour.
 
 Each process writes a file into the folder that BENCH_TIMES names, SITE.PID, with a line for each sweep:
-``s DELIVERED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour. Each contour
-is ``p SHOWN_NS``.
+``s DELIVERED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour. A
+contour is ``p SHOWN_NS``.
 """
 
 import os
