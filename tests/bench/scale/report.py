@@ -45,6 +45,11 @@ def _many_sites(size: Size, seconds: float) -> None:
             "s until every site was mapped, from a cold start",
         )
         _at_cadence(made, seconds)
+
+        def has_contours() -> bool:
+            return len(made.times().published_again_s(made.sites, 0.0)) == size.sites
+
+        wait_until(has_contours, "a site has no contour", _START_WITHIN_S)  # which its heir can show
         _kill_one(made, session)
         _nothing_lost(made)
 
