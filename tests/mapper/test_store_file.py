@@ -157,6 +157,34 @@ def test_a_store_without_its_newest_commits_is_not_sound_and_is_rebuilt(
         again.close()
 
 
+def test_a_store_whose_wal_holds_all_of_it_is_not_taken_for_a_new_one_after_a_flip(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store, folder = SweepStore(path, Window()), tmp_path / "left"
+    store.commit([sweep(1)], [cursor(1)])
+    numbered = store.next_contour_version()
+    folder.mkdir()
+    for each in path.parent.glob(f"{path.name}*"):
+        shutil.copy2(each, folder)  # as a kill leaves it
+    store.close()
+    wal = folder / f"{path.name}-wal"
+    flipped = bytearray(wal.read_bytes())
+    flipped[100] ^= 4
+    wal.write_bytes(flipped)
+    main_of(["check", str(folder)], status=1)
+    assert capsys.readouterr().out == "paper-room.sqlite3: all its commits are gone\n"
+    spoiled = SweepStore(folder / path.name, Window())
+    assert "all its commits are gone" in spoiled.damage
+    assert spoiled.next_contour_version() > numbered
+    spoiled.close()
+    (folder / path.name).write_bytes(b"")
+    main_of(["check", str(folder)], status=1)
+    assert capsys.readouterr().out == "paper-room.sqlite3: its database is gone or empty\n"
+    (folder / f"{path.name}.newest").unlink()
+    main_of(["check", str(folder)], status=0)  # a first opening that was cut off
+    assert capsys.readouterr().out == "paper-room.sqlite3: 0 sweeps, all is sound\n"
+
+
 def test_after_a_power_cut_newest_commits_may_be_gone_and_no_contour_bears_a_number_twice(path: Path) -> None:
     before = Instant(utc_s=0.0, kernel_boot="before", since_boot_s=1000.0)
     store = SweepStore(path, Window(), now=lambda: before)

@@ -76,9 +76,10 @@ def fault(path: Path, kernel_boot: str) -> str:
 
     Raises StoreError on another version, sqlite3.Error where the file is not the trouble, OSError.
     """
-    if not path.exists() or path.stat().st_size == 0:
-        return "" if not Path(f"{path}-wal").exists() else "its database is gone or empty"
     newest = newest_commit.read(path)  # first: a mapper may go on meanwhile
+    if not path.exists() or path.stat().st_size == 0:
+        was_there = newest is not None or Path(f"{path}-wal").exists()
+        return "its database is gone or empty" if was_there else ""
     try:
         with closing(
             sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
@@ -94,8 +95,12 @@ def fault(path: Path, kernel_boot: str) -> str:
 def _fault(database: sqlite3.Connection, path: Path, newest: Newest | None) -> str:
     version = _version(database, path)
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
-    if found != "ok" or version in (0, 2):
-        return "" if found == "ok" else found
+    if found != "ok":
+        return found
+    if version == 0 and newest:
+        return "all its commits are gone"
+    if version in (0, 2):
+        return ""
     tables = _TABLES if version == VERSION else _BEFORE_4
     damaged = {table: sum(row is None for row in _rows(database, table)) for table in tables}
     named = [f"{count} rows of its table {table} do not fit" for table, count in damaged.items() if count]
@@ -120,6 +125,8 @@ def counts(database: sqlite3.Connection) -> tuple[float, int]:
 def held(path: Path) -> int:
     """How many sweeps the sound store at ``path`` holds. Raises sqlite3.Error."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        if not database.execute("SELECT 1 FROM sqlite_master WHERE name = 'sweep'").fetchone():
+            return 0  # its first opening was cut off
         return database.execute("SELECT count(*) FROM sweep").fetchone()[0]
 
 

@@ -16,6 +16,7 @@ from noctule.errors import BoundsError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus
 from noctule.systemd import ServiceManager
+from noctule_mapper.live import fit_turn
 from noctule_mapper.live.service import LiveSettings, join
 from noctule_mapper.sharing.last_contours import LastContours
 from noctule_mapper.sharing.offers import Offers
@@ -74,7 +75,7 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         while not stop.wait(_STEP_S):
             left_out = offers.let_in()
             if offers.are_settled():
-                _step(mapped, offers, session, name, starts)
+                _step(mapped, offers, session, name, starts, shared.data)
             if offers.are_quiet():
                 unshared.note(offers.unshared())
             pids = {each.site: each.pid for each in mapped if each.pid is not None}
@@ -112,11 +113,15 @@ def _counters(mapped: Sequence[SiteProcess], unshared: UnsharedSites) -> dict[st
     }
 
 
-def _step(mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str, starts: Executor) -> None:
-    """Start what is to start, several at a time, and end what is to end."""
+def _step(
+    mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str, starts: Executor, data: Path
+) -> None:
+    """Start what is to start, several at a time and before anything is fitted, and end what is to end."""
     now_s = time.monotonic()
     mine = {each.site: owner_of(each.site, offers.members(each.site)) == name for each in mapped}
     due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
+    if due:
+        fit_turn.pause(data)
     others = other_mappers(session, due, but=name)
 
     def step(each: SiteProcess) -> None:
