@@ -7,6 +7,7 @@ of computing, and what they do not change they have in memory once.
 import logging
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -17,7 +18,6 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 
 from noctule import logs, systemd
-from noctule.ending import Ending
 from noctule_mapper.live import service
 from noctule_mapper.live.map_process import run_map
 from noctule_mapper.live.nursery import Nursery
@@ -147,13 +147,13 @@ def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str)
     os.environ[systemd.SOCKET_VARIABLE] = heartbeat
     prefix = f"{settings.site}: "
     nursery = Nursery(run_map, log_format, prefix)
-    ending = Ending()
-    threading.Thread(target=_end_with_parent, args=(ending,), name="parent", daemon=True).start()
-    run_process(partial(service.run, settings, nursery=nursery), log_format, ending, prefix)
+    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    run_process(partial(service.run, settings, nursery=nursery), log_format, prefix=prefix)
 
 
-def _end_with_parent(ending: Ending) -> None:
+def _end_with_parent() -> None:
+    """When the parent is killed, end at once: others wait for the site, and what is stored is whole."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
-    ending.begin()
+    os.kill(os.getpid(), signal.SIGKILL)
