@@ -33,11 +33,15 @@ class FitTurn:
 
     def __enter__(self) -> None:
         fcntl.flock(self._file, fcntl.LOCK_EX)
-        while self._is_paused():
-            sleep(_LOOK_EVERY_S)
+        self.wait_out_pause()
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         fcntl.flock(self._file, fcntl.LOCK_UN)
+
+    def wait_out_pause(self) -> None:
+        """Wait until there is no pause."""
+        while self._is_paused():
+            sleep(_LOOK_EVERY_S)
 
     def _is_paused(self) -> bool:
         try:

@@ -39,6 +39,7 @@ def run_map(connection: Connection) -> NoReturn:
     assert isinstance(settings, MapSettings)
     if settings.fit_turn:
         os.nice(_LOWER)  # one of many sites: sweeps of all go into the stores, and sites change hands, before it fits
+    turn = FitTurn(settings.fit_turn) if settings.fit_turn else None
     worker = MapWorker(
         settings.config,
         settings.site,
@@ -46,11 +47,13 @@ def run_map(connection: Connection) -> NoReturn:
         service.show,
         service.set_aside,
         service,
-        FitTurn(settings.fit_turn) if settings.fit_turn else None,
+        turn,
     )
     while True:
         match service.receive():
             case Changed(left, entered, since_s):
+                if turn is not None:
+                    turn.wait_out_pause()  # the sweeps are stored, and their cells can wait
                 worker.take(left, entered, since_s)
                 if service.worker is None:  # what the map begins with is there
                     worker.start()
