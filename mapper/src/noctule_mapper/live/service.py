@@ -29,6 +29,7 @@ from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.remote_map import RemoteMap
 from noctule_mapper.live.store import SweepStore
+from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.rerun_view.no_log import NoLog
 
@@ -226,11 +227,12 @@ class LiveMapper:
             return
         try:
             contour = bounds.decode(Contour, self._settings.last_contour)
-        except BoundsError as error:
+            contour.version = self._store.next_contour_version()
+        except (BoundsError, StoreError) as error:
             _log.warning("the last contour of the site is not shown: %s", error)
             return
         _log.info("shows the last contour of mapper %r until it has one of its own", contour.mapper)
-        contour.mapper, contour.version = self._settings.service, self._store.next_contour_version()
+        contour.mapper = self._settings.service
         self._publisher.publish_contour(contour)
         self._log.show_contour(contour)
         self._contour = contour

@@ -120,9 +120,9 @@ def _step(
     now_s = time.monotonic()
     mine = {each.site: owner_of(each.site, offers.members(each.site)) == name for each in mapped}
     due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
-    if due:
-        fit_turn.pause(data)
     others = other_mappers(session, due, but=name)
+    if any(site not in others for site in due):  # those of others are asked for again and again
+        fit_turn.pause(data)
 
     def step(each: SiteProcess) -> None:
         each.step(mine[each.site], others.get(each.site), now_s)
