@@ -26,12 +26,15 @@ from noctule import Client, LogFollower
 from noctule.messages_pb2 import Sweep
 
 SITE = "bench"
+ALONE = "alone"
 PERCENTILES = (50, 95, 99)
 _IN_MEMORY = "/dev/shm"  # the machine's disk, which others write to, would be most of the latency
 HEALTHY = 4
 PACE_S = 0.1  # between two sweeps of one unit
-LASTS_S = 5.0  # each part of a round
-ROUNDS = 4  # all parts by turns, because what else the machine does changes from minute to minute
+LASTS_S = 2.5  # each part of a round
+# The healthy site is measured before each sickness, because what else the machine does changes from minute to minute.
+ROUNDS = 14
+DRAWN = 400  # sets of rounds, for the intervals
 UNIT = '[[unit]]\nname = "{name}"\nserial = {serial}\naddress = "{address}"\npose = "key"\n'
 
 FLOOD = f"""
@@ -149,8 +152,8 @@ def _site(folder: Path, running: Programs) -> Iterator[tuple[Readers, Line, str]
 
 
 def rows() -> list[str]:
-    """Median, p95 and p99 beside each sickness, and how many times those of the healthy site."""
-    late_ms: dict[str, list[np.ndarray]] = {}
+    """Median, p95 and p99 beside each sickness, and how many times those of the healthy site, with 95 % intervals."""
+    late_ms: dict[str, list[list[np.ndarray]]] = {}  # by sickness and round
     with (
         tempfile.TemporaryDirectory(dir=_IN_MEMORY) as folder,
         programs(Path(folder)) as running,
@@ -159,25 +162,28 @@ def rows() -> list[str]:
         readers.latencies_ms()  # so that everything has run once
         for number in range(ROUNDS):
             for what in _parts(running, sick, endpoint, number):
-                late_ms.setdefault(what, []).append(readers.latencies_ms())
-    pooled = {what: np.concatenate(each) for what, each in late_ms.items()}
-    return [_row(what, each, pooled["alone"]) for what, each in pooled.items()]
+                late_ms.setdefault(what, [[] for _ in range(ROUNDS)])[number].append(readers.latencies_ms())
+    by_round = {what: [np.concatenate(each) for each in rounds] for what, rounds in late_ms.items()}
+    return [_row(what, rounds, by_round[ALONE]) for what, rounds in by_round.items()]
 
 
 def _parts(running: Programs, sick: Line, endpoint: str, number: int) -> Iterator[str]:
     """What is wrong in round ``number``: each holds until the next one is asked for."""
     name, silent = f"flood-{number}", f"silent-{number}"
-    yield "alone"
+    yield ALONE
     sick.floods.set()
     yield "a line that floods"
     sick.floods.clear()
+    yield ALONE
     os.kill(running.pid("hung"), signal.SIGSTOP)
     yield "a gateway that hangs, as on a hung disk"
     os.kill(running.pid("hung"), signal.SIGCONT)
+    yield ALONE
     running.start(silent, sys.executable, "-c", SILENT, endpoint)
     wait_until(lambda: running.log(silent), "no silent logs", 60)
     yield "thirty logs that never answer"
     running.kill(silent)
+    yield ALONE
     running.start(name, sys.executable, "-c", FLOOD, endpoint)
     wait_until(lambda: running.log(name), "no flood", 60)
     yield "a client that asks for logs without end, at nice 19"
@@ -186,14 +192,26 @@ def _parts(running: Programs, sick: Line, endpoint: str, number: int) -> Iterato
     running.kill(name)
 
 
-def _row(what: str, late_ms: np.ndarray, alone_ms: np.ndarray) -> str:
-    found, healthy = (np.percentile(each, PERCENTILES) for each in (late_ms, alone_ms))
-    return "".join(f"{figure:8.1f}" for figure in found) + "".join(f"{r:8.2f}" for r in found / healthy) + f"  {what}"
+def _row(what: str, late_ms: Sequence[np.ndarray], alone_ms: Sequence[np.ndarray]) -> str:
+    """Of the same rounds, with the sickness and without; the intervals are a bootstrap over the rounds."""
+    random, every = np.random.default_rng(1), np.arange(ROUNDS)
+
+    def percentiles(of_ms: Sequence[np.ndarray], rounds: np.ndarray) -> np.ndarray:
+        return np.percentile(np.concatenate([of_ms[number] for number in rounds]), PERCENTILES)
+
+    def times(rounds: np.ndarray) -> np.ndarray:
+        return percentiles(late_ms, rounds) / percentiles(alone_ms, rounds)
+
+    drawn = [times(random.integers(ROUNDS, size=ROUNDS)) for _ in range(DRAWN)]
+    bounds = zip(times(every), *np.percentile(drawn, (2.5, 97.5), axis=0), strict=True)
+    figures = "".join(f"{figure:8.1f}" for figure in percentiles(late_ms, every))
+    return figures + "".join(f"  {ratio:.2f} ({low:.2f}-{high:.2f})" for ratio, low, high in bounds) + f"  {what}"
 
 
 def table() -> list[str]:
     """The rows under their heading."""
-    return ["  median     p95     p99   times   times   times  (ms; against alone)", *rows()]
+    heading = "  median     p95     p99" + "".join(f"  {what:<16}" for what in ("median", "p95", "p99"))
+    return [f"{heading}  (ms; times that alone, and its interval)", *rows()]
 
 
 if __name__ == "__main__":

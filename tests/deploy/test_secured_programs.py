@@ -133,6 +133,9 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
 
         rpc = ("rpc", "house", "u1", "single")
         assert "the routers let only operators command units" in noctule(secured.folder("viewer.screen.g1"), *rpc)
+        hidden = noctule(secured.folder("gateway.barn.g1"), *rpc)
+        assert "no gateway serves unit 'u1'" in hidden
+        assert "ask whether the routers let gateway.barn.g1 see it" in hidden
         with line.lock:
             assert len(line.unit.carried_out) == 1  # the plan that every fixed unit gets
         assert "makes one sweep" in noctule(secured.folder("operator.anna.g1"), *rpc)

@@ -37,6 +37,7 @@ RAISED_IN = (
     "mapper/src/noctule_mapper/live/store.py",
     "mapper/src/noctule_mapper/readings/faulty.py",
     "mapper/src/noctule_mapper/readings/sweep.py",
+    "mapper/src/noctule_mapper/sharing/offers.py::let_in",
     "mapper/src/noctule_mapper/sharing/unshared.py",
     "sdk/src/noctule/bus_config.py::open_to_all",
     "sdk/src/noctule/bus_watch.py",

@@ -4,7 +4,9 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from time import monotonic
 
+from noctule_mapper.live import fit_turn
 from noctule_mapper.live.fit_turn import FitTurn
 
 HOLD = """
@@ -34,3 +36,15 @@ def test_a_fit_waits_for_its_turn_and_gets_that_of_a_mapper_that_was_killed(tmp_
         holder.kill()
     assert entered.wait(10)
     fitting.join()
+
+
+def test_no_fit_begins_in_a_pause_which_ends_by_itself_and_is_none_after_the_host_was_started_again(
+    tmp_path: Path,
+) -> None:
+    fit_turn.pause(tmp_path, 0.3)
+    began_s = monotonic()
+    with FitTurn(tmp_path / "fit-turn-0"):
+        assert monotonic() - began_s > 0.25
+    fit_turn.pause(tmp_path, 1e5)
+    with FitTurn(tmp_path / "fit-turn-0"):
+        assert monotonic() - began_s < 60.0

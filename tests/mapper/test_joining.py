@@ -2,16 +2,23 @@
 
 import socket
 import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
+import zenoh
 from system.processes import free_ports, wait_until
 
-from noctule import bus
+from noctule import bus, keys
+from noctule.bus import StatePublisher
+from noctule.client import Client
+from noctule.messages_pb2 import Contour
 from noctule.systemd import SOCKET_VARIABLE, ServiceManager
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.map_process import run_map
 from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.service import LiveSettings, join, run
+from noctule_mapper.sharing.last_contours import LastContours
 from noctule_mapper.sharing.service import other_mappers
 
 
@@ -45,15 +52,50 @@ class NoSecondPasses(threading.Event):
 
 
 def test_a_site_is_seen_to_be_mapped_before_the_second_in_which_statuses_come(tmp_path: Path) -> None:
+    with on_a_bus(tmp_path) as router:
+        wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
+
+
+def test_the_heir_of_a_site_shows_its_last_contour_at_once_as_its_own_and_refuses_what_is_none(tmp_path: Path) -> None:
+    left = Contour(site="room", mapper="killed", version=41, sweeps=44, note="echoes from 2 places")
+    with (
+        on_a_bus(tmp_path / "heir", left.SerializeToString()) as router,
+        Client("room", session=router) as client,
+    ):
+        shown = wait_until(client.contour, "the last contour is not shown", within_s=60)
+        assert (shown.mapper, shown.version) == ("mapper", 1)
+        shown.mapper, shown.version = left.mapper, left.version
+        assert shown == left
+    with on_a_bus(tmp_path / "other", b"no contour") as router, Client("room", session=router) as client:
+        wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
+        assert client.contour() is None
+
+
+def test_the_last_contour_of_a_site_is_known_whether_it_came_before_or_later(sessions) -> None:
+    before, later = (Contour(site="room", mapper="m1", version=version) for version in (1, 2))
+    publisher = StatePublisher(sessions[0], keys.contour("room"), Contour)
+    publisher.put(before)
+    with closing(LastContours(sessions[1], ["room", "hall"])) as known:
+        wait_until(lambda: known.of("room") == before.SerializeToString(), "the present contour is not known")
+        publisher.put(later)
+        wait_until(lambda: known.of("room") == later.SerializeToString(), "a new contour is not known")
+        publisher.close()
+        assert known.of("room") == later.SerializeToString()
+        assert known.of("hall") == b""
+
+
+@contextmanager
+def on_a_bus(data: Path, last_contour: bytes = b"") -> Iterator[zenoh.Session]:
+    """The mapper of a site, and its router."""
     (port,) = free_ports(1)
     nursery = Nursery(run_map)  # before there is a session
     with bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as router:
         stop = NoSecondPasses()
-        settings = LiveSettings("room", "mapper", tmp_path, [f"tcp/127.0.0.1:{port}"], None, LiveConfig())
-        mapping = threading.Thread(target=run, args=(settings, stop, nursery))
+        where = ("room", "mapper", data, [f"tcp/127.0.0.1:{port}"], None, LiveConfig())
+        mapping = threading.Thread(target=run, args=(LiveSettings(*where, last_contour=last_contour), stop, nursery))
         mapping.start()
         try:
-            wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
+            yield router
         finally:
             stop.set()
             mapping.join()

@@ -6,7 +6,7 @@ from contextlib import ExitStack, closing
 import pytest
 from system.processes import free_ports, wait_until
 
-from noctule import bus
+from noctule import bus, keys
 from noctule_mapper.sharing.errors import SharingError
 from noctule_mapper.sharing.offers import GONE_AFTER_S, SETTLED_AFTER_S, Offers
 from noctule_mapper.sharing.unshared import UnsharedSites
@@ -71,6 +71,30 @@ def test_a_mapper_that_has_lost_its_router_does_not_take_all_sites_for_its_own()
         wait_until(lambda: not list(session.info.transports()), "the connection is still there", PATIENCE_S)
         clock.s += 10.0
         assert not offers.are_settled()
+
+
+def test_a_mapper_beyond_the_most_of_a_site_is_logged_and_counted_as_soon_as_there_is_room(sessions, caplog) -> None:
+    caplog.set_level("INFO")
+    with closing(Offers(sessions[0], "m1", ["hall"], threading.Event())) as first:
+        strangers = [sessions[1].liveliness().declare_token(keys.offer("hall", f"x{n}")) for n in range(255)]
+        wait_until(lambda: len(first.members("hall")) == 256, "the made-up names are not counted", PATIENCE_S)
+        assert first.let_in() == ""
+        with closing(Offers(sessions[1], "m2", ["hall"], threading.Event())):
+            wait_until(lambda: first.let_in() != "", "m2 is left out in silence", PATIENCE_S)
+            assert first.let_in() == (
+                "more than 256 mappers offer to map site hall, and 'm2' is not counted: "
+                "somebody makes up names, which certificates prevent"
+            )
+            assert "m2" not in first.members("hall")
+            strangers.pop().undeclare()
+            wait_until(lambda: first.let_in() == "", "m2 is left out though there is room", PATIENCE_S)
+            assert "m2" in first.members("hall")
+            assert len(first.members("hall")) == 256
+        said = [each.getMessage() for each in caplog.records if each.name.endswith("offers")]
+        assert len(said) == 2
+        assert said[1] == "all mappers are counted again"
+        for stranger in strangers:
+            stranger.undeclare()
 
 
 def test_sites_that_another_mapper_was_not_given_are_named(sessions) -> None:

@@ -12,6 +12,7 @@ from random import Random
 import pytest
 from mapper.stored_sweeps import LOG, cursor, sequences, sweep
 
+from noctule.elapsed import Instant
 from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
@@ -110,6 +111,92 @@ def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_
         assert sequences(spoiled) == list(range(1, 42)), done
         spoiled.close()
         shutil.rmtree(folder)
+
+
+def test_a_store_without_its_newest_commits_is_not_sound_and_is_rebuilt(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """SQLite reads a -wal up to the first damaged frame, and says nothing of the others. Here the first half of the
+    -wal is in the database already, so that old pages stand over newer ones.
+    """
+    store = SweepStore(path, Window())
+    for number in range(1, 41):
+        store.commit([sweep(number)], [cursor(number)])
+        if number == 20:
+            reader = sqlite3.connect(path, isolation_level=None)
+            reader.execute("BEGIN")
+            reader.execute("SELECT * FROM cursor").fetchone()  # until it ends, nothing beyond this is copied
+            store.next_contour_version()
+            with closing(sqlite3.connect(path)) as copier:
+                copier.execute("PRAGMA wal_checkpoint(PASSIVE)")
+    reader.close()
+    numbered = [store.next_contour_version() for _ in range(3)][-1]
+    left = path.parent / "left"
+    left.mkdir()
+    for each in path.parent.glob(f"{path.name}*"):
+        shutil.copy2(each, left)  # as a kill leaves it
+    store.close()
+    wal = (left / f"{path.name}-wal").read_bytes()
+    for place in (8, len(wal) // 4, len(wal) // 2, 3 * len(wal) // 4):  # the first is in the -wal's head
+        folder = tmp_path / f"flipped at {place}"
+        shutil.copytree(left, folder)
+        flipped = bytearray(wal)
+        flipped[place] ^= 4
+        (folder / f"{path.name}-wal").write_bytes(flipped)
+        main_of(["check", str(folder)], status=1)
+        assert "are gone\n" in capsys.readouterr().out or place == 8
+        spoiled = SweepStore(folder / path.name, Window())
+        assert spoiled.damage
+        assert spoiled.cursors() == {}, place  # all is read again
+        assert spoiled.next_contour_version() > numbered
+        spoiled.commit([sweep(number) for number in range(1, 41)], [cursor(40)])
+        assert sequences(spoiled) == list(range(1, 41))
+        spoiled.close()
+        again = SweepStore(folder / path.name, Window())
+        assert again.damage == ""
+        again.close()
+
+
+def test_a_store_whose_wal_holds_all_of_it_is_not_taken_for_a_new_one_after_a_flip(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store, folder = SweepStore(path, Window()), tmp_path / "left"
+    store.commit([sweep(1)], [cursor(1)])
+    numbered = store.next_contour_version()
+    folder.mkdir()
+    for each in path.parent.glob(f"{path.name}*"):
+        shutil.copy2(each, folder)  # as a kill leaves it
+    store.close()
+    wal = folder / f"{path.name}-wal"
+    flipped = bytearray(wal.read_bytes())
+    flipped[100] ^= 4
+    wal.write_bytes(flipped)
+    main_of(["check", str(folder)], status=1)
+    assert capsys.readouterr().out == "paper-room.sqlite3: all its commits are gone\n"
+    spoiled = SweepStore(folder / path.name, Window())
+    assert "all its commits are gone" in spoiled.damage
+    assert spoiled.next_contour_version() > numbered
+    spoiled.close()
+    (folder / path.name).write_bytes(b"")
+    main_of(["check", str(folder)], status=1)
+    assert capsys.readouterr().out == "paper-room.sqlite3: its database is gone or empty\n"
+    (folder / f"{path.name}.newest").unlink()
+    main_of(["check", str(folder)], status=0)  # a first opening that was cut off
+    assert capsys.readouterr().out == "paper-room.sqlite3: 0 sweeps, all is sound\n"
+
+
+def test_after_a_power_cut_newest_commits_may_be_gone_and_no_contour_bears_a_number_twice(path: Path) -> None:
+    before = Instant(utc_s=0.0, kernel_boot="before", since_boot_s=1000.0)
+    store = SweepStore(path, Window(), now=lambda: before)
+    store.commit([sweep(1)], [cursor(1)])
+    numbered = store.next_contour_version()
+    kept = path.read_bytes()
+    store.close()
+    path.write_bytes(kept)  # the database alone came to the disk
+    after = SweepStore(path, Window(), now=lambda: Instant(utc_s=0.0, kernel_boot="after", since_boot_s=9.0))
+    assert (after.damage, sequences(after)) == ("", [])
+    assert after.next_contour_version() > numbered
+    after.close()
 
 
 @pytest.mark.parametrize("change", ["CREATE TABLE later (a)", "ALTER TABLE sweep ADD COLUMN later"])

@@ -50,6 +50,16 @@ def read_to_head(unit):
         pass
 
 
+def test_the_first_answer_of_a_log_that_was_never_read_is_read_at_once_from_its_tail():
+    delivered = []
+    unit, counts = reader(Log(head=6, tail=4, most=2), delivered)
+    assert unit.ask_log()
+    assert sequences(delivered) == [4, 5]
+    assert not unit.ask_log()
+    assert sequences(delivered) == [4, 5, 6]
+    assert counts == Counter(delivered=3, pulled=3)
+
+
 def test_live_sweeps_that_follow_on_need_no_log():
     delivered = []
     unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))

@@ -12,7 +12,7 @@ from typing import Self, TypeVar
 import zenoh
 from google.protobuf.message import Message
 
-from noctule import bus, caller, keys
+from noctule import bus, caller, keys, tls
 from noctule.delivery import Delivery
 from noctule.errors import BusError, KeyFormatError, NotServedError
 from noctule.intake import Intake
@@ -242,7 +242,11 @@ class Client:
         self._pose_publishers[unit].put(pose.SerializeToString())
 
     def _not_served(self, unit: str) -> NotServedError:
-        return NotServedError(f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name")
+        identity = tls.chosen(self._tls_folder)
+        hidden = f", or ask whether the routers let {identity.common_name} see it" if identity else ""
+        return NotServedError(
+            f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name{hidden}"
+        )
 
     # ---- How ------------------------------------------------------------------------------------------------------
 

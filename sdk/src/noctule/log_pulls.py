@@ -50,9 +50,7 @@ class LogPulls:
 
     def _pull(self, unit: str, cursor: Cursor) -> None:
         try:
-            # Of a log that is not known yet the answer tells no more than which it is and how far it goes.
-            count = PAGE if cursor.log_id else 1
-            answer = Answer(unit, cursor, self._ask(unit, cursor.log_sequence + 1, count))
+            answer = Answer(unit, cursor, self._ask(unit, cursor.log_sequence + 1, PAGE))
         except BaseException as error:  # a panic of Zenoh is no Exception; the follower's thread raises it
             answer = Answer(unit, cursor, error=error)
         self._done(answer)

@@ -78,7 +78,9 @@ class UnitReader:
         at = self.cursor
         if records.log_id != at.log_id:
             self._turn_to(records)
-            return True
+            if at.log_id:
+                return True  # it was asked for what follows on another log
+            at = asked = self.cursor  # nothing was read yet, and it was asked from its tail on
         if records.head < asked.log_sequence and asked.log_id == at.log_id:
             first = min(records.head + 1, self._taken_before[0]) if self._taken_before else records.head + 1
             self._taken_before = range(first, asked.log_sequence + 1)

@@ -45,6 +45,11 @@ def _many_sites(size: Size, seconds: float) -> None:
             "s until every site was mapped, from a cold start",
         )
         _at_cadence(made, seconds)
+
+        def has_contours() -> bool:
+            return len(made.times().published_again_s(made.sites, 0.0)) == size.sites
+
+        wait_until(has_contours, "a site has no contour", _START_WITHIN_S)  # which its heir can show
         _kill_one(made, session)
         _nothing_lost(made)
 
@@ -67,6 +72,12 @@ def _kill_one(made: Fleet, session: zenoh.Session) -> None:
 
     wait_until(lambda: stored_again().keys() == moved, "a site of the killed mapper stores nothing", _START_WITHIN_S)
     _say(max(stored_again().values()) - began_s, "s until each of them had stored a sweep")
+
+    def published_again() -> dict[str, float]:
+        return made.times().published_again_s(moved, began_s)
+
+    wait_until(lambda: published_again().keys() == moved, "a site of the killed mapper has no contour", _START_WITHIN_S)
+    _say(max(published_again().values()) - began_s, "s until each of them had a contour published by its new mapper")
 
 
 def _one_gateway(size: Size, seconds: float) -> None:

@@ -2,7 +2,8 @@
 and in the contour.
 
 Each process writes a file into the folder that BENCH_TIMES names, SITE.PID, with a line for each sweep:
-``s DELIVERED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour.
+``s DELIVERED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour. A
+contour is ``p SHOWN_NS``.
 """
 
 import os
@@ -32,7 +33,7 @@ def timed_map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat
 
 
 def _note_times(file: TextIO) -> None:
-    deliver, publish = SweepIntake.deliver, MapPublisher.publish_map
+    deliver, publish, publish_contour = SweepIntake.deliver, MapPublisher.publish_map, MapPublisher.publish_contour
     lock, waiting = threading.Lock(), set[int]()  # starts of sweeps that no contour rests on yet
 
     def timed_deliver(self: SweepIntake, sweeps: Sequence[Sweep]) -> None:
@@ -58,7 +59,12 @@ def _note_times(file: TextIO) -> None:
             waiting.difference_update(shown)
         file.write("".join(f"c {now_ns} {start}\n" for start in shown))
 
+    def timed_contour(self: MapPublisher, contour: Contour) -> None:
+        publish_contour(self, contour)
+        file.write(f"p {time.time_ns()}\n")
+
     SweepIntake.deliver, MapPublisher.publish_map = timed_deliver, timed_publish
+    MapPublisher.publish_contour = timed_contour
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ class Times:
     shown_start_s: np.ndarray
     stored_by: dict[str, Counter[tuple[str, int]]]  # file to (SITE/UNIT, log_sequence)
     first_stored_s: dict[str, float]  # file to when its process stored its first sweep
+    first_contour_s: dict[str, float]  # the same, published a contour
 
     def to_store_ms(self, span: Span) -> np.ndarray:
         """From the last byte to the store, of sweeps handed over within ``span``."""
@@ -48,11 +49,19 @@ class Times:
 
     def stored_again_s(self, sites: Collection[str], after_s: float) -> dict[str, float]:
         """Of ``sites``, when a process that began after ``after_s`` (UTC) stored its first sweep; those that have."""
+        return self._by_new_process(self.first_stored_s, sites, after_s)
+
+    def published_again_s(self, sites: Collection[str], after_s: float) -> dict[str, float]:
+        """The same, published a contour: the one that was left to it, or its own."""
+        return self._by_new_process(self.first_contour_s, sites, after_s)
+
+    def _by_new_process(self, first_s: dict[str, float], sites: Collection[str], after_s: float) -> dict[str, float]:
         found = dict[str, float]()
-        for name, at_s in self.first_stored_s.items():
-            site = name.rsplit(".", 1)[0]
-            if site in sites and at_s > after_s:
-                found[site] = min(at_s, found.get(site, at_s))
+        for file, at_s in first_s.items():
+            began_s = min(each.get(file, np.inf) for each in (self.first_stored_s, self.first_contour_s))
+            site = file.rsplit(".", 1)[0]
+            if site in sites and began_s > after_s:
+                found[site] = min(at_s, found.get(site, np.inf))
         return found
 
     def doubled(self) -> int:
@@ -62,7 +71,7 @@ class Times:
 
 def read(folder: Path) -> Times:
     """All that has been noted so far."""
-    stored, shown, by_file, first_s = [], [], {}, dict[str, float]()
+    stored, shown, by_file, first_s, contour_s = [], [], {}, dict[str, float](), dict[str, float]()
     sweeps, logged = list[tuple[str, int]](), dict[tuple[str, int], float]()
     for file in folder.iterdir():
         site = file.name.rsplit(".", 1)[0]
@@ -78,8 +87,10 @@ def read(folder: Path) -> Times:
                     logged[f"{site}/{unit}", int(sequence)] = int(at) * 1e-9
                 case ["c", at, start]:
                     shown.append((int(at), int(start)))
+                case ["p", at]:
+                    contour_s.setdefault(file.name, int(at) * 1e-9)
     logged_s = np.array([logged.get(sweep, np.nan) for sweep in sweeps])
-    return Times(*_columns(stored), logged_s, *_columns(shown), by_file, first_s)
+    return Times(*_columns(stored), logged_s, *_columns(shown), by_file, first_s, contour_s)
 
 
 def _columns(pairs: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:

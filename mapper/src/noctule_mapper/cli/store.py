@@ -15,6 +15,7 @@ def check(data: Data) -> None:
 
 def _faults(data: Path) -> dict[Path, str]:
     """What is damaged in each store, empty where it is sound. Raises StoreError where there is no store."""
+    from noctule import elapsed
     from noctule.progress import progress
     from noctule_mapper.live.store_file import StoreError, fault
 
@@ -25,7 +26,7 @@ def _faults(data: Path) -> dict[Path, str]:
     with progress() as shown:
         for done, store in enumerate(stores):
             shown.at(f"Reading {store.name}", done, len(stores))
-            faults[store] = fault(store)
+            faults[store] = fault(store, elapsed.now().kernel_boot)
     return faults
 
 

@@ -26,6 +26,7 @@ from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.readings.sweep import SweepReadings
 
 _BEAT_S = 1.0
+_LOWER = 10  # a tenth of the processor where others want it, as setpriority(2) counts
 
 
 def run_map(connection: Connection) -> NoReturn:
@@ -36,6 +37,9 @@ def run_map(connection: Connection) -> NoReturn:
     threading.Thread(target=service.beat, name="map-beat", daemon=True).start()
     settings = service.receive()
     assert isinstance(settings, MapSettings)
+    if settings.fit_turn:
+        os.nice(_LOWER)  # one of many sites: sweeps of all go into the stores, and sites change hands, before it fits
+    turn = FitTurn(settings.fit_turn) if settings.fit_turn else None
     worker = MapWorker(
         settings.config,
         settings.site,
@@ -43,11 +47,13 @@ def run_map(connection: Connection) -> NoReturn:
         service.show,
         service.set_aside,
         service,
-        FitTurn(settings.fit_turn) if settings.fit_turn else None,
+        turn,
     )
     while True:
         match service.receive():
             case Changed(left, entered, since_s):
+                if turn is not None:
+                    turn.wait_out_pause()  # the sweeps are stored, and their cells can wait
                 worker.take(left, entered, since_s)
                 if service.worker is None:  # what the map begins with is there
                     worker.start()

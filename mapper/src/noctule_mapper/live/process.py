@@ -16,17 +16,16 @@ _log = logging.getLogger(__name__)
 def run_process(
     serve: Callable[[threading.Event], None],
     log_format: logs.LogFormat,
-    ending: Ending | None = None,
     prefix: str = "",
 ) -> NoReturn:
     """``serve`` until SIGTERM or SIGINT, then end the process: status 0; 1 for what an operator can put in order;
     70 where a part of the mapper has failed, so that its supervisor starts it again.
 
-    ``ending`` is the process's, where it has one already; each line of the log begins with ``prefix``.
+    Each line of the log begins with ``prefix``.
     """
     logs.set_up(log_format, prefix)
     end_process_when_one_fails()
-    ending = ending or Ending()
+    ending = Ending()
     try:
         serve(ending.begun)
         status = 0

@@ -31,6 +31,10 @@ class MapPublisher:
             if not _holds_anything(tile):
                 self._tiles.forget(key)
         self._features.put(features)
+        self.publish_contour(contour)
+
+    def publish_contour(self, contour: Contour) -> None:
+        """Publish a contour alone."""
         self._contour.put(contour)
 
     def publish_status(self, status: ServiceStatus) -> None:

@@ -15,7 +15,7 @@ import zenoh
 from noctule import bounds, bus, keys, metrics, metrics_server, rerun_paths
 from noctule.bus_watch import BusWatch
 from noctule.client import Client
-from noctule.errors import BusConfigError, BusError
+from noctule.errors import BoundsError, BusConfigError, BusError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.log_follower import LogFollower
 from noctule.messages_pb2 import Contour, ServiceStatus, UnitStatus
@@ -29,6 +29,7 @@ from noctule_mapper.live.nursery import Nursery
 from noctule_mapper.live.publish import MapPublisher
 from noctule_mapper.live.remote_map import RemoteMap
 from noctule_mapper.live.store import SweepStore
+from noctule_mapper.live.store_file import StoreError
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.rerun_view.no_log import NoLog
 
@@ -48,7 +49,8 @@ class LiveSettings:
     """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics.
 
     ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes. ``lease_s`` is
-    the lease of its sessions, as in ``bus.open_session``.
+    the lease of its sessions, as in ``bus.open_session``. ``last_contour`` is a contour that another mapper has
+    published of the site, to be shown until there is one of its own; empty for none.
     """
 
     site: str
@@ -61,6 +63,7 @@ class LiveSettings:
     metrics_at: str | None = None
     fit_turn: Path | None = None
     lease_s: float | None = None
+    last_contour: bytes = b""
 
 
 def run(settings: LiveSettings, stop: threading.Event, nursery: Nursery) -> None:
@@ -145,6 +148,7 @@ class LiveMapper:
 
     def start(self) -> None:
         """Rebuild the map from the store, and go on from where it ends."""
+        self._show_last()
         held = self._intake.recall()
         self._map.start(held)
         self._follower.start()
@@ -216,6 +220,22 @@ class LiveMapper:
         )
         told = "; ".join(filter(None, parts))
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
+
+    def _show_last(self) -> None:
+        """Show the contour that another mapper has left, under a number of this one."""
+        if not self._settings.last_contour:
+            return
+        try:
+            contour = bounds.decode(Contour, self._settings.last_contour)
+            contour.version = self._store.next_contour_version()
+        except (BoundsError, StoreError) as error:
+            _log.warning("the last contour of the site is not shown: %s", error)
+            return
+        _log.info("shows the last contour of mapper %r until it has one of its own", contour.mapper)
+        contour.mapper = self._settings.service
+        self._publisher.publish_contour(contour)
+        self._log.show_contour(contour)
+        self._contour = contour
 
     def _show(self, state: MapState) -> None:
         """Number the state and show it. Raises StoreError where no number can be had."""

@@ -21,6 +21,7 @@ from noctule.messages_pb2 import Cursor, Sweep
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
 from noctule_mapper.config import Window
 from noctule_mapper.live import store_file
+from noctule_mapper.live.newest_commit import Newest, NewestCommit
 from noctule_mapper.live.store_file import SYNCED, UNSYNCED, StoreError, sealed
 from noctule_mapper.readings.faulty import Suspect
 from noctule_mapper.readings.sweep import identity_of
@@ -70,6 +71,7 @@ class SweepStore:
         self._damaged = ""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._database, self.damage = store_file.opened(path, now())
+        self._newest_commit = NewestCommit(path)
         self._rows = SweepWindow(self._database, window)
         self._version = self._reserved = 0  # of contours: the last one, and up to which the file has them as used
         self._copier: sqlite3.Connection | None = None
@@ -148,7 +150,7 @@ class SweepStore:
         if self._version == self._reserved:
             with self._transaction(SYNCED) as database:
                 (version,) = database.execute("SELECT version FROM contour").fetchone()
-                _note_version(database, version + _VERSIONS_AHEAD)
+                store_file.note_contours(database, version + _VERSIONS_AHEAD)
             self._version, self._reserved = version, version + _VERSIONS_AHEAD
         self._version += 1
         return self._version
@@ -178,11 +180,12 @@ class SweepStore:
     def close(self) -> None:
         if self._version < self._reserved:
             with suppress(StoreError, *SQLITE_ERRORS), self._transaction() as database:
-                _note_version(database, self._version)
+                store_file.note_contours(database, self._version)
         with self._lock:
             if self._copier is not None:
                 self._copier.close()
             self._database.close()
+            self._newest_commit.close()
 
     @contextmanager
     def _transaction(self, durability: str = UNSYNCED) -> Iterator[sqlite3.Connection]:
@@ -191,8 +194,10 @@ class SweepStore:
                 self._database.execute(f"PRAGMA synchronous = {durability}")
                 self._database.execute("BEGIN IMMEDIATE")
                 yield self._database
+                newest = Newest(*store_file.counts(self._database), self._now().kernel_boot)
                 self._database.execute("COMMIT")
                 self._commits += 1
+                self._note(newest)
             except BaseException as error:
                 self._rows.recount()
                 if isinstance(error, SQLITE_ERRORS) and is_damage(error):
@@ -200,10 +205,17 @@ class SweepStore:
                 if self._database.in_transaction:  # a disk that is full has rolled it back already
                     self._database.execute("ROLLBACK")
                 if isinstance(error, SQLITE_ERRORS) and not is_damage(error):
-                    raise StoreError(
-                        f"the mapper's store {self._path} can't be used: {error}; see to its disk"
-                    ) from error
+                    raise self._unusable(error) from error
                 raise
+
+    def _note(self, newest: Newest) -> None:
+        try:
+            self._newest_commit.note(newest)
+        except OSError as error:  # the commit comes again, and changes nothing then
+            raise self._unusable(error) from error
+
+    def _unusable(self, error: Exception) -> StoreError:
+        return StoreError(f"the mapper's store {self._path} can't be used: {error}; see to its disk")
 
     def _count_to(self, now: Instant) -> float:
         """Seconds that the store has counted at ``now``, written down in the caller's transaction."""
@@ -218,7 +230,3 @@ class SweepStore:
         if database.execute(_IS_SET_ASIDE, identity_of(sweep)).fetchone():
             return None
         return self._rows.enter(sweep, sweep.SerializeToString(), elapsed_s)
-
-
-def _note_version(database: sqlite3.Connection, version: int) -> None:
-    database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))

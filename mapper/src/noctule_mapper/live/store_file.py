@@ -18,6 +18,8 @@ from noctule.checksum import checksum
 from noctule.elapsed import Elapsed, Instant
 from noctule.errors import NoctuleError
 from noctule.sqlite_faults import SQLITE_ERRORS, is_damage
+from noctule_mapper.live import newest_commit
+from noctule_mapper.live.newest_commit import Newest
 from noctule_mapper.window import SCHEMA as WINDOW_SCHEMA
 
 # SQLite's words for a commit that waits for the disk, and for one that leaves it to the system. A power cut can undo
@@ -59,52 +61,77 @@ def opened(path: Path, now: Instant) -> tuple[sqlite3.Connection, str]:
     Raises StoreError where it is of another version, or can't be opened or rebuilt.
     """
     try:
-        damage = fault(path)
+        damage = fault(path, now.kernel_boot)
         if damage:
             damage = _rebuild(path, damage, now)
-        return _connected(path, now), damage
+        newest = newest_commit.read(path)
+        return _connected(path, now, newest.contours if newest else 0), damage
     except (*SQLITE_ERRORS, OSError) as error:
         raise StoreError(f"{path} can't be used as the mapper's store ({error}): see to its disk and folder") from error
 
 
-def fault(path: Path) -> str:
-    """What is damaged in the store at ``path``; empty if nothing. It changes nothing.
+def fault(path: Path, kernel_boot: str) -> str:
+    """What is damaged in the store at ``path``; empty if nothing. It changes nothing. ``kernel_boot`` is the id of the
+    present one.
 
-    Raises StoreError on another version, sqlite3.Error where the file is not the trouble.
+    Raises StoreError on another version, sqlite3.Error where the file is not the trouble, OSError.
     """
+    newest = newest_commit.read(path)  # first: a mapper may go on meanwhile
     if not path.exists() or path.stat().st_size == 0:
-        return "" if not Path(f"{path}-wal").exists() else "its database is gone or empty"
+        was_there = newest is not None or Path(f"{path}-wal").exists()
+        return "its database is gone or empty" if was_there else ""
     try:
         with closing(
             sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
         ) as database:
             database.execute("BEGIN")  # all that is read is of one moment, also while a mapper writes
-            return _fault(database, path)
+            return _fault(database, path, newest if newest and newest.kernel_boot == kernel_boot else None)
     except SQLITE_ERRORS as error:
         if not is_damage(error):
             raise
         return str(error)
 
 
-def _fault(database: sqlite3.Connection, path: Path) -> str:
+def _fault(database: sqlite3.Connection, path: Path, newest: Newest | None) -> str:
     version = _version(database, path)
     (found,) = database.execute("PRAGMA integrity_check(1)").fetchone()
-    if found != "ok" or version in (0, 2):
-        return "" if found == "ok" else found
+    if found != "ok":
+        return found
+    if version == 0 and newest:
+        return "all its commits are gone"
+    if version in (0, 2):
+        return ""
     tables = _TABLES if version == VERSION else _BEFORE_4
     damaged = {table: sum(row is None for row in _rows(database, table)) for table in tables}
     named = [f"{count} rows of its table {table} do not fit" for table, count in damaged.items() if count]
     empty = [table for table in _OF_ONE_ROW if table in tables and len(list(_rows(database, table))) != 1]
-    return "; ".join(named or [f"its table {table} is empty" for table in empty])
+    found = "; ".join(named or [f"its table {table} is empty" for table in empty])
+    return found or (_lacking(database, newest) if newest and version == VERSION else "")
+
+
+def _lacking(database: sqlite3.Connection, newest: Newest) -> str:
+    """Which commits of a sound store are gone; empty if none."""
+    counted_s, contours = counts(database)
+    if counted_s >= newest.elapsed_s and contours >= newest.contours:
+        return ""
+    return f"its newest commits, those of {newest.elapsed_s - counted_s:.1f} s, are gone"
+
+
+def counts(database: sqlite3.Connection) -> tuple[float, int]:
+    """The seconds that a sound store has counted, and up to which number contours may be numbered."""
+    return database.execute("SELECT seconds, version FROM elapsed, contour").fetchone()
 
 
 def held(path: Path) -> int:
     """How many sweeps the sound store at ``path`` holds. Raises sqlite3.Error."""
     with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        if not database.execute("SELECT 1 FROM sqlite_master WHERE name = 'sweep'").fetchone():
+            return 0  # its first opening was cut off
         return database.execute("SELECT count(*) FROM sweep").fetchone()[0]
 
 
-def _connected(path: Path, now: Instant) -> sqlite3.Connection:
+def _connected(path: Path, now: Instant, contours: int) -> sqlite3.Connection:
+    """The sound store at ``path``, where no contour gets a number up to ``contours``."""
     database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
     database.execute("PRAGMA journal_mode = WAL")
     database.execute(f"PRAGMA synchronous = {UNSYNCED}")
@@ -115,9 +142,15 @@ def _connected(path: Path, now: Instant) -> sqlite3.Connection:
         _create(database)
         if database.execute("SELECT * FROM contour").fetchone() is None:
             database.execute("INSERT INTO contour VALUES (?, ?)", sealed((0,)))
+        note_contours(database, max(contours, *database.execute("SELECT version FROM contour").fetchone()))
         if database.execute("SELECT * FROM elapsed").fetchone() is None:
             database.execute("INSERT INTO elapsed VALUES (?, ?, ?, ?)", sealed(astuple(_NOTHING_COUNTED.at(now))))
     return database
+
+
+def note_contours(database: sqlite3.Connection, version: int) -> None:
+    """Contours may have been numbered up to ``version``, in the caller's transaction."""
+    database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
 
 
 @contextmanager

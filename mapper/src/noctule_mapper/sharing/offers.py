@@ -3,6 +3,7 @@
 A token goes with its mapper: at once where its connection closes, after the session's lease where its host is cut off.
 """
 
+import logging
 import threading
 import time
 from collections import defaultdict
@@ -21,6 +22,8 @@ GHOST_GOES_WITHIN_S = 15.0  # the token of one that was cut off; of an earlier v
 _MOST_MAPPERS = 256  # of a site: on an open bus somebody could make up any number
 _ASK_AGAIN_S = 0.5
 _QUERY_TIMEOUT_S = 1.0
+
+_log = logging.getLogger(__name__)
 
 
 class Offers:
@@ -43,6 +46,9 @@ class Offers:
         self._lock = threading.Lock()
         self._session, self._now = session, now
         self._members: defaultdict[str, set[str]] = defaultdict(set)
+        self._left_out = dict[str, str]()  # by site, the first mapper that found no room among its members
+        self._gone = set[tuple[str, str]]()  # sites and mappers whose tokens went while all were asked for
+        self._told = ""
         self._settled_at_s = self._quiet_at_s = 0.0
         self._wait(SETTLED_AFTER_S)
         self._refuse_twin(session, sites, stop, time.monotonic() + ghost_goes_within_s)
@@ -81,6 +87,32 @@ class Offers:
         lacking = {other: [site for site in self._sites if other not in members[site]] for other in sorted(others)}
         return {other: sites for other, sites in lacking.items() if sites}
 
+    def let_in(self) -> str:
+        """Count those that were left out of a site's members, where there is room again. Who is left out still, and
+        why; empty while all are counted.
+        """
+        with self._lock:
+            asked = [site for site in self._left_out if len(self._members[site]) < _MOST_MAPPERS]
+            self._gone.clear()
+        for site in asked:
+            replies = list(self._session.liveliness().get(keys.offer(site, keys.ANY), timeout=_QUERY_TIMEOUT_S))
+            with self._lock:
+                del self._left_out[site]
+                for offer in filter(None, (_offer(reply.ok) for reply in replies if reply.ok is not None)):
+                    if offer not in self._gone:
+                        self._count(*offer)
+            self._wait(SETTLED_AFTER_S)
+        with self._lock:
+            left_out = "; ".join(
+                f"more than {_MOST_MAPPERS} mappers offer to map site {site}, and {name!r} is not counted: somebody "
+                "makes up names, which certificates prevent"
+                for site, name in self._left_out.items()
+            )
+        if left_out != self._told:
+            _log.warning("%s", left_out or "all mappers are counted again")
+            self._told = left_out
+        return left_out
+
     def close(self) -> None:
         """Offer nothing any more."""
         for each in (*self._watches, *self._tokens):
@@ -96,18 +128,23 @@ class Offers:
                 return
 
     def _note(self, sample: zenoh.Sample) -> None:
-        try:
-            site, member = keys.parse_offer(str(sample.key_expr))
-        except KeyFormatError:
-            return  # no mapper of ours
+        if (offer := _offer(sample)) is None:
+            return
         comes = sample.kind == zenoh.SampleKind.PUT
         with self._lock:
-            members = self._members[site]
-            if not comes:
-                members.discard(member)
-            elif len(members) < _MOST_MAPPERS:
-                members.add(member)
+            if comes:
+                self._count(*offer)
+            else:
+                self._members[offer[0]].discard(offer[1])
+                self._gone.add(offer)
         self._wait(SETTLED_AFTER_S if comes else GONE_AFTER_S)
+
+    def _count(self, site: str, member: str) -> None:
+        members = self._members[site]
+        if len(members) < _MOST_MAPPERS:
+            members.add(member)
+        elif member not in members:
+            self._left_out.setdefault(site, member)
 
     def _wait(self, seconds: float) -> None:
         """They are not settled for so long, or longer where they were not yet."""
@@ -115,6 +152,14 @@ class Offers:
         with self._lock:
             self._settled_at_s = max(self._settled_at_s, now_s + seconds)
             self._quiet_at_s = now_s + SETTLED_AFTER_S
+
+
+def _offer(sample: zenoh.Sample) -> tuple[str, str] | None:
+    """Site and mapper of a token; None where it is no mapper's of ours."""
+    try:
+        return keys.parse_offer(str(sample.key_expr))
+    except KeyFormatError:
+        return None
 
 
 def _is_connected(session: zenoh.Session) -> bool:

@@ -4,6 +4,8 @@ import atexit
 import gc
 import os
 
+import scipy.ndimage  # noqa: F401  of feature points, which the empty map below has none of
+
 from noctule_mapper.live.config import LiveConfig, to_toml
 from noctule_mapper.mapper import Mapper
 

@@ -16,7 +16,9 @@ from noctule.errors import BoundsError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus
 from noctule.systemd import ServiceManager
+from noctule_mapper.live import fit_turn
 from noctule_mapper.live.service import LiveSettings, join
+from noctule_mapper.sharing.last_contours import LastContours
 from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.rendezvous import owner_of
 from noctule_mapper.sharing.shown import Shown
@@ -63,23 +65,25 @@ def run(shared: SharedSites, stop: threading.Event) -> None:
         offers = Offers(session, name, [each.site for each in settings], stop)
         closing.callback(offers.close)
         closing.callback(shown.close)
-        mapped = [SiteProcess(each, shared.log_format, context) for each in settings]
+        contours = LastContours(session, [each.site for each in settings])
+        closing.callback(contours.close)
+        mapped = [SiteProcess(each, shared.log_format, context, last_contour=contours.of) for each in settings]
         starts = closing.enter_context(ThreadPoolExecutor(_STARTS_AT_ONCE, thread_name_prefix="start"))
         closing.callback(_end, mapped)
         closing.callback(manager.stopping)
         unshared = UnsharedSites()
         while not stop.wait(_STEP_S):
+            left_out = offers.let_in()
             if offers.are_settled():
-                _step(mapped, offers, session, name, starts)
+                _step(mapped, offers, session, name, starts, shared.data)
             if offers.are_quiet():
                 unshared.note(offers.unshared())
             pids = {each.site: each.pid for each in mapped if each.pid is not None}
             if shared.metrics_at is not None:
                 shown.note(_counters(mapped, unshared), pids)
                 shown.follow(session, pids)
-            manager.serving(
-                "; ".join(filter(None, (f"maps {len(pids)} of {len(mapped)} shared sites", unshared.detail)))
-            )
+            maps = f"maps {len(pids)} of {len(mapped)} shared sites"
+            manager.serving("; ".join(filter(None, (maps, unshared.detail, left_out))))
 
 
 def site_settings(shared: SharedSites) -> list[LiveSettings]:
@@ -109,12 +113,16 @@ def _counters(mapped: Sequence[SiteProcess], unshared: UnsharedSites) -> dict[st
     }
 
 
-def _step(mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str, starts: Executor) -> None:
-    """Start what is to start, several at a time, and end what is to end."""
+def _step(
+    mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str, starts: Executor, data: Path
+) -> None:
+    """Start what is to start, several at a time and before anything is fitted, and end what is to end."""
     now_s = time.monotonic()
     mine = {each.site: owner_of(each.site, offers.members(each.site)) == name for each in mapped}
     due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
     others = other_mappers(session, due, but=name)
+    if any(site not in others for site in due):  # those of others are asked for again and again
+        fit_turn.pause(data)
 
     def step(each: SiteProcess) -> None:
         each.step(mine[each.site], others.get(each.site), now_s)

@@ -7,15 +7,17 @@ of computing, and what they do not change they have in memory once.
 import logging
 import multiprocessing
 import os
+import signal
 import threading
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 
 from noctule import logs, systemd
-from noctule.ending import Ending
 from noctule_mapper.live import service
 from noctule_mapper.live.map_process import run_map
 from noctule_mapper.live.nursery import Nursery
@@ -50,10 +52,13 @@ class SiteProcess:
         context: ForkServerContext,
         hangs_after_s: float = HANGS_AFTER_S,
         starts_within_s: float = STARTS_WITHIN_S,
+        last_contour: Callable[[str], bytes] = lambda _site: b"",
     ) -> None:
+        """``last_contour`` gives the last contour of a site, as in LiveSettings."""
         self.site = settings.site
         self.failed = 0  # how often it ended though nobody wanted that
         self._settings, self._log_format, self._context = settings, log_format, context
+        self._last_contour = last_contour
         self._hangs_after_s, self._starts_within_s = hangs_after_s, starts_within_s
         self._heartbeat = Heartbeat()
         self._process: BaseProcess | None = None
@@ -112,9 +117,10 @@ class SiteProcess:
     def _start(self, now_s: float) -> None:
         _log.info("maps site %s", self.site)
         self._heartbeat.begin(now_s)
+        settings = replace(self._settings, last_contour=self._last_contour(self.site))
         process = self._context.Process(
             target=map_site,
-            args=(self._settings, self._log_format, self._heartbeat.address),
+            args=(settings, self._log_format, self._heartbeat.address),
             name=f"mapper of {self.site}",
         )
         process.start()
@@ -141,13 +147,13 @@ def map_site(settings: LiveSettings, log_format: logs.LogFormat, heartbeat: str)
     os.environ[systemd.SOCKET_VARIABLE] = heartbeat
     prefix = f"{settings.site}: "
     nursery = Nursery(run_map, log_format, prefix)
-    ending = Ending()
-    threading.Thread(target=_end_with_parent, args=(ending,), name="parent", daemon=True).start()
-    run_process(partial(service.run, settings, nursery=nursery), log_format, ending, prefix)
+    threading.Thread(target=_end_with_parent, name="parent", daemon=True).start()
+    run_process(partial(service.run, settings, nursery=nursery), log_format, prefix=prefix)
 
 
-def _end_with_parent(ending: Ending) -> None:
+def _end_with_parent() -> None:
+    """When the parent is killed, end at once: others wait for the site, and what is stored is whole."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()
-    ending.begin()
+    os.kill(os.getpid(), signal.SIGKILL)
