@@ -20,7 +20,7 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import settle
 from noctule_mapper.refinement.exchanges import met_walls, others_for
-from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed
+from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed, turned_square
 from noctule_mapper.refinement.one_sided import one_sided_cylinders
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
@@ -93,11 +93,15 @@ def _sure(state: State, library: Sequence[Candidates], config: MapperConfig) -> 
 
 def _confirmed(state: State, config: MapperConfig) -> State:
     """The state without what the map is worth hardly less without, the poses fitted once more: an object that is heard
-    little may stand only because the poses have moved to suit it.
+    little may stand only because the poses have moved to suit it. Nor does a wall stay that directions speak against.
     """
     while True:
         claims = state.scene.claims(state.objects, state.links)
         share = state.scene.explain(claims).share
+        unlike = _unlike(state.objects, claims, share, state.scene.data)
+        if unlike is not None:
+            state = _state([one for one in state.objects if one is not unlike], state.scene, config)
+            continue
         alone = np.bincount(claims.maker, -np.log1p(-np.minimum(share, 1 - 1e-12)), minlength=len(state.objects))
         for number in np.argsort(alone[: len(state.objects)]):
             if alone[number] > _DOUBTFUL_NATS:
@@ -111,6 +115,19 @@ def _confirmed(state: State, config: MapperConfig) -> State:
             return state
 
 
+def _unlike(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, data: Evidence) -> Line | None:
+    """The wall of two places whose plateaus have its direction least, if that is too little."""
+    squares = [
+        (turned_square(one, data.take(made_by(number, claims, share))), number)
+        for number, one in enumerate(objects)
+        if isinstance(one, Line)
+    ]
+    square, number = max(squares, default=(0.0, 0))
+    one = objects[number] if square > _MOST_TURNED_SQUARE else None
+    return one if isinstance(one, Line) else None
+
+
+_MOST_TURNED_SQUARE = 2.7  # of two directions: of 94 walls of development rooms two or three are farther off
 _DOUBTFUL_NATS = 40.0  # that an object may explain alone and still be worth nothing when the poses move
 _LEAST_PROOF_NATS = 3.0
 
