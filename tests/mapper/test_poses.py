@@ -216,6 +216,21 @@ def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed:
     assert (verdict.missed, verdict.false) == ((), ())
 
 
+@pytest.mark.parametrize(
+    "seed",
+    [
+        50085,  # two corners' echoes agree on a tangent, whose direction one of them misses by 2.5 degrees
+        50110,  # a wall between two corners, heard from both, that went on 10 cm beyond the one
+    ],
+)
+def test_nothing_is_made_up_by_tape_measure(seed: int) -> None:
+    room, true, surveyed = taped_room(np.random.default_rng(seed))
+    contour = mapped(surveyed)
+    assert len(contour.walls) > 1
+    told = posed_label_fit(room, surveyed, true).room
+    assert judge_fixed(aligned(contour, room, true), room, surveyed, told).false == ()
+
+
 def test_walls_are_reported_whose_directions_only_the_poses_leave_open() -> None:
     """A room in which two units hear the same two walls and know hardly how they are turned themselves."""
     room, true, surveyed = taped_room(np.random.default_rng(50072))

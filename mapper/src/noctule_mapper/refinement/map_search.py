@@ -98,7 +98,7 @@ def _confirmed(state: State, config: MapperConfig) -> State:
     while True:
         claims = state.scene.claims(state.objects, state.links)
         share = state.scene.explain(claims).share
-        unlike = _unlike(state.objects, claims, share, state.scene.data)
+        unlike = _unlike(state, claims, share)
         if unlike is not None:
             state = _state([one for one in state.objects if one is not unlike], state.scene, config)
             continue
@@ -115,16 +115,17 @@ def _confirmed(state: State, config: MapperConfig) -> State:
             return state
 
 
-def _unlike(objects: Sequence[Reflector], claims: Claims, share: np.ndarray, data: Evidence) -> Line | None:
-    """The wall of two places whose plateaus have its direction least, if that is too little."""
-    squares = [
-        (turned_square(one, data.take(made_by(number, claims, share))), number)
-        for number, one in enumerate(objects)
-        if isinstance(one, Line)
-    ]
-    square, number = max(squares, default=(0.0, 0))
-    one = objects[number] if square > _MOST_TURNED_SQUARE else None
-    return one if isinstance(one, Line) else None
+def _unlike(state: State, claims: Claims, share: np.ndarray) -> Line | None:
+    """The wall of two places whose plateaus have its direction least, if that is too little. Between two corners a wall
+    needs no such proof.
+    """
+    worst, found = _MOST_TURNED_SQUARE, None
+    for number, one in enumerate(state.objects):
+        corners = sum(number in (link.first, link.second) for link in state.links)
+        if isinstance(one, Line) and corners < 2:
+            square = turned_square(one, state.scene.data.take(made_by(number, claims, share)))
+            worst, found = (square, one) if square > worst else (worst, found)
+    return found
 
 
 _MOST_TURNED_SQUARE = 2.7  # of two directions: of 94 walls of development rooms two or three are farther off
