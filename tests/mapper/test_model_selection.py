@@ -12,13 +12,7 @@ from noctule_mapper.contacts.voting import Contacts
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector, Spot
 from noctule_mapper.readings.looks import Looks
 from noctule_mapper.refinement.candidates import candidates
-from noctule_mapper.refinement.model_selection import (
-    add_objects,
-    determined,
-    is_heard_enough,
-    trimmed,
-    turned_square,
-)
+from noctule_mapper.refinement.model_selection import add_objects, determined, is_heard_enough, trimmed
 
 CONFIG = MapperConfig()
 FIVE = (-0.4, -0.2, 0.0, 0.2, 0.4)
@@ -138,26 +132,3 @@ def test_a_cylinder_is_heard_enough_from_three_places_or_from_its_two_sides() ->
 def test_a_point_is_determined_by_its_place() -> None:
     assert is_determined(Spot(2.0, 0.0), (0.049, 0.01))
     assert not is_determined(Spot(2.0, 0.0), (0.051, 0.01))
-
-
-@pytest.mark.parametrize(
-    ("turned_rad", "heading_rad", "square"),
-    [
-        # From y = -1 and 1, off by one and by one and a half of their errors, 0.02.
-        ([(-1.0, 0.02), (1.0, -0.03)], 0.0, 1.0 + 2.25),
-        # The headings may be off by as much again.
-        ([(-1.0, 0.02), (1.0, -0.03)], 0.02, (1.0 + 2.25) / 2),
-        # One place hears the wall in two plateaus: their mean is right.
-        ([(-1.0, 0.02), (-1.0, -0.02), (1.0, -0.03)], 0.0, 2.25),
-        # A third place proves the wall by its range.
-        ([(-1.0, 0.02), (0.0, 0.0), (1.0, -0.03)], 0.0, 0.0),
-    ],
-)
-def test_of_two_places_both_must_hear_a_wall_in_its_direction(
-    turned_rad: list[tuple[float, float]], heading_rad: float, square: float
-) -> None:
-    data = evidence_of([(0.0, y_m, turn_rad, 2.0) for y_m, turn_rad in turned_rad])
-    sigma_rad = np.full(len(turned_rad), 0.02)
-    echoes = replace(data.echoes, sigma_heading_rad=np.full(len(turned_rad), heading_rad))
-    made = replace(data, echoes=echoes, direction_sigma_rad=sigma_rad)
-    assert turned_square(Line(0.0, 2.0, -1.0, 1.0), made) == pytest.approx(square)

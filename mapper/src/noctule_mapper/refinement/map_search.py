@@ -20,7 +20,7 @@ from noctule_mapper.refinement.association import Claims, Scene
 from noctule_mapper.refinement.candidates import Candidates, candidates
 from noctule_mapper.refinement.em_fit import settle
 from noctule_mapper.refinement.exchanges import met_walls, others_for
-from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed, turned_square
+from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed
 from noctule_mapper.refinement.one_sided import one_sided_cylinders
 from noctule_mapper.refinement.pose_rounds import followed
 from noctule_mapper.refinement.poses import stated_nats
@@ -93,15 +93,11 @@ def _sure(state: State, library: Sequence[Candidates], config: MapperConfig) -> 
 
 def _confirmed(state: State, config: MapperConfig) -> State:
     """The state without what the map is worth hardly less without, the poses fitted once more: an object that is heard
-    little may stand only because the poses have moved to suit it. Nor does a wall stay that directions speak against.
+    little may stand only because the poses have moved to suit it.
     """
     while True:
         claims = state.scene.claims(state.objects, state.links)
         share = state.scene.explain(claims).share
-        unlike = _unlike(state, claims, share)
-        if unlike is not None:
-            state = _state([one for one in state.objects if one is not unlike], state.scene, config)
-            continue
         alone = np.bincount(claims.maker, -np.log1p(-np.minimum(share, 1 - 1e-12)), minlength=len(state.objects))
         for number in np.argsort(alone[: len(state.objects)]):
             if alone[number] > _DOUBTFUL_NATS:
@@ -115,20 +111,6 @@ def _confirmed(state: State, config: MapperConfig) -> State:
             return state
 
 
-def _unlike(state: State, claims: Claims, share: np.ndarray) -> Line | None:
-    """The wall of two places whose plateaus have its direction least, if that is too little. Between two corners a wall
-    needs no such proof.
-    """
-    worst, found = _MOST_TURNED_SQUARE, None
-    for number, one in enumerate(state.objects):
-        corners = sum(number in (link.first, link.second) for link in state.links)
-        if isinstance(one, Line) and corners < 2:
-            square = turned_square(one, state.scene.data.take(made_by(number, claims, share)))
-            worst, found = (square, one) if square > worst else (worst, found)
-    return found
-
-
-_MOST_TURNED_SQUARE = 2.7  # of two directions: of 94 walls of development rooms two or three are farther off
 _DOUBTFUL_NATS = 40.0  # that an object may explain alone and still be worth nothing when the poses move
 _LEAST_PROOF_NATS = 3.0
 

@@ -262,21 +262,6 @@ def is_heard_enough(one: Reflector, made: Evidence, config: MapperConfig) -> boo
     return places >= config.refinement.limits.least_places
 
 
-def turned_square(wall: Line, made: Evidence) -> float:
-    """How far the directions of the plateaus ``made`` of a wall are off, squared and over their errors, where only two
-    places have heard it, else 0. Two arcs always have a common tangent, so nothing else proves such a wall. Of a place
-    that hears the wall in several plateaus, their mean counts.
-    """
-    places = np.unique(made.place)
-    turn, weight = wrapped(wall.directions(made.echoes) - made.echoes.axis_rad), 1 / made.direction_sigma_rad**2
-    square = 0.0
-    for at in [made.place == place for place in places] if len(places) == 2 else []:
-        if (total := weight[at].sum()) > 0:
-            heading = made.echoes.sigma_heading_rad[at][0]
-            square += float((weight[at] @ turn[at] / total) ** 2 / (1 / total + heading**2))
-    return square
-
-
 def _in_sight(one: Reflector, objects: Sequence[Reflector], data: Evidence, config: MapperConfig) -> np.ndarray:
     """Whether no wall among ``objects`` stands before it, bool (n,)."""
     seen = np.ones(len(data.echoes), bool)
