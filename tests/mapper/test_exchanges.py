@@ -111,3 +111,13 @@ def test_an_open_end_is_stated_as_far_as_the_wall_surely_goes() -> None:
     data.range_sigma_m[:] = 0.0032
     sure = sure_stretch(Line(-np.pi / 2, 0.0, 1.0, 3.0), data)
     assert (sure.low_m, sure.high_m) == pytest.approx((1.126, 2.943), abs=0.002)
+
+
+def test_a_wall_of_feet_in_one_spot_ends_before_them_if_its_corner_is_known() -> None:
+    # sqrt(2 R sigma) of 2.5 m and 3.2 mm is 12.6 cm; the foot is 2 m from the corner at 3 m, at (1, 0).
+    data = one_plateau(-np.pi / 2, 2.5).take(np.array([0, 0]))
+    data.range_sigma_m[:] = 0.0032
+    foot = Line(-np.pi / 2, 0.0, 1.0, 1.0)
+    assert (sure_stretch(foot, data).low_m, sure_stretch(foot, data).high_m) == pytest.approx((1.0, 1.0))
+    assert sure_stretch(foot, data, [3.0]).low_m == pytest.approx(1.126, abs=0.002)
+    assert sure_stretch(foot, data, [-1.0]).high_m == pytest.approx(0.874, abs=0.002)

@@ -222,8 +222,8 @@ def trimmed(
     return Line(tried.theta_rad, tried.rho_m, float(longest[0]), float(longest[-1]))
 
 
-def sure_stretch(wall: Line, made: Evidence) -> Line:
-    """The wall cut to where it surely goes on, by the echoes ``made`` of it.
+def sure_stretch(wall: Line, made: Evidence, corners_m: Sequence[float] = ()) -> Line:
+    """The wall cut to where it surely goes on, by the echoes ``made`` of it and its corners, ``corners_m`` along it.
 
     At its end a corner sounds like the wall: an echo from d beyond the corner is longer than the wall's by d^2 / (2 R)
     only, so within sqrt(2 R sigma) of a foot the wall may end.
@@ -231,8 +231,11 @@ def sure_stretch(wall: Line, made: Evidence) -> Line:
     if not len(made.echoes):
         return wall
     along = wall.along(made.echoes)
-    slack_m = np.minimum(np.sqrt(2 * made.echoes.range_m * made.sigma_m), np.ptp(along) / 3)
-    return Line(wall.theta_rad, wall.rho_m, float((along + slack_m).min()), float((along - slack_m).max()))
+    slack_m = np.minimum(np.sqrt(2 * made.echoes.range_m * made.sigma_m), np.ptp([*along, *corners_m]) / 3)
+    low_m, high_m = float((along + slack_m).min()), float((along - slack_m).max())
+    if low_m > high_m:  # of feet in one spot the corner tells which end is open
+        low_m = high_m = min(low_m, high_m, key=lambda end_m: abs(end_m - corners_m[0]))
+    return Line(wall.theta_rad, wall.rho_m, low_m, high_m)
 
 
 def _holes(
