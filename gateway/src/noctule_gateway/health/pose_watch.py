@@ -14,7 +14,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.bearings_off import bearings_off
-from noctule_gateway.health.likelihood import shifted_nats, stay_fit
+from noctule_gateway.health.likelihood import shifted_nats, stay_fit, usual_fit
 from noctule_gateway.health.marks import marks_of
 from noctule_gateway.health.noise import LEAST_M, NOISY_M, change_m, disagreement_m, scatter_m
 from noctule_gateway.health.offsets import Table, table_of
@@ -97,7 +97,7 @@ class PoseWatch:
             if seen.table is None:
                 return None
             tables.append(seen.table)
-        off = bearings_off(tables, median(self.usual), sum(past.heard_share) / len(past.heard_share))
+        off = bearings_off(tables, usual_fit(past), sum(past.heard_share) / len(past.heard_share))
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
             return None
         if off.turned_by and not self._as_far(past, off.turned_by):
