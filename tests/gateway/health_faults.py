@@ -30,6 +30,8 @@ LEAST_ARC_DEG, LEAST_ARC_OF_MARKS_DEG, LEAST_IN_AN_ARC, LEAST_BESIDE_AN_ARC = 99
 # Ranges change by up to 1.2 % with air that is warmer than was measured. What a motion does to two reflectors beyond
 # that must be 3.5 times the scatter of a mark, 4 mm.
 MOST_WARMER, LEAST_BEYOND_M, LEAST_BEYOND = 0.012, 0.014, 2
+# A jump changes all ranges by one share, of up to 12 %, or by one length: one reflector that is off beyond tells.
+MOST_JUMP, MOST_JUMP_M = 0.12, 0.25
 LEAST_ANGLE_DEG = 25.0  # between two reflectors, or what a motion does across them does not show
 NEAR_M, MOST_NEAR = 0.25, 8  # readings: nearer to more the unit is blocked, too
 WAYS = 20  # of a motion that are tried
@@ -108,7 +110,9 @@ def moved_somewhere(stand: Stand, rng: np.random.Generator, distance_m: float) -
 
 
 def motion_shows(before: Stand, after: Stand) -> bool:
-    """Three reflectors that are heard before and after tell the motion from air that is warmer or colder."""
+    """Three reflectors that are heard before and after tell the motion from air that is warmer or colder, and from
+    ranges that have jumped.
+    """
     heard = always_heard(after)
     kept = [(run, [n for n in run if heard[n]]) for run in reflectors_of(before)]
     kept = [(run, still) for run, still in kept if 2 * len(still) >= len(run) and len(still) >= 2]
@@ -119,8 +123,14 @@ def motion_shows(before: Stand, after: Stand) -> bool:
         return False
     range_m = np.array([before.clear_m[0, run].mean() for run, _ in kept])
     longer_m = np.array([(after.clear_m[0, still] - before.clear_m[0, still]).mean() for _, still in kept])
-    beyond_m = np.abs(longer_m - np.linspace(-MOST_WARMER, MOST_WARMER, 25)[:, None] * range_m)
-    return bool(((beyond_m >= LEAST_BEYOND_M).sum(axis=1) >= LEAST_BEYOND).all())
+    shares, lengths_m = np.linspace(-1, 1, 97)[:, None] * range_m, np.linspace(-1, 1, 97)[:, None] + 0 * range_m
+
+    def beyond(explained_m: np.ndarray) -> int:
+        """How many reflectors the best of these explanations leaves over."""
+        return int((np.abs(longer_m - explained_m) >= LEAST_BEYOND_M).sum(axis=1).min())
+
+    of_jumps = min(beyond(MOST_JUMP * shares), beyond(MOST_JUMP_M * lengths_m))
+    return beyond(MOST_WARMER * shares) >= LEAST_BEYOND and of_jumps >= 1
 
 
 def elsewhere(_stand: Stand, rng: np.random.Generator) -> Sweeps:
