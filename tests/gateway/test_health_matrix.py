@@ -111,6 +111,7 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
         (100064, 8, "slips 1 in 100"),  # late: five false echoes in a sweep of fifteen looked like a foreign room
         (100097, 30, "moved 20 cm and turned 20 degrees"),  # not named: slips fit half of it, and were never sure
         (40131, 30, "moved 20 cm and turned 20 degrees"),  # the same, of a turn
+        (100166, 14, "ranges 6 cm longer"),  # moved: the sweep in which it began has three of five marks farther
         (50456, 9, "slips 1 in 50"),  # late: alike within the last two sweeps
         (50522, 8, "slips 1 in 100"),  # late: off by 7 degrees at the most
         (50559, 9, "slips 1 in 50"),  # late: an arc fell silent, since the unit looked past it

@@ -137,9 +137,10 @@ class PoseWatch:
 
     def _still_shifted(self, sweep: Readings, past: Past) -> Shift | None:
         """The one shown last, with what it gains in this sweep alone, if the sweep fits it about as well as usual and
-        better than the past by enough: someone in a room at rest spoils the fit to both alike.
+        better than the past by enough: someone in a room at rest spoils the fit to both alike. A motion that was shown
+        by the sweep in which ranges jumped is none, once the marks say so.
         """
-        if self._known is None:
+        if self._known is None or (self._known.moved_m and _looks_like_a_jump(sweep, past)):
             return None
         readings = len(sweep.range_m)
         shifted = shifted_nats(sweep, past, self._known.longer)
@@ -183,6 +184,13 @@ class PoseWatch:
         self.strange = True
         words = f"ranges scatter by {100 * scatter:.0f} cm and do not repeat themselves"
         return Suspicion(messages.FAULT_KIND_TOO_NOISY, 15.0, words)
+
+
+def _looks_like_a_jump(sweep: Readings, past: Past) -> bool:
+    """By its own marks, rather than like a motion."""
+    marks = marks_of([sweep], past)
+    jump, motion = jump_of(marks, sweep.air_measured), motion_of(marks, sweep.air_measured)
+    return jump is not None and (motion is None or _likely(jump) > _likely(motion))
 
 
 def _is_clear(shift: Shift) -> bool:
