@@ -2,7 +2,8 @@
 
 A fault that begins without changing what the unit hears can't be told by any detector. So where the physics of a room
 leaves nothing to hear of a fault, None is given in place of its sweeps: an arc that looks at too few reflectors, a
-motion that changes ranges no more than warmer air does. The rules are of the room and the fault alone.
+motion that changes ranges no more than warmer air does, slips that sound like a turn. The rules are of the room and the
+fault alone.
 """
 
 import math
@@ -29,10 +30,14 @@ LEAST_ARC_DEG, LEAST_ARC_OF_MARKS_DEG, LEAST_IN_AN_ARC, LEAST_BESIDE_AN_ARC = 99
 # Ranges change by up to 1.2 % with air that is warmer than was measured. What a motion does to two reflectors beyond
 # that must be 3.5 times the scatter of a mark, 4 mm.
 MOST_WARMER, LEAST_BEYOND_M, LEAST_BEYOND = 0.012, 0.014, 2
+# A jump changes all ranges by one share, of up to 12 %, or by one length: one reflector that is off beyond tells.
+MOST_JUMP, MOST_JUMP_M = 0.12, 0.25
 LEAST_ANGLE_DEG = 25.0  # between two reflectors, or what a motion does across them does not show
 NEAR_M, MOST_NEAR = 0.25, 8  # readings: nearer to more the unit is blocked, too
 WAYS = 20  # of a motion that are tried
 LEAST_SLIPS = 4  # bearings, in the two whole sweeps: of fewer some are false echoes
+LEAST_TELLING = 5  # readings: of these, too, all fail in one case of 40,000
+MOST_TURNED_DEG = 99.0
 
 
 def repeats(*values_m: float) -> Make:
@@ -105,7 +110,9 @@ def moved_somewhere(stand: Stand, rng: np.random.Generator, distance_m: float) -
 
 
 def motion_shows(before: Stand, after: Stand) -> bool:
-    """Three reflectors that are heard before and after tell the motion from air that is warmer or colder."""
+    """Three reflectors that are heard before and after tell the motion from air that is warmer or colder, and from
+    ranges that have jumped.
+    """
     heard = always_heard(after)
     kept = [(run, [n for n in run if heard[n]]) for run in reflectors_of(before)]
     kept = [(run, still) for run, still in kept if 2 * len(still) >= len(run) and len(still) >= 2]
@@ -116,8 +123,14 @@ def motion_shows(before: Stand, after: Stand) -> bool:
         return False
     range_m = np.array([before.clear_m[0, run].mean() for run, _ in kept])
     longer_m = np.array([(after.clear_m[0, still] - before.clear_m[0, still]).mean() for _, still in kept])
-    beyond_m = np.abs(longer_m - np.linspace(-MOST_WARMER, MOST_WARMER, 25)[:, None] * range_m)
-    return bool(((beyond_m >= LEAST_BEYOND_M).sum(axis=1) >= LEAST_BEYOND).all())
+    shares, lengths_m = np.linspace(-1, 1, 97)[:, None] * range_m, np.linspace(-1, 1, 97)[:, None] + 0 * range_m
+
+    def beyond(explained_m: np.ndarray) -> int:
+        """How many reflectors the best of these explanations leaves over."""
+        return int((np.abs(longer_m - explained_m) >= LEAST_BEYOND_M).sum(axis=1).min())
+
+    of_jumps = min(beyond(MOST_JUMP * shares), beyond(MOST_JUMP_M * lengths_m))
+    return beyond(MOST_WARMER * shares) >= LEAST_BEYOND and of_jumps >= 1
 
 
 def elsewhere(_stand: Stand, rng: np.random.Generator) -> Sweeps:
@@ -131,23 +144,55 @@ def answers_at_all(stand: Stand) -> bool:
     return bool(np.isfinite(stand.clear_m).any())
 
 
-def slips(probability: float) -> Make:
+def slips(probability: float) -> MakeIfShown:
     """Each half step slips a period with that probability, against the sense of turning."""
 
-    def make(stand: Stand, rng: np.random.Generator) -> Sweeps:
-        off_deg = 0.0
+    def make(stand: Stand, rng: np.random.Generator) -> Sweeps | None:
+        off_deg, each_deg = 0.0, np.zeros((THREE, len(stand.bearings_rad)))
 
         def sweep(number: int) -> np.ndarray:
             nonlocal off_deg
-            sense, each_deg = (1 if number % 2 == 0 else -1), np.zeros(len(stand.bearings_rad))
-            for bearing in range(len(each_deg))[::sense]:
-                each_deg[bearing] = off_deg
+            sense, each = (1 if number % 2 == 0 else -1), each_deg[number % THREE]
+            for bearing in range(len(each))[::sense]:
+                each[bearing] = off_deg
                 off_deg -= sense * PERIOD_DEG * rng.binomial(HALF_STEPS_PER_BEARING, probability)
-            return shifted(stand, each_deg, rng)
+            return shifted(stand, each, rng)
 
-        return sweep
+        first = np.array([sweep(number) for number in range(THREE)])
+        shown = slips_show(stand, each_deg, first)
+        return (lambda number: first[number] if number < THREE else sweep(number)) if shown else None
 
     return make
+
+
+def slips_show(stand: Stand, off_deg: np.ndarray, range_m: np.ndarray) -> bool:
+    """The readings (sweeps, n), each off by its angle, tell a motor that slips from a unit that was turned within them.
+
+    All that the unit can know of its room is what it used to hear at its bearings. A reading tells if it is as one of
+    the two bearings beside its direction was, and as neither of those is where the turned unit would look.
+    """
+    known_m = np.where(always_heard(stand), stand.clear_m[0], math.nan)
+    step_deg = math.degrees(stand.bearings_rad[1] - stand.bearings_rad[0])
+
+    def fits(by_deg: np.ndarray) -> np.ndarray:
+        at = np.arange(len(known_m)) + by_deg / step_deg
+        beside = [np.floor(at).astype(int), np.ceil(at).astype(int)]
+        beyond = (beside[0] < 0) | (beside[1] >= len(known_m))
+        return np.logical_or.reduce([beyond, *(same(range_m, known_m[each % len(known_m)]) for each in beside)])
+
+    def unlike(by_deg: float) -> np.ndarray:
+        """In the order of time."""
+        tells = fits(off_deg) & ~fits(np.full_like(off_deg, by_deg))
+        return np.concatenate([each[:: 1 if number % 2 == 0 else -1] for number, each in enumerate(tells)])
+
+    before = np.cumsum(unlike(0.0))
+    turned = [unlike(by_deg) for by_deg in np.arange(-MOST_TURNED_DEG, MOST_TURNED_DEG, step_deg / 2)]
+    return min(int((before - each.cumsum() + each.sum()).min()) for each in turned) >= LEAST_TELLING
+
+
+def same(one_m: np.ndarray, other_m: np.ndarray) -> np.ndarray:
+    """Where both hear one reflector, or nothing."""
+    return (np.isnan(one_m) & np.isnan(other_m)) | (np.abs(one_m - other_m) <= 0.025)
 
 
 def play(forward_deg: float, backward_deg: float) -> Make:

@@ -108,6 +108,13 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
         (30318, 13, "ranges 3 % shorter"),  # late: of a mark's eight readings two are false and four lost
         (40165, 29, "moved 20 cm"),  # ranges jumped: three marks are 7 % nearer, a fourth by 1 %
         (100022, 28, "moved 5 cm"),  # late: no mark is off by more than 2.7 cm, so the readings fit the past
+        (100064, 8, "slips 1 in 100"),  # late: five false echoes in a sweep of fifteen looked like a foreign room
+        (100097, 30, "moved 20 cm and turned 20 degrees"),  # not named: slips fit half of it, and were never sure
+        (40131, 30, "moved 20 cm and turned 20 degrees"),  # the same, of a turn
+        (100166, 14, "ranges 6 cm longer"),  # moved: the sweep in which it began has three of five marks farther
+        (50456, 9, "slips 1 in 50"),  # late: alike within the last two sweeps
+        (50522, 8, "slips 1 in 100"),  # late: off by 7 degrees at the most
+        (50559, 9, "slips 1 in 50"),  # late: an arc fell silent, since the unit looked past it
     ],
 )
 def test_what_once_had_a_wrong_name_or_a_late_one_has_its_own_in_time(seed: int, draw: int, name: str) -> None:

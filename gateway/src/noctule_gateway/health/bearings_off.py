@@ -10,13 +10,13 @@ from noctule_gateway.health.course import slipped
 from noctule_gateway.health.offsets import Table
 from noctule_gateway.health.suspicion import Suspicion
 
-_GOOD, _GOOD_SLIPS = 1.6, 2.0  # nats an echo, no more than so much worse than usual: this explains the sweeps
+_GOOD, _GOOD_SLIPS = 1.6, 2.3  # nats an echo, no more than so much worse than usual: this explains the sweeps
 _FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained
 _LEAST_GAIN = 30.0  # of a bearing that is off over none
-_SLIPS_NATS, _PLAY_NATS = 12.0, 15.0  # over one angle, since they have more freedom
-_SLIPS_FIT = 0.2  # nats an echo, that slips have to fit better than one angle
+_SLIPS_NATS, _PLAY_NATS = 8.0, 15.0  # over one angle, since they have more freedom
 _SLIPS_SHARE = 0.5  # of the bearings that are off: what stands in an open door changes fewer
 _LEAST_OFF = 4  # half steps between bearings, from the least angle to the largest, of slips and of play
+_CLEARLY_NATS, _CLEARLY_SHARE, _CLEARLY_OFF = 25.0, 0.4, 3  # less will do where slips lead by so much
 _TO_SLIP = 3  # sweeps, in which a turned or moved unit gains nothing by slips
 _TO_PLAY = 3  # sweeps, of which one is of the other sense
 _TO_TURN = 4  # sweeps that are asked together: within these a motor that loses steps shows it
@@ -40,25 +40,29 @@ class BearingsOff:
 
 def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) -> BearingsOff | None:
     """None where none of the three explains the sweeps. Of the past, ``heard_share`` is the mean share of bearings that
-    answer; ``usual_fit`` is in nats a reading.
+    answer; ``usual_fit`` is in nats a reading, but for echoes alone.
     """
     one, two = turned(tables), with_play(tables)
     plays = two.between >= _LEAST_OFF and two.gain - one.gain >= _PLAY_NATS
-    many = slipped(tables, one, least_gain=max(one.gain, two.gain) + _SLIPS_NATS)
-    slips = (
-        many is not None
-        and many.between >= _LEAST_OFF
-        and many.share >= _SLIPS_SHARE
-        and many.fit - one.fit >= _SLIPS_FIT * heard_share
-    )
+    others = max(one.gain, two.gain)
+    many = slipped(tables, one, least_gain=others + _SLIPS_NATS)
+    slips = many is not None and _is_a_course(many, others)
     best = many if many is not None and slips else two if plays else one
     worse = (usual_fit - best.fit) / heard_share
     if best.gain < _LEAST_GAIN or worse > _FOREIGN_ECHO:
         return None
     good, sweeps = (_GOOD_SLIPS, _TO_SLIP) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
     told = _slipped if slips else _with_play if plays else _turned
+    if worse > good and best.since <= len(tables) - _TO_TURN:
+        return None  # it has had its time
     is_sure = worse <= good and best.since <= len(tables) - sweeps and (slips or many is None)
     return BearingsOff(told(best, tables[0]), is_sure, one.off[0] if told is _turned else 0)
+
+
+def _is_a_course(many: Aligned, others: float) -> bool:
+    """Bearings are off by angles that differ by enough; ``others`` is what one angle or two gain."""
+    least, share = (_CLEARLY_OFF, _CLEARLY_SHARE) if many.gain >= others + _CLEARLY_NATS else (_LEAST_OFF, _SLIPS_SHARE)
+    return many.between >= least and many.share >= share
 
 
 def _slipped(found: Aligned, table: Table) -> Suspicion:

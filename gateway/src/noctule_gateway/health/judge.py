@@ -159,9 +159,13 @@ class Judge:
             or blocked.suspicions(sweep, past)
             or silence.suspicions(sweep, past)
         )
-        if past is None or not self._watch.take(sweep, past) or any(FAULTS[each.kind].spoils for each in main + beside):
+        arc = [each for each in main if each.kind == messages.FAULT_KIND_ARC_SILENT]
+        spoiled = any(FAULTS[each.kind].spoils for each in main + beside if each not in arc)
+        if past is None or not self._watch.take(sweep, past) or spoiled:
             return main + beside
         of_the_pose = self._watch.suspicions(past)
+        if arc and any(each.kind == messages.FAULT_KIND_SLIPPED for each in of_the_pose):
+            main = []  # a motor that slips may look past all that used to answer in an arc
         return (main or of_the_pose) + beside
 
     def _count(self, found: list[Suspicion], sweep: Readings, odd: bool) -> list[FaultKind]:

@@ -7,7 +7,7 @@ whatever its range, and a door that opens changes the likelihood at all offsets 
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
@@ -23,6 +23,29 @@ _UNSEEN_SHARE = 0.5  # that answers where the past never looked
 def stay_fit(sweep: Readings, past: Past) -> float:
     """Mean log likelihood of a reading if nothing has changed."""
     return sum(math.log(likelihood(past, n, range_m)) for n, range_m in enumerate(sweep.range_m)) / len(sweep.range_m)
+
+
+def usual_fit(past: Past) -> float:
+    """Mean log likelihood of the past's own readings, but for echoes alone."""
+    nats = [
+        math.log(likelihood(past, n, range_m))
+        for row in past.rows
+        for n, (range_m, alone) in enumerate(zip(row, alone_in(row), strict=True))
+        if not alone
+    ]
+    return sum(nats) / len(nats)
+
+
+def alone_in(range_m: Sequence[float]) -> list[bool]:
+    """Which readings of a sweep are echoes that neither of the two neighbours on either side hears, to within 2.5 cm:
+    most of these are false ones.
+    """
+
+    def is_alone(n: int) -> bool:
+        near_m = (*range_m[max(0, n - 2) : n], *range_m[n + 1 : n + 3])
+        return not math.isnan(range_m[n]) and not any(abs(range_m[n] - other_m) <= _WINDOW_M for other_m in near_m)
+
+    return [is_alone(n) for n in range(len(range_m))]
 
 
 def shifted_nats(sweep: Readings, past: Past, longer: Longer) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-from noctule_gateway.health.likelihood import likelihood
+from noctule_gateway.health.likelihood import alone_in, likelihood
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
@@ -20,9 +20,12 @@ _EVEN_RAD = math.radians(0.5)
 
 @dataclass(frozen=True)
 class Table:
-    """One sweep: nats by reading in the order of time and by offset, ``none`` of these being no offset."""
+    """One sweep: nats by reading in the order of time and by offset, ``none`` of these being no offset. Which readings
+    are ``alone`` is told in likelihood.py.
+    """
 
     rows: list[list[float]]
+    alone: list[bool]
     none: int
     step_rad: float
     forward: bool
@@ -58,17 +61,18 @@ def table_of(sweep: Readings, past: Past) -> Table | None:
         halves = [math.log((a + b) / 2) for a, b in pairwise(whole)]
         row = [math.log(each) for each in whole]
         rows.append([row[at // 2] if at % 2 == 0 else halves[at // 2] for at in range(4 * most + 1)])
-    return Table(rows if sweep.forward else rows[::-1], 2 * most, step_rad, sweep.forward)
+    alone, back = alone_in(sweep.range_m), slice(None, None, 1 if sweep.forward else -1)
+    return Table(rows[back], alone[back], 2 * most, step_rad, sweep.forward)
 
 
 def fit_of(tables: Sequence[Table], path: Sequence[int], compared: Sequence[int]) -> float:
     """Mean nats of a reading at the offsets ``path``, by reading of all tables; of those readings for which the past
-    looked where they look at ``path`` and at the offsets ``compared``.
+    looked where they look at ``path`` and at the offsets ``compared``, and that are no echoes alone.
     """
     readings = [(table, number, row) for table in tables for number, row in enumerate(table.rows)]
     seen = [
         row[at]
         for (table, number, row), at, other in zip(readings, path, compared, strict=True)
-        if table.seen(number, at) and table.seen(number, other)
+        if not table.alone[number] and table.seen(number, at) and table.seen(number, other)
     ]
     return sum(seen) / len(seen) if seen else -math.inf

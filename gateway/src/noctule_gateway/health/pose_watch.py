@@ -14,7 +14,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.bearings_off import bearings_off
-from noctule_gateway.health.likelihood import shifted_nats, stay_fit
+from noctule_gateway.health.likelihood import shifted_nats, stay_fit, usual_fit
 from noctule_gateway.health.marks import marks_of
 from noctule_gateway.health.noise import LEAST_M, NOISY_M, change_m, disagreement_m, scatter_m
 from noctule_gateway.health.offsets import Table, table_of
@@ -97,7 +97,7 @@ class PoseWatch:
             if seen.table is None:
                 return None
             tables.append(seen.table)
-        off = bearings_off(tables, median(self.usual), sum(past.heard_share) / len(past.heard_share))
+        off = bearings_off(tables, usual_fit(past), sum(past.heard_share) / len(past.heard_share))
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
             return None
         if off.turned_by and not self._as_far(past, off.turned_by):
@@ -137,9 +137,10 @@ class PoseWatch:
 
     def _still_shifted(self, sweep: Readings, past: Past) -> Shift | None:
         """The one shown last, with what it gains in this sweep alone, if the sweep fits it about as well as usual and
-        better than the past by enough: someone in a room at rest spoils the fit to both alike.
+        better than the past by enough: someone in a room at rest spoils the fit to both alike. A motion that was shown
+        by the sweep in which ranges jumped is none, once the marks say so.
         """
-        if self._known is None:
+        if self._known is None or (self._known.moved_m and _looks_like_a_jump(sweep, past)):
             return None
         readings = len(sweep.range_m)
         shifted = shifted_nats(sweep, past, self._known.longer)
@@ -183,6 +184,13 @@ class PoseWatch:
         self.strange = True
         words = f"ranges scatter by {100 * scatter:.0f} cm and do not repeat themselves"
         return Suspicion(messages.FAULT_KIND_TOO_NOISY, 15.0, words)
+
+
+def _looks_like_a_jump(sweep: Readings, past: Past) -> bool:
+    """By its own marks, rather than like a motion."""
+    marks = marks_of([sweep], past)
+    jump, motion = jump_of(marks, sweep.air_measured), motion_of(marks, sweep.air_measured)
+    return jump is not None and (motion is None or _likely(jump) > _likely(motion))
 
 
 def _is_clear(shift: Shift) -> bool:
