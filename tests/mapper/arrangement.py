@@ -48,7 +48,9 @@ class Group:
 
 
 class Scene:
-    """What all units hear at their true poses (n, 3), by label; ``heard`` are the reflectors that count."""
+    """What all units hear at their true poses (n, 3), by label, each its own ``echoes``; the nearest that each hears at
+    each whole degree, (n, 360); and the walls' lines (w, 2), alpha and rho.
+    """
 
     def __init__(
         self, room: Room, poses: np.ndarray, echoes: Sequence[dict[Reflector, Echo]], nearest_m: np.ndarray
@@ -78,6 +80,7 @@ def true_groups(scene: Scene) -> list[Group]:
 
 
 def point_of(scene: Scene, which: Reflector) -> tuple[float, float, float, float]:
+    """Where a point is (x_m, y_m), and k and r of its ranges k d - r."""
     kind, number = which
     if kind == "cylinder":
         x_m, y_m, radius_m = scene.room.cylinders[number]

@@ -18,10 +18,12 @@ from mapper.arrangement_silence import silence_nats
 from mapper.label_fit import slopes_of
 
 DIRECTION_SIGMA_RAD, RANGE_SIGMA_M = math.radians(1.1), 0.002  # of one reflector as one unit hears it
+ALONE_EACH = 0.4  # reflectors that a unit hears and no other unit does, on average: counted in 138 simulated rooms
 SPAN_M = 4.0  # ranges lie anywhere in it
 SQUARE_SIGMA_RAD = math.radians(0.2)  # of walls that are square to one another
 CORNER_SIGMA_M = 0.001  # of a corner from where its walls cross
-SMALLEST_STEP = 1e-4  # metres or radians
+STEPS, MOST_STEP, SMALLEST_STEP = 5, 0.5, 1e-4  # metres or radians
+WEAK, NEAR_M = 1e-4, 0.02
 MOST_MISFIT_NATS = 8.0  # of a group's echoes, after the fit
 
 
@@ -56,105 +58,111 @@ def _evidence(
     """The evidence (Laplace's approximation) in nats, the fitted poses (n, 3), the reflectors' values (g, 4) and what
     each group's echoes are off, in nats (g,). Echoes have no errors here; what these add on average is counted.
     """
-    values = np.array([_first_values(scene, poses, group) for group in groups])
     crossings = _crossings(scene, groups, chosen)
-    many = [
-        number
-        for number, group in enumerate(groups)
-        if len(group.members) > 1 or any(number in crossing for crossing in crossings)
-    ]
-    crossed = {number: (one, other) for number, one, other in crossings}
-    place_of = {number: at for at, number in enumerate(many)}
-    corner, *walls = np.array([[place_of[number] for number in one] for one in crossings], int).reshape(-1, 3).T
-    members = [(unit, at, scene.echoes[unit][which]) for at, n in enumerate(many) for unit, which in groups[n].members]
-    unit = np.array([one[0] for one in members], int)
-    at = np.array([one[1] for one in members], int)
-    direction_rad = np.array([one[2].direction_rad for one in members])
-    range_m = np.array([one[2].range_m for one in members])
-    is_wall = np.array([groups[n].shape.is_wall for n in many], bool)
-    mean = np.array([groups[n].shape.mean for n in many]).reshape(-1, 2)
-    sigma = np.array([groups[n].shape.sigma for n in many]).reshape(-1, 2)
-    wall = is_wall[at]
-    free = 3 * (len(poses) - 1)
-    frame_rad = float(scene.lines[0, 0])
-
-    def residuals(x: np.ndarray) -> np.ndarray:
-        pose = np.concatenate([poses[0] + 0 * x[:3], x[:free]]).reshape(-1, 3)[unit]
-        all_marks = x[free + 1 :].reshape(-1, 4)
-        mark = all_marks[at]
-        axis = pose[:, 2] + direction_rad
-        cosine, sine = np.cos(mark[:, 0]), np.sin(mark[:, 0])
-        way = mark[:, :2] - pose[:, :2]
-        away = np.sqrt((way**2).sum(axis=1))
-        away = np.where(np.real(away) > 0.02, away, 0.02)
-        of_wall = np.sin(axis - mark[:, 0]), range_m - (mark[:, 1] - pose[:, 0] * cosine - pose[:, 1] * sine)
-        of_point = (
-            (np.sin(axis) * way[:, 0] - np.cos(axis) * way[:, 1]) / away,
-            range_m - (mark[:, 2] * away - mark[:, 3]),
-        )
-        off = [np.where(wall, one, other) for one, other in zip(of_wall, of_point, strict=True)]
-        known = ((all_marks[:, 2:] - mean) / sigma).ravel()
-        square = np.sin(4 * (all_marks[is_wall, 0] - x[free])) / 4 / SQUARE_SIGMA_RAD
-        on_walls = [
-            all_marks[corner, 0] * np.cos(all_marks[one, 0])
-            + all_marks[corner, 1] * np.sin(all_marks[one, 0])
-            - all_marks[one, 1]
-            for one in walls
-        ]
-        parts = [
-            off[0] / DIRECTION_SIGMA_RAD,
-            off[1] / RANGE_SIGMA_M,
-            known,
-            *(one / CORNER_SIGMA_M for one in on_walls),
-        ]
-        return np.concatenate([*parts, square if scene.is_square else 0 * x[free : free + 1]])
-
-    x = np.concatenate([poses[1:].ravel(), [frame_rad], values[many].ravel()])
-    size = len(x)
-    hold = np.full(size, 1e-4)
-    hold[free] = 1.0 if not scene.is_square else 1e-4
-    information = np.eye(size)
-    for _ in range(5):
-        slopes = slopes_of(residuals, x)
+    values = np.array([_first_values(scene, poses, group) for group in groups])
+    fit = _Fit(scene, poses, groups, crossings)
+    x = np.concatenate([poses[1:].ravel(), [scene.lines[0, 0]], values[fit.fitted].ravel()])
+    hold = np.full(len(x), WEAK)
+    hold[: fit.free] = math.tau / SPAN_M**2  # no unit can be farther off than in its room
+    hold[fit.free] = WEAK if scene.is_square else 1.0  # the frame of walls that are square to one another
+    information = np.eye(len(x))
+    for _ in range(STEPS):
+        slopes = slopes_of(fit.residuals, x)
         information = slopes.T @ slopes + np.diag(hold)
-        step = np.linalg.solve(information, slopes.T @ np.real(residuals(x)))
-        x = x - step * min(1.0, 0.5 / max(np.abs(step[:free]).max(), 1e-9))
+        step = np.linalg.solve(information, slopes.T @ np.real(fit.residuals(x)))
+        x = x - step * min(1.0, MOST_STEP / max(np.abs(step[: fit.free]).max(), 1e-9))
         if np.abs(step).max() < SMALLEST_STEP:
             break
-    off = np.real(residuals(x))
-    n = len(unit)
-    fitted = np.vstack([poses[:1], x[:free].reshape(-1, 3)])
-    values[many] = x[free + 1 :].reshape(-1, 4)
-    misfit = np.zeros(len(groups))
-    np.add.at(misfit, np.array(many, int)[at], 0.5 * (off[:n] ** 2 + off[n : 2 * n] ** 2))
-    for number, group in enumerate(groups):
-        if number not in place_of:
-            values[number] = _first_values(scene, fitted, group)
-    nats = -0.5 * (off**2).sum() - 0.5 * (len(off) - size) + 0.5 * size * math.log(math.tau)
-    nats -= 0.5 * float(np.linalg.slogdet(information)[1])
-    nats -= (np.log(sigma) + 0.5 * math.log(math.tau)).sum()
-    for number in many:
-        group = groups[number]
-        nats += math.log(group.shape.share) if len(group.members) > 1 else 0.0
-        if number in crossed:
-            one, other = (values[at, 0] for at in crossed[number])
+    off = np.real(fit.residuals(x))
+    stand = np.vstack([poses[:1], x[: fit.free].reshape(-1, 3)])
+    values = np.array([_first_values(scene, stand, group) for group in groups])
+    values[fit.fitted] = x[fit.free + 1 :].reshape(-1, 4)
+    echoes = len(fit.unit)
+    misfit_nats = np.zeros(len(groups))
+    np.add.at(misfit_nats, fit.fitted[fit.mark], 0.5 * (off[:echoes] ** 2 + off[echoes : 2 * echoes] ** 2))
+    nats = -0.5 * (off**2).sum() - 0.5 * (len(off) - len(x)) + 0.5 * len(x) * math.log(math.tau)
+    nats -= 0.5 * float(np.linalg.slogdet(information)[1]) + (np.log(fit.sigma) + 0.5 * math.log(math.tau)).sum()
+    nats += _prior_nats(scene, stand, groups, values, crossings, {*fit.fitted.tolist()})
+    return float(nats), stand, values, misfit_nats
+
+
+class _Fit:
+    """Poses but u1's, the direction of square walls, and the values of those reflectors that several units hear or
+    that make a corner, all in a row; and what they are off, in sigmas.
+    """
+
+    def __init__(
+        self, scene: Scene, poses: np.ndarray, groups: Sequence[Group], crossings: Sequence[tuple[int, int, int]]
+    ) -> None:
+        in_crossing = {number for crossing in crossings for number in crossing}
+        fitted = [n for n, group in enumerate(groups) if len(group.members) > 1 or n in in_crossing]
+        place_of = {number: at for at, number in enumerate(fitted)}
+        members = [(unit, place_of[n], scene.echoes[unit][which]) for n in fitted for unit, which in groups[n].members]
+        self.first, self.free, self.is_square = poses[0], 3 * (len(poses) - 1), scene.is_square
+        self.fitted = np.array(fitted, int)  # numbers of groups
+        self.unit, self.mark = np.array([one[:2] for one in members], int).reshape(-1, 2).T
+        self.direction_rad = np.array([echo.direction_rad for _, _, echo in members])
+        self.range_m = np.array([echo.range_m for _, _, echo in members])
+        self.is_wall = np.array([groups[n].shape.is_wall for n in fitted], bool)
+        self.mean = np.array([groups[n].shape.mean for n in fitted]).reshape(-1, 2)
+        self.sigma = np.array([groups[n].shape.sigma for n in fitted]).reshape(-1, 2)
+        crossed = [[place_of[number] for number in one] for one in crossings]
+        self.corner, *self.walls = np.array(crossed, int).reshape(-1, 3).T
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Of directions and ranges, of k and r, of corners off their walls and walls that are not square."""
+        pose = np.concatenate([self.first + 0 * x[:3], x[: self.free]]).reshape(-1, 3)[self.unit]
+        marks = x[self.free + 1 :].reshape(-1, 4)
+        off_rad, off_m = self._of_echoes(pose, marks[self.mark])
+        known = ((marks[:, 2:] - self.mean) / self.sigma).ravel()
+        corner_m = [
+            marks[self.corner, 0] * np.cos(marks[wall, 0])
+            + marks[self.corner, 1] * np.sin(marks[wall, 0])
+            - marks[wall, 1]
+            for wall in self.walls
+        ]
+        square = np.sin(4 * (marks[self.is_wall, 0] - x[self.free])) / 4 / SQUARE_SIGMA_RAD
+        parts = [off_rad / DIRECTION_SIGMA_RAD, off_m / RANGE_SIGMA_M, known, *(m / CORNER_SIGMA_M for m in corner_m)]
+        return np.concatenate([*parts, square if self.is_square else square[:0]])
+
+    def _of_echoes(self, pose: np.ndarray, mark: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        wall, axis = self.is_wall[self.mark], pose[:, 2] + self.direction_rad
+        way = mark[:, :2] - pose[:, :2]
+        away = np.sqrt((way**2).sum(axis=1))
+        away = np.where(np.real(away) > NEAR_M, away, NEAR_M)
+        wall_m = mark[:, 1] - pose[:, 0] * np.cos(mark[:, 0]) - pose[:, 1] * np.sin(mark[:, 0])
+        across = (np.sin(axis) * way[:, 0] - np.cos(axis) * way[:, 1]) / away
+        range_m = np.where(wall, wall_m, mark[:, 2] * away - mark[:, 3])
+        return np.where(wall, np.sin(axis - mark[:, 0]), across), self.range_m - range_m
+
+
+def _prior_nats(
+    scene: Scene,
+    poses: np.ndarray,
+    groups: Sequence[Group],
+    values: np.ndarray,
+    crossings: Sequence[tuple[int, int, int]],
+    fitted: set[int],
+) -> float:
+    """How likely reflectors like these are beforehand; of those that are not fitted, the echo's evidence."""
+    crossed, nats = {number: walls for number, *walls in crossings}, 0.0
+    peak = 1 / (4 * math.sqrt(math.tau) * DIRECTION_SIGMA_RAD)  # of the direction of a wall that is square
+    for number, (group, value) in enumerate(zip(groups, values, strict=True)):
+        nats += math.log(group.shape.share if len(group.members) > 1 else ALONE_EACH)
+        square = scene.is_square and group.shape.is_wall
+        if number not in fitted:
+            density = WALL.share * peak + (1 - WALL.share) / math.tau if square else 1 / math.tau
+            nats += math.log(density / SPAN_M * math.tau * DIRECTION_SIGMA_RAD * RANGE_SIGMA_M)
+        elif number in crossed:
+            one, other = values[crossed[number], 0]
             nats += math.log(abs(math.sin(other - one))) - 2 * math.log(CORNER_SIGMA_M) - math.log(math.tau)
-            continue
-        nats -= math.log(SPAN_M)
-        if not group.shape.is_wall:
-            first = fitted[min(unit for unit, _ in group.members), :2]
-            nats -= math.log(math.tau) + math.log(max(math.hypot(*(values[number, :2] - first)), 0.02))
-        elif scene.is_square:
-            nats -= math.log(4) + math.log(SQUARE_SIGMA_RAD) + 0.5 * math.log(math.tau)
+        elif group.shape.is_wall:
+            nats -= math.log(SPAN_M)
+            nats -= math.log(4 * SQUARE_SIGMA_RAD * math.sqrt(math.tau)) if square else math.log(math.tau)
         else:
-            nats -= math.log(math.tau)
-    peak = 1 / (4 * math.sqrt(math.tau) * DIRECTION_SIGMA_RAD)
-    for number, group in enumerate(groups):
-        if number not in place_of:
-            square = scene.is_square and group.shape.is_wall
-            density = (WALL.share * peak + (1 - WALL.share) / math.tau if square else 1 / math.tau) / SPAN_M
-            nats += math.log(density * math.tau * DIRECTION_SIGMA_RAD * RANGE_SIGMA_M)
-    return float(nats), fitted, values, misfit
+            away_m = math.hypot(*(value[:2] - poses[min(unit for unit, _ in group.members), :2]))
+            nats -= math.log(SPAN_M * math.tau * max(away_m, NEAR_M))
+    return nats
 
 
 def _crossings(scene: Scene, groups: Sequence[Group], chosen: Sequence[int]) -> list[tuple[int, int, int]]:

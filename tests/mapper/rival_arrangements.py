@@ -157,6 +157,8 @@ def _shifts(scene: Scene) -> np.ndarray:
 
 def _candidates(scene: Scene) -> Iterator[tuple[int, tuple[int, ...], np.ndarray, list[Group]]]:
     """How many agreements less than in the truth, which units, by what they are moved, and what agrees then."""
+    if not scene.all:
+        return
     might, shifts, units = _hypotheses(scene), _shifts(scene), len(scene.poses)
     sets = [s for count in range(1, units) for s in combinations(range(1, units), count)]
     hear = {which: scene.hear(which) for which in scene.all}
