@@ -21,23 +21,29 @@ import numpy as np
 from mapper.arrangement import Echo, Reflector, Scene, nearest_heard_m
 from mapper.arrangement_worth import DIRECTION_SIGMA_RAD, RANGE_SIGMA_M
 from mapper.label_fit import wall_lines
-from mapper.rival_arrangements import rivals
+from mapper.rival_arrangements import Rival, rivals
 from mapper.room import LabelledSweep, Room
 
 LEAST_READINGS = 5  # by which a reflector is heard, in all sweeps of a unit
 LEAST_SHARED = 3
 MOST_SIGMA_M, MOST_SIGMA_RAD = 0.025, math.radians(1)
-LEAST_NATS = math.log(1000)
+MOST_ODDS = 1 / 1000
 
 
 def tellable(room: Room, poses: np.ndarray, surveyed: Sequence[LabelledSweep]) -> tuple[str, ...]:
     """The units after u1 whose places the room can tell, by name; ``poses`` (units, 3) are the true ones."""
     linked = _linked(room, poses, _all_heard(room, len(poses), surveyed))
-    odds = np.zeros(len(poses))
-    for rival in rivals(scene_of(room, poses, surveyed)):
-        odds[list(rival.units)] += math.exp(-rival.behind_nats)
-    told = [linked[number] and odds[number] < math.exp(-LEAST_NATS) for number in range(len(poses))]
+    elsewhere = odds_elsewhere(rivals(scene_of(room, poses, surveyed)), len(poses))
+    told = [linked[number] and elsewhere[number] < MOST_ODDS for number in range(len(poses))]
     return tuple(f"u{number + 1}" for number in range(1, len(poses)) if linked[0] and told[number])
+
+
+def odds_elsewhere(found: Sequence[Rival], units: int) -> np.ndarray:
+    """How likely each unit is where rivals have it, beside where it is, (units,)."""
+    odds = np.zeros(units)
+    for rival in found:
+        odds[list(rival.units)] += math.exp(-rival.behind_nats)
+    return odds
 
 
 def scene_of(room: Room, poses: np.ndarray, surveyed: Sequence[LabelledSweep]) -> Scene:
