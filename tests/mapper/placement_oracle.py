@@ -5,54 +5,58 @@ A unit's place can be told when
 - it is linked: of the reflectors that it hears, other units hear at least three, a corner between two walls that it
   hears not counted; and a fit of all poses and reflectors at once that is told every label, u1 fixed, knows its pose to
   half of what is wanted (2.5 cm and 1 degree, one sigma); and
-- it has no rival: at no other place in the room, with any heading, would it hear the same but for one discrepancy.
-  A discrepancy is a shared reflector without a counterpart there (within 3 cm and 4 degrees), or a wall there that it
-  should hear and does not. One discrepancy is a hidden wall, or a wall that nobody else has heard; two are not chance.
-  The rivals tried are all poses at which two of its echoes, not parallel, fall on two reflectors of the room.
+- the true arrangement of all units is a thousand times likelier than all those together that have it elsewhere
+  (``rival_arrangements``). These move any set of units as one, and may need any other room: it does not help a unit
+  that it fits its neighbours only where it is, if all of them fit the others elsewhere too.
 
-Nor can any place be told if u1, the only one whose pose is given, would not be found among the others.
-
-So rectangles, corridors and squares have rivals by their symmetry, nobody has to know it.
+So rectangles, corridors and squares have rivals by their symmetry, nobody has to know it. A move of u1 among the others
+is the move of all others, the other way round.
 """
 
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
-from mapper.fixed_units import BEARINGS_RAD
+from mapper.arrangement import Echo, Reflector, Scene, nearest_heard_m
+from mapper.arrangement_worth import DIRECTION_SIGMA_RAD, RANGE_SIGMA_M
 from mapper.label_fit import wall_lines
-from mapper.room import LONGEST_M, LabelledSweep, Room, distance_to_sides_m, inside
+from mapper.rival_arrangements import Rival, rivals
+from mapper.room import LabelledSweep, Room
 
 LEAST_READINGS = 5  # by which a reflector is heard, in all sweeps of a unit
 LEAST_SHARED = 3
 MOST_SIGMA_M, MOST_SIGMA_RAD = 0.025, math.radians(1)
-DIRECTION_SIGMA_RAD, RANGE_SIGMA_M = math.radians(1.1), 0.002  # of one reflector as one unit hears it
-ALIKE_M, ALIKE_RAD = 0.03, math.radians(4)
-ELSEWHERE_M, ELSEWHERE_RAD = 0.15, math.radians(6)
-MOST_DISCREPANCIES = 1
-SURE_REACH_M = 3.5  # within which a wall always answers
-CLEAR_OF_WALLS_M = 0.1
-
-Reflector = tuple[str, int]  # kind, number
-
-
-@dataclass(frozen=True)
-class Echo:
-    """Where a reflector is heard: its direction in the unit's frame, and its range."""
-
-    direction_rad: float
-    range_m: float
+MOST_ODDS = 1 / 1000
 
 
 def tellable(room: Room, poses: np.ndarray, surveyed: Sequence[LabelledSweep]) -> tuple[str, ...]:
     """The units after u1 whose places the room can tell, by name; ``poses`` (units, 3) are the true ones."""
-    heard = [_heard(room, surveyed, f"u{number}") for number in range(1, len(poses) + 1)]
-    linked = _linked(room, poses, heard)
-    told = [linked[number] and not _has_rival(room, pose, *_shared(heard, number)) for number, pose in enumerate(poses)]
-    return tuple(f"u{number + 1}" for number in range(1, len(poses)) if told[0] and told[number])
+    linked = _linked(room, poses, _all_heard(room, len(poses), surveyed))
+    elsewhere = odds_elsewhere(rivals(scene_of(room, poses, surveyed)), len(poses))
+    told = [linked[number] and elsewhere[number] < MOST_ODDS for number in range(len(poses))]
+    return tuple(f"u{number + 1}" for number in range(1, len(poses)) if linked[0] and told[number])
+
+
+def odds_elsewhere(found: Sequence[Rival], units: int) -> np.ndarray:
+    """How likely each unit is where rivals have it, beside where it is, (units,)."""
+    odds = np.zeros(units)
+    for rival in found:
+        odds[list(rival.units)] += math.exp(-rival.behind_nats)
+    return odds
+
+
+def scene_of(room: Room, poses: np.ndarray, surveyed: Sequence[LabelledSweep]) -> Scene:
+    """The room with all that the units hear for sure."""
+    echoes = []
+    for pose, heard in zip(poses, _all_heard(room, len(poses), surveyed), strict=True):
+        there = echoes_at(room, pose)
+        echoes.append({which: there[which] for which in heard if which in there})
+    return Scene(room, poses, echoes, nearest_heard_m(surveyed, len(poses)))
+
+
+def _all_heard(room: Room, units: int, surveyed: Sequence[LabelledSweep]) -> list[set[Reflector]]:
+    return [_heard(room, surveyed, f"u{number}") for number in range(1, units + 1)]
 
 
 def _heard(room: Room, surveyed: Sequence[LabelledSweep], unit: str) -> set[Reflector]:
@@ -72,12 +76,6 @@ def _heard(room: Room, surveyed: Sequence[LabelledSweep], unit: str) -> set[Refl
         if kind in ("corner", "edge") and {("wall", number), ("wall", (number - 1) % walls)} <= heard
     }
     return heard - implied
-
-
-def _shared(heard: Sequence[set[Reflector]], number: int) -> tuple[set[Reflector], set[Reflector]]:
-    """What a unit hears that others hear too, and all it hears."""
-    others = set().union(*(each for other, each in enumerate(heard) if other != number))
-    return heard[number] & others, heard[number]
 
 
 def _linked(room: Room, poses: np.ndarray, heard: Sequence[set[Reflector]]) -> list[bool]:
@@ -144,62 +142,3 @@ def echoes_at(room: Room, pose: np.ndarray) -> dict[Reflector, Echo]:
 def _echo(pose: np.ndarray, point: np.ndarray, factor: float = 1.0) -> Echo:
     way = point - pose[:2]
     return Echo(math.remainder(math.atan2(way[1], way[0]) - pose[2], math.tau), factor * math.hypot(*way))
-
-
-def _has_rival(room: Room, true: np.ndarray, shared: set[Reflector], heard: set[Reflector]) -> bool:
-    at_truth = echoes_at(room, true)
-    echoes = [at_truth[which] for which in heard if which in at_truth]
-    telling = [at_truth[which] for which in shared if which in at_truth]
-    return any(
-        _discrepancies(room, pose, telling, echoes) <= MOST_DISCREPANCIES
-        for pose in _candidates(room, telling)
-        if _is_elsewhere(pose, true)
-        and inside(pose[:2], room.vertices)
-        and distance_to_sides_m(pose[:2], room.vertices).min() > CLEAR_OF_WALLS_M
-    )
-
-
-def _is_elsewhere(pose: np.ndarray, true: np.ndarray) -> bool:
-    off_rad = abs(math.remainder(pose[2] - true[2], math.tau))
-    return math.hypot(*(pose - true)[:2]) > ELSEWHERE_M or off_rad > ELSEWHERE_RAD
-
-
-def _candidates(room: Room, echoes: Sequence[Echo]) -> list[np.ndarray]:
-    """Poses at which two of the echoes are of two walls of the room."""
-    lines = wall_lines(room)
-    poses = []
-    for first, second in permutations(echoes, 2):
-        for one, other in permutations(range(len(lines)), 2):
-            apart_rad = second.direction_rad - first.direction_rad
-            turned_rad = lines[other, 0] - lines[one, 0]
-            if abs(math.sin(turned_rad)) < 0.2 or abs(math.remainder(apart_rad - turned_rad, math.tau)) > ALIKE_RAD:
-                continue
-            normals = np.stack([np.cos(lines[[one, other], 0]), np.sin(lines[[one, other], 0])], axis=1)
-            place = np.linalg.solve(normals, lines[[one, other], 1] - (first.range_m, second.range_m))
-            poses.append(np.array([*place, lines[one, 0] - first.direction_rad]))
-    return poses
-
-
-def _discrepancies(room: Room, pose: np.ndarray, telling: Sequence[Echo], echoes: Sequence[Echo]) -> int:
-    """Echoes that have no counterpart at ``pose``, and walls there, in plain sight, that have none among the echoes."""
-    there = echoes_at(room, pose)
-    count = sum(not any(_are_alike(one, other) for other in there.values()) for one in telling)
-    for (kind, _), echo in there.items():
-        due = kind == "wall" and echo.range_m < min(SURE_REACH_M, LONGEST_M)
-        due = due and abs(echo.direction_rad) < BEARINGS_RAD[-1] and _is_in_sight(room, pose, echo)
-        count += due and not any(_are_alike(one, echo) for one in echoes)
-    return int(count)
-
-
-def _are_alike(one: Echo, other: Echo) -> bool:
-    off_rad = abs(math.remainder(one.direction_rad - other.direction_rad, math.tau))
-    return abs(one.range_m - other.range_m) < ALIKE_M and off_rad < ALIKE_RAD
-
-
-def _is_in_sight(room: Room, pose: np.ndarray, echo: Echo) -> bool:
-    """Whether no wall and no cylinder stands between."""
-    bearing_rad = pose[2] + echo.direction_rad
-    towards = np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
-    points = pose[:2] + np.linspace(0, 0.98 * echo.range_m, 40)[:, None] * towards
-    clear = all(inside(point, room.vertices) for point in points)
-    return clear and all(np.hypot(*(points - (x, y)).T).min() > radius for x, y, radius in room.cylinders)

@@ -14,6 +14,7 @@ from noctule_mapper.placement.silence import (
     WALL_SILENT,
     is_silent,
     point_at,
+    point_silent,
     side,
     silent_beyond,
     unit_vector,
@@ -34,10 +35,10 @@ def joint_silence_nats(units: Sequence[PlacedUnit], groups: Sequence[Members], m
 
 def _silent_chance(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks) -> np.ndarray:
     """The chance of each landmark's silences, (w + p,). A wall ends before the first that did not hear it; one silence
-    of a point makes the next likelier (Laplace's rule).
+    of a point makes the next likelier.
     """
-    walls, count = len(marks.alpha_rad), len(units)
-    deaf = np.ones((count, len(groups)), bool)
+    walls = len(marks.alpha_rad)
+    deaf = np.ones((len(units), len(groups)), bool)
     for number, group in enumerate(groups):
         deaf[[unit for unit, _ in group], number] = False
     deaf = deaf[:, marks.group]
@@ -53,10 +54,7 @@ def _silent_chance(units: Sequence[PlacedUnit], groups: Sequence[Members], marks
         bearing_rad, point_m = point_at(marks, one.pose[:2])
         times += is_silent(one.view, bearing_rad - one.pose[2], point_m) & misses[walls:]
     of_wall = silent_beyond(ends_m[0]) * silent_beyond(ends_m[1]) * WALL_SILENT[0] ** inside
-    before = np.arange(count)
-    each = (before + 0.5) / (before + marks.heard_by[walls:, None] + 1)
-    of_point = np.where(before < times[:, None], each, 1.0).prod(axis=1)
-    return np.concatenate([of_wall, of_point])
+    return np.concatenate([of_wall, point_silent(times, marks.heard_by[walls:])])
 
 
 def _through_walls(units: Sequence[PlacedUnit], marks: Landmarks) -> int:

@@ -19,6 +19,7 @@ from noctule_mapper.placement.unit_views import UnitView
 _MOST_ROUNDS = 3
 _TRIED_BELOW_NATS = 6.0  # what the one unit makes of a move and what all make of it differ by less, mostly
 _LEAST_GAIN_NATS = 0.3  # of a move
+_MOST_HELD, _HELD_BELOW_NATS = 2, 25.0  # places of one unit at which others may follow it
 
 
 def improved(hypothesis: Hypothesis, views: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
@@ -50,8 +51,7 @@ def _moves(placed: Sequence[PlacedUnit], view: UnitView, fixed: int, pairs: Pair
     here, elsewhere = _standings(placed, view, around, pairs)
     here_nats = max((one.worth_nats for one in here), default=0.0)
     if elsewhere and elsewhere[0].worth_nats > here_nats - _TRIED_BELOW_NATS:
-        new = [*around.units, PlacedUnit(view, elsewhere[0].pose, elsewhere[0].covariance)]
-        yield tuple(adjusted(new, grouped(new, around.groups, len(around.units), around.marks), fixed))
+        yield around.with_unit(view, elsewhere[0], fixed)
     if len(placed) > len(around.units) > 1 and here_nats < _TRIED_BELOW_NATS:
         yield tuple(adjusted(around.units, around.groups, fixed))
 
@@ -66,6 +66,26 @@ def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float
     return float(max((one.worth_nats for one in here), default=-np.inf) - below)
 
 
+def margin_held(
+    placed: Sequence[PlacedUnit], view: UnitView, views: Sequence[UnitView], fixed: int, pairs: Pairs
+) -> float:
+    """By how much the arrangement is worth more than with the unit held elsewhere, after each other of ``views`` has
+    gone where all are worth more then; in nats. In a room that looks alike from several sides the search follows only a
+    few of the many arrangements, and may have none of these.
+    """
+    around = _others(placed, view.unit)
+    here, elsewhere = _standings(placed, view, around, pairs)
+    least_nats = max((one.worth_nats for one in here), default=0.0) - _HELD_BELOW_NATS
+    rest = [one for one in views if one.unit != view.unit]
+    rival_nats = -np.inf
+    for other in elsewhere[:_MOST_HELD]:
+        if other.worth_nats > least_nats:
+            held = around.with_unit(view, other, fixed)
+            rival = improved(Hypothesis(held, (), (), joint_nats(held, fixed)), rest, fixed, pairs)
+            rival_nats = max(rival_nats, rival.worth_nats)
+    return joint_nats(placed, fixed) - rival_nats
+
+
 @dataclass(frozen=True, eq=False)  # of arrays
 class _Others:
     """All units but one, and what they hear together."""
@@ -73,6 +93,11 @@ class _Others:
     units: list[PlacedUnit]
     groups: tuple[Members, ...]
     marks: Landmarks
+
+    def with_unit(self, view: UnitView, at: Standing, fixed: int) -> tuple[PlacedUnit, ...]:
+        """All units, adjusted together but for the first ``fixed``, with the one where it may stand."""
+        units = [*self.units, PlacedUnit(view, at.pose, at.covariance)]
+        return tuple(adjusted(units, grouped(units, self.groups, len(self.units), self.marks), fixed))
 
 
 def _others(placed: Sequence[PlacedUnit], unit: str) -> _Others:

@@ -15,7 +15,7 @@ from noctule_mapper.placement.hypotheses import Hypothesis, is_same
 from noctule_mapper.placement.hypothesis_worth import settled
 from noctule_mapper.placement.joint_search import search
 from noctule_mapper.placement.landmarks import landmarks_of
-from noctule_mapper.placement.one_by_one import margin_alone
+from noctule_mapper.placement.one_by_one import margin_alone, margin_held
 from noctule_mapper.placement.pairs import Pairs
 from noctule_mapper.placement.pose_adjustment import grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
@@ -74,6 +74,9 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
             continue
         is_right = _stands_out(margin_nats, alone_nats[view.unit], wanted_nats)
         is_tied = _stands_out(margin_nats, tied_nats[view.unit], wanted_nats)
+        if is_right and is_tied and _is_known(at.covariance):
+            margin_nats = min(margin_nats, margin_held(placed, view, unknown, len(known), pairs))
+            is_right = _stands_out(margin_nats, min(alone_nats[view.unit], tied_nats[view.unit]), wanted_nats)
         if is_right and is_tied and _is_known(at.covariance):
             found.append(FoundPose(view.unit, at.pose, at.covariance))
         else:
