@@ -23,7 +23,7 @@ test: packages-test setup firmware kernels
 BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py
 
 soak: packages-test setup firmware kernels
-	pytest -m soak --timeout 1800 --numprocesses 2 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
+	pytest -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
 	pytest -m soak --timeout 1800 $(BY_THE_CLOCK)
 
 bench: packages-test setup firmware
