@@ -52,6 +52,7 @@ class SiteProcess:
         context: ForkServerContext,
         hangs_after_s: float = HANGS_AFTER_S,
         starts_within_s: float = STARTS_WITHIN_S,
+        *,
         last_contour: Callable[[str], bytes] = lambda _site: b"",
     ) -> None:
         """``last_contour`` gives the last contour of a site, as in LiveSettings."""
