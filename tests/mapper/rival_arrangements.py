@@ -50,12 +50,12 @@ def rivals(scene: Scene, most: int = MOST_WEIGHED) -> list[Rival]:
         if key not in best or fewer < best[key][0]:
             best[key] = fewer, shift, groups
     ranked = sorted(best.items(), key=lambda one: (one[1][0], len(one[0][0])))
-    truth_nats = worth_nats(scene, scene.poses, true_groups(scene))
+    truth_nats = worth_nats(scene, scene.poses, true_groups(scene))[0]
     found = []
     for (chosen, _), (_, shift, groups) in ranked[:most]:
         poses = scene.poses.copy()
         poses[list(chosen)] = moved(shift, poses[list(chosen)])
-        found.append(Rival(chosen, shift, truth_nats - worth_nats(scene, poses, groups, chosen)))
+        found.append(Rival(chosen, shift, truth_nats - worth_nats(scene, poses, groups, chosen)[0]))
     return sorted(found, key=lambda one: one.behind_nats)
 
 
