@@ -2,8 +2,8 @@
 
 A fault that begins without changing what the unit hears can't be told by any detector. So where the physics of a room
 leaves nothing to hear of a fault, None is given in place of its sweeps: an arc that looks at too few reflectors, a
-motion that changes ranges no more than warmer air does, slips that sound like a turn. The rules are of the room and the
-fault alone.
+motion that changes ranges no more than warmer air does, slips that sound like a turn. The rules know the room, the
+fault and, of slips, the readings; they ask no detector.
 """
 
 import math

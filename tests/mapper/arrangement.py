@@ -60,6 +60,7 @@ class Scene:
         quarter = room.interior_rad / (np.pi / 2)
         self.is_square = bool(np.allclose(quarter, np.round(quarter), atol=1e-6))
         self.all = sorted(set().union(*echoes))
+        self._hearers = {which: tuple(unit for unit, own in enumerate(echoes) if which in own) for which in self.all}
 
     def shape_of(self, which: Reflector) -> Shape:
         kind, number = which
@@ -70,7 +71,7 @@ class Scene:
         return ACUTE if self.room.interior_rad[number] < np.pi / 2 - 1e-6 else CORNER
 
     def hear(self, which: Reflector) -> tuple[int, ...]:
-        return tuple(unit for unit, own in enumerate(self.echoes) if which in own)
+        return self._hearers[which]
 
 
 def true_groups(scene: Scene) -> list[Group]:

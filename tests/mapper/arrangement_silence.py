@@ -13,7 +13,7 @@ from mapper.arrangement import WALL, Group, Scene
 
 BEYOND_M = (0.0, 0.06, 0.25, 0.56, 1.1, 2.0, 3.0)
 WALL_SILENT = (0.02, 0.04, 0.13, 0.29, 0.49, 0.77, 0.86)
-POINT_SHARES, POINT_SILENT = np.array([1.0, 0.1]), np.array([0.045, 0.8])  # most answer always, a few hardly ever
+POINT_SHARES, POINT_SILENT = np.array([1.0, 0.1]), np.array([0.045, 0.8])  # most nearly always answer, a few rarely
 NEAREST_M, REACH_M, HEARD_M = 0.1, 3.5, 0.06  # between which a wall always answers, and what is heard at its range
 BLIND_M, STUB_M = 0.25, 0.06  # at the end of a sound's way, and of wall beside each foot
 THROUGH_NATS = 7.0

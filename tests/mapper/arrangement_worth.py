@@ -1,4 +1,4 @@
-"""What an arrangement of units is worth: the chance of all that they hear together, in nats, but for what all
+"""What an arrangement of units is worth: the chance of all that they hear together, in nats, apart from what all
 arrangements have in common.
 
 - A least-squares fit of all poses and reflectors, and the integral about it (Laplace's approximation). Each reflector
@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from mapper.arrangement import WALL, Group, Reflector, Scene, point_of, wrapped
+from mapper.arrangement import WALL, Group, Scene, point_of, wrapped
 from mapper.arrangement_silence import silence_nats
 from mapper.label_fit import slopes_of
 
@@ -27,28 +27,28 @@ WEAK, NEAR_M = 1e-4, 0.02
 MOST_MISFIT_NATS = 8.0  # of a group's echoes, after the fit
 
 
-def worth_nats(scene: Scene, poses: np.ndarray, groups: Sequence[Group], chosen: Sequence[int] = ()) -> float:
-    """The log of the chance of all echoes, but for what all arrangements have in common; ``chosen`` are moved. Groups
-    that do not fit are taken apart.
+def worth_nats(
+    scene: Scene, poses: np.ndarray, groups: Sequence[Group], chosen: Sequence[int] = ()
+) -> tuple[float, np.ndarray]:
+    """The log of the chance of all echoes, apart from what all arrangements have in common, and the fitted poses
+    (n, 3); ``chosen`` are moved. There is at least one group. Groups that do not fit are taken apart, the worst first.
     """
-    for _ in range(4):
+    while True:  # each round adds a group, until every echo is alone
         nats, fitted, values, misfit_nats = _evidence(scene, poses, groups, chosen)
-        worst = int(np.argmax(misfit_nats)) if len(misfit_nats) else -1
-        if worst < 0 or misfit_nats[worst] < MOST_MISFIT_NATS:
-            break
-        groups = [*groups[:worst], *_apart(scene, groups[worst]), *groups[worst + 1 :]]
-    return nats - silence_nats(scene, fitted, groups, values)
+        misfit_nats[[len(group.members) == 1 for group in groups]] = 0  # these cannot be taken apart
+        worst = int(np.argmax(misfit_nats))
+        if misfit_nats[worst] < MOST_MISFIT_NATS:
+            return nats - silence_nats(scene, fitted, groups, values), fitted
+        groups = [*groups[:worst], *_apart(scene, groups[worst], chosen), *groups[worst + 1 :]]
 
 
-def _apart(scene: Scene, group: Group) -> list[Group]:
-    by_label: dict[Reflector, list[tuple[int, Reflector]]] = {}
-    for unit, which in group.members:
-        by_label.setdefault(which, []).append((unit, which))
-    if len(by_label) > 1:
-        return [
-            Group(scene.shape_of(which), tuple(members), which, which != group.which)
-            for which, members in by_label.items()
-        ]
+def _apart(scene: Scene, group: Group, chosen: Sequence[int]) -> list[Group]:
+    """What the units that moved hear, and what the others hear; if only one of these hears the group, each echo alone.
+    On either side all echoes have one label.
+    """
+    sides = [(is_moved, tuple(m for m in group.members if (m[0] in chosen) == is_moved)) for is_moved in (False, True)]
+    if all(members for _, members in sides):
+        return [Group(scene.shape_of(members[0][1]), members, members[0][1], is_moved) for is_moved, members in sides]
     return [Group(group.shape, (one,), group.which, group.is_moved) for one in group.members]
 
 
@@ -111,7 +111,7 @@ class _Fit:
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of directions and ranges, of k and r, of corners off their walls and walls that are not square."""
-        pose = np.concatenate([self.first + 0 * x[:3], x[: self.free]]).reshape(-1, 3)[self.unit]
+        pose = np.concatenate([self.first, x[: self.free]]).reshape(-1, 3)[self.unit]
         marks = x[self.free + 1 :].reshape(-1, 4)
         off_rad, off_m = self._of_echoes(pose, marks[self.mark])
         known = ((marks[:, 2:] - self.mean) / self.sigma).ravel()

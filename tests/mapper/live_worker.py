@@ -26,10 +26,11 @@ def made_worker(
     set_aside: Callable[[SweepReadings, Exception], None] = lambda *_: None,
     troubles: Troubles | None = None,
     fit_turn: AbstractContextManager[None] | None = None,
+    wait_out_pause: Callable[[], None] | None = None,
 ) -> MapWorker:
     """A worker for the paper's room."""
     told = troubles or Troubles(NoLog().show_event)
-    return MapWorker(config or LiveConfig(), "paper-room", "mapper", show, set_aside, told, fit_turn)
+    return MapWorker(config or LiveConfig(), "paper-room", "mapper", show, set_aside, told, fit_turn, wait_out_pause)
 
 
 class Watched:

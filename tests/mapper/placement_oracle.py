@@ -5,9 +5,10 @@ A unit's place can be told when
 - it is linked: of the reflectors that it hears, other units hear at least three, a corner between two walls that it
   hears not counted; and a fit of all poses and reflectors at once that is told every label, u1 fixed, knows its pose to
   half of what is wanted (2.5 cm and 1 degree, one sigma); and
-- the true arrangement of all units is a thousand times likelier than all those together that have it elsewhere
-  (``rival_arrangements``). These move any set of units as one, and may need any other room: it does not help a unit
-  that it fits its neighbours only where it is, if all of them fit the others elsewhere too.
+- the true arrangement of all units is a thousand times likelier than all rivals together that have it elsewhere
+  (``rival_arrangements``). A rival moves any set of units as one, and may need any other room: it does not help a unit
+  that it fits its neighbours only where it is, if all of them fit the others elsewhere too. Weighed are at most 60
+  rivals, of one rigid motion each, that lose at most two agreements; others are taken for unlikely.
 
 So rectangles, corridors and squares have rivals by their symmetry, nobody has to know it. A move of u1 among the others
 is the move of all others, the other way round.

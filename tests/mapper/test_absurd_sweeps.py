@@ -149,6 +149,7 @@ def test_a_grid_that_sweeps_at_the_edge_of_what_is_allowed_come_to_and_leave_is_
     mapper.draw_grid()  # from here on it goes along with every sweep, as it does live
     for number, sweep in enumerate(sweeps):
         mapper.register_sweep(replace(sweep, identity=("log", number)))
+    bounds.check(contour_message(mapper.contour(), "s"))  # its note tells of sweeps that the grid has no room for
     for number in range(len(sweeps)):
         mapper.remove_sweep(("log", number))
     assert mapper.grid.tiles() == []

@@ -6,13 +6,16 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+import pytest
 import zenoh
+from mapper.live_site import paper_survey
 from system.processes import free_ports, wait_until
 
 from noctule import bus, keys
 from noctule.bus import StatePublisher
 from noctule.client import Client
-from noctule.messages_pb2 import Contour
+from noctule.messages_pb2 import Contour, ServiceStatus
+from noctule.replay import Replay
 from noctule.systemd import SOCKET_VARIABLE, ServiceManager
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.map_process import run_map
@@ -56,19 +59,36 @@ def test_a_site_is_seen_to_be_mapped_before_the_second_in_which_statuses_come(tm
         wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
 
 
-def test_the_heir_of_a_site_shows_its_last_contour_at_once_as_its_own_and_refuses_what_is_none(tmp_path: Path) -> None:
-    left = Contour(site="room", mapper="killed", version=41, sweeps=44, note="echoes from 2 places")
+LEFT = Contour(site="room", mapper="killed", version=41, sweeps=44, note="echoes from 2 places")
+
+
+def test_the_heir_of_a_site_shows_its_last_contour_at_once_as_its_own_until_it_has_sweeps(tmp_path: Path) -> None:
+    statuses = list[ServiceStatus]()
     with (
-        on_a_bus(tmp_path / "heir", left.SerializeToString()) as router,
+        on_a_bus(tmp_path, LEFT.SerializeToString(), threading.Event()) as router,
         Client("room", session=router) as client,
+        closing(Replay(router, "room")) as replay,
     ):
+
+        def sweeps_shown() -> int | None:
+            return None if (contour := client.contour()) is None else contour.sweeps
+
+        client.on_service_status(statuses.append)
         shown = wait_until(client.contour, "the last contour is not shown", within_s=60)
         assert (shown.mapper, shown.version) == ("mapper", 1)
-        shown.mapper, shown.version = left.mapper, left.version
-        assert shown == left
-    with on_a_bus(tmp_path / "other", b"no contour") as router, Client("room", session=router) as client:
-        wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
-        assert client.contour() is None
+        shown.mapper, shown.version = LEFT.mapper, LEFT.version
+        assert shown == LEFT
+        wait_until(lambda: statuses and statuses[-1].counters["contours"], "an empty map is not fitted", within_s=60)
+        assert sweeps_shown() == LEFT.sweeps
+        replay.run(paper_survey()[:3], speed=None)
+        wait_until(lambda: sweeps_shown() == 3, "the last contour stays", within_s=60)
+
+
+@pytest.mark.parametrize("left", [b"no contour", Contour(site="hall", sweeps=44).SerializeToString()])
+def test_the_heir_of_a_site_shows_no_last_contour_that_is_none_or_of_another_site(tmp_path: Path, left: bytes) -> None:
+    with on_a_bus(tmp_path, left, threading.Event()) as router, Client("room", session=router) as client:
+        shown = wait_until(client.contour, "its own is not shown", within_s=60)
+        assert (shown.site, shown.version, shown.sweeps) == ("room", 1, 0)
 
 
 def test_the_last_contour_of_a_site_is_known_whether_it_came_before_or_later(sessions) -> None:
@@ -85,12 +105,12 @@ def test_the_last_contour_of_a_site_is_known_whether_it_came_before_or_later(ses
 
 
 @contextmanager
-def on_a_bus(data: Path, last_contour: bytes = b"") -> Iterator[zenoh.Session]:
-    """The mapper of a site, and its router."""
+def on_a_bus(data: Path, last_contour: bytes = b"", stop: threading.Event | None = None) -> Iterator[zenoh.Session]:
+    """The mapper of a site, and its router. The mapper publishes one status only where ``stop`` is left out."""
     (port,) = free_ports(1)
     nursery = Nursery(run_map)  # before there is a session
     with bus.open_session(listen=[f"tcp/127.0.0.1:{port}"]) as router:
-        stop = NoSecondPasses()
+        stop = stop or NoSecondPasses()
         where = ("room", "mapper", data, [f"tcp/127.0.0.1:{port}"], None, LiveConfig())
         mapping = threading.Thread(target=run, args=(LiveSettings(*where, last_contour=last_contour), stop, nursery))
         mapping.start()

@@ -123,6 +123,25 @@ def test_a_fit_that_waited_for_its_turn_rests_on_the_sweeps_that_came_meanwhile(
     assert states.get(timeout=PATIENCE_S).contour.sweeps == 7
 
 
+def test_in_a_pause_sweeps_are_taken_and_none_is_put_on_the_map(survey: list[SweepReadings]) -> None:
+    pauses, goes_on = threading.Event(), threading.Event()
+    states: queue.Queue[MapState] = queue.Queue()
+
+    def wait_out_pause() -> None:
+        pauses.set()
+        assert goes_on.wait(PATIENCE_S)
+
+    worker = made_worker(states.put, wait_out_pause=wait_out_pause)
+    worker.start()
+    worker.take((), survey[:3])
+    assert pauses.wait(PATIENCE_S)
+    worker.take((), survey[3:6])
+    assert worker.counters()["sweeps_waiting"] == 6
+    assert all(worker.makes_progress() for _ in range(1000))  # looks of one second
+    goes_on.set()
+    assert states.get(timeout=PATIENCE_S).contour.sweeps == 6
+
+
 def test_the_delay_of_a_contour_begins_when_its_oldest_sweep_came_to_the_service(survey: list[SweepReadings]) -> None:
     worker = made_worker(lambda _: None)
     worker.take((), survey[:3], monotonic() - 1000.0)

@@ -1,15 +1,30 @@
-"""The process above a site's mapper: it kills one that hangs, and none that was stopped together with itself."""
+"""The process above a site's mapper: it kills one that hangs, and none that was stopped together with itself. All fits
+pause for a site that it takes over.
+"""
 
+import os
+import signal
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import psutil
 from mapper.live_site import SITE, live_site
-from system.processes import ROOT, Programs, free_ports, programs, wait_until
+from system.processes import PATIENCE_S, ROOT, Programs, free_ports, programs, wait_until
 from system.test_shared_operations import maps_a_site
 
+from noctule import keys
+from noctule.bus import StatePublisher
+from noctule.logs import LogFormat
 from noctule.messages_pb2 import ServiceStatus
+from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.service import LiveSettings
+from noctule_mapper.sharing import service
+from noctule_mapper.sharing.offers import Offers
+from noctule_mapper.sharing.site_process import SiteProcess, forking_context
 
 HANGS_AFTER_S, NEVER_S = 6.0, 1e6  # six pings
 KILLED = "it is killed"
@@ -53,6 +68,37 @@ def test_a_pause_of_all_processes_kills_no_mapper_and_a_mapper_that_alone_is_sto
         before = len(said)
         wait_until(lambda: starts() == 2 and len(said) > before + 1, "the mapper that hangs is not replaced")
         assert site.running.log("keeper").count(KILLED) == 1
+
+
+def test_fits_pause_for_a_takeover_and_for_no_site_that_another_maps_or_that_failed(sessions, tmp_path: Path) -> None:
+    paused, other = tmp_path / "fit-pause", StatePublisher(sessions[1], keys.service_status(SITE, "m2"), ServiceStatus)
+    other.put(ServiceStatus(site=SITE, name="m2", role="mapper"))
+    nobody = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    settings = LiveSettings(SITE, "m1", tmp_path / SITE, [nobody], None, LiveConfig())
+    with (
+        closing(Offers(sessions[0], "m1", [SITE], threading.Event())) as offers,
+        ThreadPoolExecutor(1) as starts,
+        ExitStack() as ending,
+    ):
+        site = SiteProcess(settings, LogFormat.TEXT, forking_context())
+        ending.callback(lambda: site.wait(time.monotonic() + PATIENCE_S))
+        ending.callback(site.end)
+
+        def maps() -> int | None:
+            service._step([site], offers, sessions[0], "m1", starts, tmp_path)
+            return site.pid
+
+        wait_until(lambda: service.other_mappers(sessions[0], [SITE], but="m1") == {SITE: "m2"}, "m2 is not known")
+        assert maps() is None
+        assert not paused.exists()
+        other.close()
+        pid = wait_until(maps, "the site is not taken over")
+        assert paused.exists()
+        paused.unlink()
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: maps() not in (None, pid), "the site's mapper is not started again")
+        assert site.failed == 1
+        assert not paused.exists()
 
 
 def test_a_mapper_that_hangs_as_it_begins_is_replaced(tmp_path: Path) -> None:

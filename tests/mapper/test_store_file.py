@@ -1,5 +1,7 @@
 """The file of the mapper's store: damage, other versions, kills and power cuts, checks and copies."""
 
+import errno
+import os
 import re
 import shutil
 import sqlite3
@@ -15,6 +17,7 @@ from mapper.stored_sweeps import LOG, cursor, sequences, sweep
 from noctule.elapsed import Instant
 from noctule_mapper.cli import main
 from noctule_mapper.config import Window
+from noctule_mapper.live import newest_commit
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
 
@@ -144,8 +147,11 @@ def test_a_store_without_its_newest_commits_is_not_sound_and_is_rebuilt(
         flipped[place] ^= 4
         (folder / f"{path.name}-wal").write_bytes(flipped)
         main_of(["check", str(folder)], status=1)
-        assert "are gone\n" in capsys.readouterr().out or place == 8
-        spoiled = SweepStore(folder / path.name, Window())
+        said = "in database main" if place == 8 else "its newest commits are gone"  # without the -wal pages differ
+        assert said in capsys.readouterr().out, place
+        spoiled, killed = SweepStore(folder / path.name, Window()), tmp_path / f"killed after the rebuild of {place}"
+        shutil.copytree(folder, killed)
+        assert SweepStore(killed / path.name, Window()).damage == ""
         assert spoiled.damage
         assert spoiled.cursors() == {}, place  # all is read again
         assert spoiled.next_contour_version() > numbered
@@ -155,6 +161,35 @@ def test_a_store_without_its_newest_commits_is_not_sound_and_is_rebuilt(
         again = SweepStore(folder / path.name, Window())
         assert again.damage == ""
         again.close()
+
+
+def test_a_store_is_sound_and_goes_on_though_its_newest_commit_can_not_be_noted(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = tmp_path / "not mounted"
+    newest_commit.beside(path).symlink_to(folder / "newest")
+    store = SweepStore(path, Window())
+    for number in (1, 2):
+        assert store.commit([sweep(number)], [cursor(number)]).entered == (sweep(number),)
+    assert [message.split(":")[0] for message in caplog.messages] == [
+        f"the newest commit of {path} can't be noted beside it"
+    ]
+    folder.mkdir()
+    numbered = store.next_contour_version()
+    noted = newest_commit.read(path)
+    assert noted is not None
+    assert noted.contours >= numbered
+    with monkeypatch.context() as full:
+        full.setattr("os.pwrite", refuse)
+        store.close()  # which would give back the numbers that no contour bears
+    reopened = SweepStore(path, Window())
+    assert (reopened.damage, sequences(reopened)) == ("", [1, 2])
+    assert reopened.next_contour_version() > numbered
+    reopened.close()
+
+
+def refuse(*_: object) -> int:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_a_store_whose_wal_holds_all_of_it_is_not_taken_for_a_new_one_after_a_flip(

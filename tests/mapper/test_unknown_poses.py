@@ -127,6 +127,12 @@ def test_no_pose_is_found_at_a_wrong_place() -> None:
 
 
 @pytest.mark.soak
+def test_a_unit_that_would_stand_elsewhere_if_the_others_followed_it_stays_open() -> None:
+    """A rectangle in which u4 was found at a wrong place before arrangements were challenged."""
+    assert unknown(102_008).outcome.wrong == ()
+
+
+@pytest.mark.soak
 def test_nine_of_ten_found_poses_are_within_5_cm_and_2_degrees() -> None:
     right, inexact = (sum(len(getattr(one.outcome, kind)) for one in rooms()) for kind in ("right", "inexact"))
     assert inexact <= 0.1 * (right + inexact)
@@ -134,7 +140,9 @@ def test_nine_of_ten_found_poses_are_within_5_cm_and_2_degrees() -> None:
 
 @pytest.mark.soak
 def test_most_of_the_units_whose_places_the_room_can_tell_are_found() -> None:
-    """Nine of ten are wanted; 52 of 61 were found in other rooms, LEAST_FOUND leaves room for chance."""
+    """Nine of ten are wanted; 110 of 142 were found in other rooms (accuracy.md). LEAST_FOUND leaves room
+    for chance.
+    """
     due = sum(len(one.tellable) for one in rooms())
     found = sum(len(set(one.outcome.right) & set(one.tellable)) for one in rooms())
     assert found >= LEAST_FOUND * due

@@ -328,6 +328,14 @@ def test_a_history_that_nobody_has_or_whose_gateway_goes_away_is_an_error_and_no
         list(client.history("u1"))
 
 
+def test_that_nobody_serves_a_unit_is_said_also_where_the_folder_of_the_certificate_has_gone(open_session, tmp_path):
+    with (
+        Client("room", session=open_session(), tls_folder=tmp_path / "gone") as client,
+        pytest.raises(NotServedError, match="no gateway serves unit 'u1'"),
+    ):
+        list(client.history("u1"))
+
+
 def test_an_error_of_a_log_is_raised_with_its_reason(client, far):
     far.answer(keys.log("room", "u1"), lambda query: query.reply_err(b"disk full"), client.session)
     with pytest.raises(BusError, match=r"@log.*disk full"):

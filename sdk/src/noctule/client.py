@@ -14,7 +14,7 @@ from google.protobuf.message import Message
 
 from noctule import bus, caller, keys, tls
 from noctule.delivery import Delivery
-from noctule.errors import BusError, KeyFormatError, NotServedError
+from noctule.errors import BusError, KeyFormatError, NotServedError, TlsError
 from noctule.intake import Intake
 from noctule.messages_pb2 import (
     CommandReply,
@@ -242,7 +242,10 @@ class Client:
         self._pose_publishers[unit].put(pose.SerializeToString())
 
     def _not_served(self, unit: str) -> NotServedError:
-        identity = tls.chosen(self._tls_folder)
+        try:
+            identity = tls.chosen(self._tls_folder)
+        except TlsError:  # its folder was altered after the session began, which does not matter here
+            identity = None
         hidden = f", or ask whether the routers let {identity.common_name} see it" if identity else ""
         return NotServedError(
             f"no gateway serves unit {unit!r} of site {self.site!r}: start it, or correct the name{hidden}"

@@ -3,7 +3,7 @@ and in the contour.
 
 Each process writes a file into the folder that BENCH_TIMES names, SITE.PID, with a line for each sweep:
 ``s DELIVERED_NS UNIT LOG_SEQUENCE START_NS``, and ``c SHOWN_NS START_NS`` when it is in a published contour. A
-contour is ``p SHOWN_NS``.
+contour with sweeps is ``p SHOWN_NS``; the first may be the last one of the mapper before.
 """
 
 import os
@@ -61,7 +61,8 @@ def _note_times(file: TextIO) -> None:
 
     def timed_contour(self: MapPublisher, contour: Contour) -> None:
         publish_contour(self, contour)
-        file.write(f"p {time.time_ns()}\n")
+        if contour.sweeps:
+            file.write(f"p {time.time_ns()}\n")
 
     SweepIntake.deliver, MapPublisher.publish_map = timed_deliver, timed_publish
     MapPublisher.publish_contour = timed_contour

@@ -40,7 +40,7 @@ class BearingsOff:
 
 def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) -> BearingsOff | None:
     """None where none of the three explains the sweeps. Of the past, ``heard_share`` is the mean share of bearings that
-    answer; ``usual_fit`` is in nats a reading, but for echoes alone.
+    answer; ``usual_fit`` is in nats a reading, without echoes that are alone.
     """
     one, two = turned(tables), with_play(tables)
     plays = two.between >= _LEAST_OFF and two.gain - one.gain >= _PLAY_NATS

@@ -26,14 +26,14 @@ def stay_fit(sweep: Readings, past: Past) -> float:
 
 
 def usual_fit(past: Past) -> float:
-    """Mean log likelihood of the past's own readings, but for echoes alone."""
+    """Mean log likelihood of the past's own readings, without echoes that are alone."""
     nats = [
         math.log(likelihood(past, n, range_m))
         for row in past.rows
         for n, (range_m, alone) in enumerate(zip(row, alone_in(row), strict=True))
         if not alone
     ]
-    return sum(nats) / len(nats)
+    return sum(nats) / len(nats) if nats else 0.0  # of a past of nothing else no sweep fits as well as usual
 
 
 def alone_in(range_m: Sequence[float]) -> list[bool]:

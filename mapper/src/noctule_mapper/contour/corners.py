@@ -172,6 +172,13 @@ def _parts(corner: Crossing, direction_rad: np.ndarray, data: Evidence, config: 
     return before[0] & before[1] & (normal @ corner.point > rho_m + config.beam.behind_m)
 
 
+def is_known(fit: Fit, link: Link, config: RefinementConfig) -> bool:
+    """Whether the walls of a link tell their corner well enough to state it: to within ``most_corner_sigma_m``."""
+    slopes = crossing(fit.objects, link).point_slopes()
+    held = slopes @ fit.held_covariance_of(link.first, link.second) @ slopes.T
+    return bool(np.sqrt(np.trace(held)) < config.limits.most_corner_sigma_m)
+
+
 def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config: RefinementConfig) -> Contour:
     """Fitted objects, each resting on ``readings`` of its own, as walls, corners and cylinders.
 
@@ -183,15 +190,14 @@ def contour_of(fit: Fit, links: Sequence[Link], readings: Sequence[int], config:
     ends = {number: (line.at(line.low_m), line.at(line.high_m)) for number, line in lines.items()}
     corners = []
     for link in links:
-        crossing = Crossing(lines[link.first], lines[link.second])
-        slopes = crossing.point_slopes()
-        held = slopes @ fit.held_covariance_of(link.first, link.second) @ slopes.T
-        if np.sqrt(np.trace(held)) < config.limits.most_corner_sigma_m:
+        if is_known(fit, link, config):
+            corner = crossing(fit.objects, link)
+            slopes = corner.point_slopes()
             covariance = slopes @ fit.covariance_of(link.first, link.second) @ slopes.T
-            x, y = (float(coordinate) for coordinate in crossing.point)
+            x, y = (float(coordinate) for coordinate in corner.point)
             corners.append(Corner(x, y, covariance, (order.index(link.first), order.index(link.second))))
-            ends[link.first] = (ends[link.first][0], crossing.point)
-            ends[link.second] = (crossing.point, ends[link.second][1])
+            ends[link.first] = (ends[link.first][0], corner.point)
+            ends[link.second] = (corner.point, ends[link.second][1])
     walls = [
         Wall(
             line.theta_rad,

@@ -1,4 +1,5 @@
-"""Turns at fitting among the mappers of one host, so that all their fits together leave processors for the sweeps.
+"""Turns at fitting among the mappers of one host, so that all their fits together leave processors for the sweeps, and
+a pause for all of them, so that a takeover goes first.
 
 Without turns each of fifty sites may fit on a half of a processor, and on a host with two of them a sweep waited
 seconds for its place in the store.
@@ -16,7 +17,10 @@ _LOOK_EVERY_S = 0.1
 
 
 def pause(folder: Path, seconds: float = PAUSE_S) -> None:
-    """Have no fit begin for so long whose turn is a file in ``folder``. On a full disk they go on."""
+    """Have no fit begin for so long whose turn is a file in ``folder``.
+
+    If the file can't be written, there is no pause.
+    """
     new = folder / f"{_PAUSE}-new"
     with suppress(OSError):
         new.write_text(str(monotonic() + seconds))
@@ -46,6 +50,6 @@ class FitTurn:
     def _is_paused(self) -> bool:
         try:
             left_s = float(self._pause.read_text()) - monotonic()
-        except (FileNotFoundError, ValueError):
+        except (OSError, ValueError):
             return False
         return 0.0 < left_s <= PAUSE_S  # one that is longer was written before the host was started again

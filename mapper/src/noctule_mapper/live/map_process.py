@@ -26,7 +26,7 @@ from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.readings.sweep import SweepReadings
 
 _BEAT_S = 1.0
-_LOWER = 10  # a tenth of the processor where others want it, as setpriority(2) counts
+_LOWER = 10  # nice: weighs 110 against 1,024 of a process at 0 (sched_prio_to_weight)
 
 
 def run_map(connection: Connection) -> NoReturn:
@@ -48,12 +48,11 @@ def run_map(connection: Connection) -> NoReturn:
         service.set_aside,
         service,
         turn,
+        turn.wait_out_pause if turn else None,
     )
     while True:
         match service.receive():
             case Changed(left, entered, since_s):
-                if turn is not None:
-                    turn.wait_out_pause()  # the sweeps are stored, and their cells can wait
                 worker.take(left, entered, since_s)
                 if service.worker is None:  # what the map begins with is there
                     worker.start()

@@ -44,10 +44,11 @@ class MapWorker:
         set_aside: Callable[[SweepReadings, Exception], None],
         troubles: HearsTroubles,
         fit_turn: AbstractContextManager[None] | None = None,
+        wait_out_pause: Callable[[], None] | None = None,
     ) -> None:
         """``show`` is called with each new state and ``set_aside`` with each sweep that broke the map, on the worker's
         thread; a fit that fails, or whose state can't be shown, is among the ``troubles`` until one succeeds. Fits are
-        done within ``fit_turn``, which may wait.
+        done within ``fit_turn``, and sweeps change the map after ``wait_out_pause``: both may wait.
         """
         self._config = config.mapper
         self._mapper = self._empty_map()
@@ -55,7 +56,7 @@ class MapWorker:
         self._site, self._service = site, service
         self._show = show
         self._set_aside, self._troubles = set_aside, troubles
-        self._fit_turn = fit_turn or nullcontext()
+        self._fit_turn, self._wait_out_pause = fit_turn or nullcontext(), wait_out_pause or (lambda: None)
         self._changed = threading.Condition()
         self._waiting = Waiting()
         self._failure: BaseException | None = None
@@ -111,6 +112,7 @@ class MapWorker:
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
         with self._changed:
             self._changed.wait_for(lambda: self._waiting.since_s is not None, until_fit_s)
+        self._wait_out_pause()  # the sweeps are stored, and their cells can wait
         return self._take()
 
     def _take(self) -> Waiting:

@@ -45,20 +45,24 @@ def read(store: Path) -> Newest | None:
 
 
 class NewestCommit:
-    """The file of an open store. Every method raises OSError."""
+    """The file of an open store."""
 
     def __init__(self, store: Path) -> None:
-        self._file = os.open(beside(store), os.O_RDWR | os.O_CREAT, 0o644)
+        self._path = beside(store)
+        self._file: int | None = None
         self._noted: Newest | None = None
 
     def note(self, newest: Newest) -> None:
-        """This is the newest commit."""
+        """This is the newest commit. Raises OSError."""
         if newest == self._noted:  # nothing but reading was done
             return
+        if self._file is None:
+            self._file = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         values = asdict(newest)
         text = json.dumps(values | {"checksum": checksum(*values.values()).hex()})
         os.pwrite(self._file, text.encode().ljust(_BYTES - 1) + b"\n", 0)
         self._noted = newest
 
     def close(self) -> None:
-        os.close(self._file)
+        if self._file is not None:
+            os.close(self._file)

@@ -49,8 +49,8 @@ class LiveSettings:
     """Where a live mapper works; ``rerun_url`` None means that nobody watches, ``metrics_at`` None no metrics.
 
     ``fit_turn`` is the file by which mappers take turns at fitting; None: this one fits when it likes. ``lease_s`` is
-    the lease of its sessions, as in ``bus.open_session``. ``last_contour`` is a contour that another mapper has
-    published of the site, to be shown until there is one of its own; empty for none.
+    the lease of its sessions, as in ``bus.open_session``. ``last_contour`` is the last contour that was published of
+    the site, by another mapper or by this one before a restart, to be shown until one is fitted; empty for none.
     """
 
     site: str
@@ -143,7 +143,7 @@ class LiveMapper:
             lambda status: status.name if status.role == "mapper" else "",
         )
         self._watch = BusWatch(client.session, settings.connect, tls_folder=settings.tls_folder)
-        self._contour = Contour()
+        self._contour, self._inherited = Contour(), False  # whether it was there before this mapper fitted one
         self._latest = _empty_status(settings)
 
     def start(self) -> None:
@@ -222,23 +222,28 @@ class LiveMapper:
         return told if len(told) <= _LONGEST_DETAIL else told[: _LONGEST_DETAIL - 3] + "..."
 
     def _show_last(self) -> None:
-        """Show the contour that another mapper has left, under a number of this one."""
+        """Show the last contour that was published of the site, under a number of this mapper."""
         if not self._settings.last_contour:
             return
         try:
             contour = bounds.decode(Contour, self._settings.last_contour)
+            if contour.site != self._settings.site:
+                _log.warning("the last contour of the site is not shown: it says that it is of site %r", contour.site)
+                return
             contour.version = self._store.next_contour_version()
         except (BoundsError, StoreError) as error:
             _log.warning("the last contour of the site is not shown: %s", error)
             return
-        _log.info("shows the last contour of mapper %r until it has one of its own", contour.mapper)
+        _log.info("shows the last contour of the site (by mapper %r) until it has fitted one", contour.mapper)
         contour.mapper = self._settings.service
         self._publisher.publish_contour(contour)
         self._log.show_contour(contour)
-        self._contour = contour
+        self._contour, self._inherited = contour, True
 
     def _show(self, state: MapState) -> None:
         """Number the state and show it. Raises StoreError where no number can be had."""
+        if self._inherited and not state.contour.sweeps:
+            return  # the logs are still to be read, and until then the inherited contour says more
         state.contour.version = state.features.version = self._store.next_contour_version()
         self._publisher.publish_map(state.contour, state.features, state.tiles)
         self._log.show_tiles(state.tiles)
@@ -250,7 +255,7 @@ class LiveMapper:
         if _kind(state.contour.note) != _kind(self._contour.note):
             _log.info("%s", state.contour.note or "the contour lacks nothing")
             self._log.show_event(state.contour.note or "the contour lacks nothing")
-        self._contour = state.contour
+        self._contour, self._inherited = state.contour, False
 
     def _tell_alive(self, unit: str, alive: bool) -> None:
         if alive:

@@ -71,7 +71,7 @@ class SweepStore:
         self._damaged = ""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._database, self.damage = store_file.opened(path, now())
-        self._newest_commit = NewestCommit(path)
+        self._newest_commit, self._notes = NewestCommit(path), True  # whether the last note was written
         self._rows = SweepWindow(self._database, window)
         self._version = self._reserved = 0  # of contours: the last one, and up to which the file has them as used
         self._copier: sqlite3.Connection | None = None
@@ -179,8 +179,10 @@ class SweepStore:
 
     def close(self) -> None:
         if self._version < self._reserved:
-            with suppress(StoreError, *SQLITE_ERRORS), self._transaction() as database:
+            with suppress(StoreError, OSError, *SQLITE_ERRORS), self._transaction() as database:
                 store_file.note_contours(database, self._version)
+                # Before the commit: a note of a higher number than the store's would look like a lost commit.
+                self._newest_commit.note(self._newest())
         with self._lock:
             if self._copier is not None:
                 self._copier.close()
@@ -194,7 +196,7 @@ class SweepStore:
                 self._database.execute(f"PRAGMA synchronous = {durability}")
                 self._database.execute("BEGIN IMMEDIATE")
                 yield self._database
-                newest = Newest(*store_file.counts(self._database), self._now().kernel_boot)
+                newest = self._newest()
                 self._database.execute("COMMIT")
                 self._commits += 1
                 self._note(newest)
@@ -208,11 +210,19 @@ class SweepStore:
                     raise self._unusable(error) from error
                 raise
 
+    def _newest(self) -> Newest:
+        return Newest(*store_file.counts(self._database), self._now().kernel_boot)
+
     def _note(self, newest: Newest) -> None:
+        """Note what is committed. Where that fails nothing is lost, but a lost commit may not be found."""
         try:
             self._newest_commit.note(newest)
-        except OSError as error:  # the commit comes again, and changes nothing then
-            raise self._unusable(error) from error
+        except OSError as error:
+            if self._notes:
+                _log.warning("the newest commit of %s can't be noted beside it: %s; see to its disk", self._path, error)
+            self._notes = False
+        else:
+            self._notes = True
 
     def _unusable(self, error: Exception) -> StoreError:
         return StoreError(f"the mapper's store {self._path} can't be used: {error}; see to its disk")

@@ -61,11 +61,11 @@ def opened(path: Path, now: Instant) -> tuple[sqlite3.Connection, str]:
     Raises StoreError where it is of another version, or can't be opened or rebuilt.
     """
     try:
-        damage = fault(path, now.kernel_boot)
+        damage, newest = fault(path, now.kernel_boot), newest_commit.read(path)
+        contours = newest.contours if newest else 0
         if damage:
-            damage = _rebuild(path, damage, now)
-        newest = newest_commit.read(path)
-        return _connected(path, now, newest.contours if newest else 0), damage
+            damage = _rebuild(path, damage, now, contours)
+        return _connected(path, now, contours), damage
     except (*SQLITE_ERRORS, OSError) as error:
         raise StoreError(f"{path} can't be used as the mapper's store ({error}): see to its disk and folder") from error
 
@@ -114,7 +114,8 @@ def _lacking(database: sqlite3.Connection, newest: Newest) -> str:
     counted_s, contours = counts(database)
     if counted_s >= newest.elapsed_s and contours >= newest.contours:
         return ""
-    return f"its newest commits, those of {newest.elapsed_s - counted_s:.1f} s, are gone"
+    lost_s = newest.elapsed_s - counted_s
+    return "its newest commits are gone" + (f" ({lost_s:.1f} s)" if lost_s >= 0.05 else "")
 
 
 def counts(database: sqlite3.Connection) -> tuple[float, int]:
@@ -142,7 +143,7 @@ def _connected(path: Path, now: Instant, contours: int) -> sqlite3.Connection:
         _create(database)
         if database.execute("SELECT * FROM contour").fetchone() is None:
             database.execute("INSERT INTO contour VALUES (?, ?)", sealed((0,)))
-        note_contours(database, max(contours, *database.execute("SELECT version FROM contour").fetchone()))
+        _note_contours_at_least(database, contours)
         if database.execute("SELECT * FROM elapsed").fetchone() is None:
             database.execute("INSERT INTO elapsed VALUES (?, ?, ?, ?)", sealed(astuple(_NOTHING_COUNTED.at(now))))
     return database
@@ -151,6 +152,10 @@ def _connected(path: Path, now: Instant, contours: int) -> sqlite3.Connection:
 def note_contours(database: sqlite3.Connection, version: int) -> None:
     """Contours may have been numbered up to ``version``, in the caller's transaction."""
     database.execute("UPDATE contour SET version = ?, checksum = ?", sealed((version,)))
+
+
+def _note_contours_at_least(database: sqlite3.Connection, version: int) -> None:
+    note_contours(database, max(version, *database.execute("SELECT version FROM contour").fetchone()))
 
 
 @contextmanager
@@ -247,8 +252,10 @@ def _rows(database: sqlite3.Connection, table: str) -> Iterator[tuple[Any, ...] 
         yield row if checksum(*row[:-1]) == row[-1] else None
 
 
-def _rebuild(path: Path, damage: str, now: Instant) -> str:
-    """Set the store aside and put a fresh one in its place, with what is sound; what was done, for the operator."""
+def _rebuild(path: Path, damage: str, now: Instant, contours: int) -> str:
+    """Set the store aside and put a fresh one in its place, with what is sound; what was done, for the operator. No
+    contour gets a number up to ``contours``.
+    """
     new, folder = Path(f"{path}-new"), _folder(path)
     for suffix in ("", "-journal", "-wal", "-shm"):
         Path(f"{new}{suffix}").unlink(missing_ok=True)
@@ -257,10 +264,11 @@ def _rebuild(path: Path, damage: str, now: Instant) -> str:
         if (file := Path(f"{path}{suffix}")).exists():
             shutil.copy2(file, folder / file.name)
     with closing(sqlite3.connect(new, isolation_level=None)) as target:
-        taken = _copy(path, target, now, rebuilds=int(folder.suffix.removeprefix(".")))
+        taken = _copy(path, target, now, contours, rebuilds=int(folder.suffix.removeprefix(".")))
     for suffix in _SUFFIXES[:-1]:
         Path(f"{path}{suffix}").unlink(missing_ok=True)
     new.replace(path)
+    newest_commit.beside(path).unlink(missing_ok=True)  # it knows a commit that the fresh store may not have
     return (
         f"the mapper's store was damaged ({damage}): {taken} sound sweeps of it are kept, and the gateways' logs are "
         f"read again; the damaged one is in {folder}"
@@ -274,7 +282,7 @@ def _folder(path: Path) -> Path:
     return folder
 
 
-def _copy(path: Path, target: sqlite3.Connection, now: Instant, rebuilds: int) -> int:
+def _copy(path: Path, target: sqlite3.Connection, now: Instant, contours: int, rebuilds: int) -> int:
     """Copy the sound rows of all but the cursors; how many sweeps. No contour bears a number for a second time."""
     with _writing(target):
         _create(target)
@@ -283,6 +291,7 @@ def _copy(path: Path, target: sqlite3.Connection, now: Instant, rebuilds: int) -
         # Far above all that any mapper has counted to, though the clock may be wrong or the set-aside folder emptied.
         far_above = rebuilds * 2**32 + int(now.utc_s)
         _insert(target, "contour", list(_sound(path, "contour"))[:1] or [(far_above,)])
+        _note_contours_at_least(target, contours)
         _insert(target, "elapsed", list(_sound(path, "elapsed"))[:1] or [astuple(_counted_at_least(target).at(now))])
     return taken
 

@@ -19,7 +19,8 @@ from noctule_mapper.placement.unit_views import UnitView
 _MOST_ROUNDS = 3
 _TRIED_BELOW_NATS = 6.0  # what the one unit makes of a move and what all make of it differ by less, mostly
 _LEAST_GAIN_NATS = 0.3  # of a move
-_MOST_HELD, _HELD_BELOW_NATS = 2, 25.0  # places of one unit at which others may follow it
+_MOST_CHALLENGERS = 2  # other places of one unit at which it is held
+_CHALLENGED_BELOW_NATS = 25.0  # a place that is worth less by so much than where the unit stands is not tried
 
 
 def improved(hypothesis: Hypothesis, views: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
@@ -66,24 +67,25 @@ def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float
     return float(max((one.worth_nats for one in here), default=-np.inf) - below)
 
 
-def margin_held(
+def challengers(
     placed: Sequence[PlacedUnit], view: UnitView, views: Sequence[UnitView], fixed: int, pairs: Pairs
-) -> float:
-    """By how much the arrangement is worth more than with the unit held elsewhere, after each other of ``views`` has
-    gone where all are worth more then; in nats. In a room that looks alike from several sides the search follows only a
-    few of the many arrangements, and may have none of these.
+) -> list[Hypothesis]:
+    """The arrangement with the unit held at its best other places, after each other of ``views`` has gone where all are
+    worth more then. In a room that looks alike from several sides the search follows only a few of the many
+    arrangements, and may have none of these.
     """
     around = _others(placed, view.unit)
     here, elsewhere = _standings(placed, view, around, pairs)
-    least_nats = max((one.worth_nats for one in here), default=0.0) - _HELD_BELOW_NATS
+    least_nats = max((one.worth_nats for one in here), default=0.0) - _CHALLENGED_BELOW_NATS
     rest = [one for one in views if one.unit != view.unit]
-    rival_nats = -np.inf
-    for other in elsewhere[:_MOST_HELD]:
+    found = []
+    for other in elsewhere[:_MOST_CHALLENGERS]:
         if other.worth_nats > least_nats:
             held = around.with_unit(view, other, fixed)
             rival = improved(Hypothesis(held, (), (), joint_nats(held, fixed)), rest, fixed, pairs)
-            rival_nats = max(rival_nats, rival.worth_nats)
-    return joint_nats(placed, fixed) - rival_nats
+            if not any(is_same(rival.pose_of(view.unit), one.pose) for one in here):  # it may have been pulled back
+                found.append(rival)
+    return found
 
 
 @dataclass(frozen=True, eq=False)  # of arrays

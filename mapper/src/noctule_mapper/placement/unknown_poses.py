@@ -1,21 +1,23 @@
 """Where units stand whose poses nobody has stated, by the walls that they share with units whose poses are known.
 
 Many hypotheses of where all the units stand are followed side by side (``joint_search``), then the best one is adjusted
-as a whole (least squares). A pose is found when the hypotheses that have it stand far above all others, and when it
-still does if the other units stand as they are. Where a room cannot tell (a rectangle turned by half, a square by a
+as a whole (least squares). A pose is found when the hypotheses that have it stand far above all others, when it still
+does if the other units stand as they are, and when no arrangement comes near in which a unit is held at another of its
+places and the others follow (``challengers``). Where a room cannot tell (a rectangle turned by half, a square by a
 quarter, a corridor's length: Krekovic, Dokmanic and Vetterli 2016) the hypotheses stay alike and the pose stays open.
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
 from noctule_mapper.placement.hypothesis_worth import settled
 from noctule_mapper.placement.joint_search import search
+from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import landmarks_of
-from noctule_mapper.placement.one_by_one import margin_alone, margin_held
+from noctule_mapper.placement.one_by_one import challengers, margin_alone
 from noctule_mapper.placement.pairs import Pairs
 from noctule_mapper.placement.pose_adjustment import grouped
 from noctule_mapper.placement.reflector_models import PlacedUnit
@@ -59,30 +61,66 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     rivals = search(known, unknown, pairs)
     best = rivals[0]
     placed = settled(best.placed, len(known))
+    at = {one.view.unit: one for one in placed[len(known) :]}
     names = frozenset(one.view.unit for one in known)
-    alone_nats = {one.view.unit: margin_alone(placed, one.view.unit, pairs) for one in placed[len(known) :]}
     tied_nats = {}
     for part in _parts(placed):
         tied_nats |= dict.fromkeys((one.view.unit for one in part), _tied_nats(part, names, pairs))
     wanted_nats = SQUARE_SUM_NATS if _is_square(placed) else SUM_NATS
+    among = {view.unit: _among(best, rivals, view.unit) for view in unknown}
+    margins = {
+        unit: _Margins(*among[unit], margin_alone(placed, unit, pairs), tied_nats[unit], wanted_nats) for unit in at
+    }
+    hopeful = [view for view in unknown if view.unit in at and margins[view.unit].suffice(at[view.unit])]
+    challenges = [one for view in hopeful for one in challengers(placed, view, unknown, len(known), pairs)]
+    placed_nats = joint_nats(placed, len(known))
+    for view in hopeful:
+        margins[view.unit] = margins[view.unit].challenged(at[view.unit], placed_nats, challenges)
     found, left_open = [], []
-    for view in unknown:
-        at = next((one for one in placed[len(known) :] if one.view.unit == view.unit), None)
-        margin_nats, rival = _margin(best, rivals, view.unit)
-        if at is None:
-            left_open.append(OpenPose(view.unit, _why(at, False, rival)))
-            continue
-        is_right = _stands_out(margin_nats, alone_nats[view.unit], wanted_nats)
-        is_tied = _stands_out(margin_nats, tied_nats[view.unit], wanted_nats)
-        if is_right and is_tied and _is_known(at.covariance):
-            margin_nats = min(margin_nats, margin_held(placed, view, unknown, len(known), pairs))
-            is_right = _stands_out(margin_nats, min(alone_nats[view.unit], tied_nats[view.unit]), wanted_nats)
-        if is_right and is_tied and _is_known(at.covariance):
-            found.append(FoundPose(view.unit, at.pose, at.covariance))
+    for unit, (_, rival) in among.items():
+        if unit in at and margins[unit].suffice(at[unit]):
+            found.append(FoundPose(unit, at[unit].pose, at[unit].covariance))
         else:
-            why = _ADRIFT if is_right and not is_tied else _why(at, margin_nats > wanted_nats / 2, rival)
-            left_open.append(OpenPose(view.unit, why))
+            left_open.append(OpenPose(unit, margins[unit].why(at[unit]) if unit in at else _why(None, False, rival)))
     return found, left_open
+
+
+@dataclass(frozen=True)
+class _Margins:
+    """By how many nats a unit's pose stands out: among all arrangements, where ``rival`` (x_m, y_m, heading_rad) is its
+    place in the best of the others, None for nowhere; with all other units where they are; by what ties it to units
+    whose poses are known. And how much the first and each of the others must be together.
+    """
+
+    among_nats: float
+    rival: np.ndarray | None
+    alone_nats: float
+    tied_nats: float
+    wanted_nats: float
+
+    def suffice(self, at: PlacedUnit) -> bool:
+        """The pose is found."""
+        return self._stands_out(self.alone_nats) and self._stands_out(self.tied_nats) and _is_known(at.covariance)
+
+    def challenged(self, at: PlacedUnit, placed_nats: float, challenges: Sequence[Hypothesis]) -> "_Margins":
+        """The margins beside those of the ``challenges`` that have the unit elsewhere; all units where they are placed
+        are worth ``placed_nats``.
+        """
+        others = [one for one in challenges if not is_same(one.pose_of(at.view.unit), at.pose)]
+        best = max(others, key=lambda one: one.worth_nats, default=None)
+        if best is None or placed_nats - best.worth_nats >= self.among_nats:
+            return self
+        return replace(self, among_nats=placed_nats - best.worth_nats, rival=best.pose_of(at.view.unit))
+
+    def why(self, at: PlacedUnit) -> str:
+        """Why the pose is not found, in a sentence's part."""
+        if self._stands_out(self.alone_nats) and not self._stands_out(self.tied_nats):
+            return _ADRIFT
+        return _why(at, self.among_nats > self.wanted_nats / 2, self.rival)
+
+    def _stands_out(self, other_nats: float) -> bool:
+        both = self.among_nats, other_nats
+        return min(both) > LEAST_MARGIN_NATS and sum(both) > self.wanted_nats
 
 
 def _parts(placed: Sequence[PlacedUnit]) -> list[list[PlacedUnit]]:
@@ -106,11 +144,6 @@ def _tied_nats(part: Sequence[PlacedUnit], known: Collection[str], pairs: Pairs)
     return max(margins, default=-np.inf)
 
 
-def _stands_out(among_nats: float, alone_nats: float, wanted_nats: float) -> bool:
-    """Whether margins among all arrangements and with all other units where they are suffice."""
-    return min(among_nats, alone_nats) > LEAST_MARGIN_NATS and among_nats + alone_nats > wanted_nats
-
-
 def _is_square(placed: Sequence[PlacedUnit]) -> bool:
     """Whether all that several units hear and that must be walls is at right angles."""
     marks = landmarks_of(placed, grouped(placed))
@@ -120,7 +153,7 @@ def _is_square(placed: Sequence[PlacedUnit]) -> bool:
     return bool((off_rad < _SQUARE_RAD).all())
 
 
-def _margin(best: Hypothesis, all_: Sequence[Hypothesis], unit: str) -> tuple[float, np.ndarray | None]:
+def _among(best: Hypothesis, all_: Sequence[Hypothesis], unit: str) -> tuple[float, np.ndarray | None]:
     """By how many nats the hypotheses that have the unit where the best has it stand above those that have it elsewhere
     or nowhere, and where the best of these has it.
     """

@@ -8,7 +8,7 @@ import numpy as np
 from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour, Cylinder
-from noctule_mapper.contour.corners import contour_of, crossing
+from noctule_mapper.contour.corners import contour_of, crossing, is_known
 from noctule_mapper.contour.likelihood import gains
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector
 from noctule_mapper.readings.echoes import Echoes
@@ -67,7 +67,7 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     last, claims, objects = final.last, final.claims, final.last.fit.objects
     read = claims.echo < len(data.echoes)  # the rest are the plateaus that these readings make
     readings = np.rint(np.bincount(claims.maker[read], last.share[read], minlength=len(objects))).astype(int)
-    fit = replace(last.fit, objects=_as_sure(objects, final))
+    fit = replace(last.fit, objects=_as_sure(final, config.refinement))
     contour = contour_of(fit, final.links, [int(count) for count in readings], config.refinement)
     contour = replace(contour, cylinders=_surely_cylinders(contour.cylinders, final, config))
     spread_m = last.range_sigma_m[: len(data.echoes)]
@@ -91,18 +91,20 @@ def _surely_cylinders(cylinders: Sequence[Cylinder], final: Final, config: Mappe
     return tuple(sure)
 
 
-def _as_sure(objects: Sequence[Reflector], final: Final) -> list[Reflector]:
+def _as_sure(final: Final, config: RefinementConfig) -> list[Reflector]:
     """The objects, walls only as far as they were surely heard: the last foot may be the corner's echo. Along a dense
     path the foot before it is near, and `trimmed` has taken off a lone one.
     """
+    fit = final.last.fit
     if final.data.looks is None:
-        return list(objects)
-    sure = list(objects)
-    for number, one in enumerate(objects):
+        return list(fit.objects)
+    sure = list(fit.objects)
+    known = [link for link in final.links if is_known(fit, link, config)]
+    for number, one in enumerate(fit.objects):
         if isinstance(one, Line):
-            corners = [crossing(objects, link) for link in final.links if number in (link.first, link.second)]
+            corners = [crossing(fit.objects, link).point for link in known if number in (link.first, link.second)]
             made = final.data.take(made_by(number, final.claims, final.last.share))
-            sure[number] = sure_stretch(one, made, [float(one.tangent @ corner.point) for corner in corners])
+            sure[number] = sure_stretch(one, made, [float(one.tangent @ corner) for corner in corners])
     return sure
 
 

@@ -7,7 +7,8 @@ import logging
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from queue import SimpleQueue
 
 import zenoh
 
@@ -47,7 +48,7 @@ class Offers:
         self._session, self._now = session, now
         self._members: defaultdict[str, set[str]] = defaultdict(set)
         self._left_out = dict[str, str]()  # by site, the first mapper that found no room among its members
-        self._gone = set[tuple[str, str]]()  # sites and mappers whose tokens went while all were asked for
+        self._gone = set[tuple[str, str]]()  # tokens that went since all were asked for, or that of one left out
         self._told = ""
         self._settled_at_s = self._quiet_at_s = 0.0
         self._wait(SETTLED_AFTER_S)
@@ -89,19 +90,19 @@ class Offers:
 
     def let_in(self) -> str:
         """Count those that were left out of a site's members, where there is room again. Who is left out still, and
-        why; empty while all are counted.
+        why; empty while all are counted. Where the question fails, it is asked again at the next call.
         """
         with self._lock:
-            asked = [site for site in self._left_out if len(self._members[site]) < _MOST_MAPPERS]
-            self._gone.clear()
-        for site in asked:
-            replies = list(self._session.liveliness().get(keys.offer(site, keys.ANY), timeout=_QUERY_TIMEOUT_S))
-            with self._lock:
-                del self._left_out[site]
-                for offer in filter(None, (_offer(reply.ok) for reply in replies if reply.ok is not None)):
-                    if offer not in self._gone:
-                        self._count(*offer)
-            self._wait(SETTLED_AFTER_S)
+            named = set(self._left_out.items())
+            self._gone &= named
+            asked = {site for site, _ in self._gone} | {
+                site for site in self._left_out if len(self._members[site]) < _MOST_MAPPERS
+            }
+        # All are asked before the first answer is awaited, as in service.other_mappers().
+        for site, replies in [(site, _offers_of(self._session, site)) for site in asked]:
+            samples = [reply.ok for reply in replies]
+            if None not in samples:
+                self._count_again(site, filter(None, samples))
         with self._lock:
             left_out = "; ".join(
                 f"more than {_MOST_MAPPERS} mappers offer to map site {site}, and {name!r} is not counted: somebody "
@@ -133,11 +134,21 @@ class Offers:
         comes = sample.kind == zenoh.SampleKind.PUT
         with self._lock:
             if comes:
+                self._gone.discard(offer)
                 self._count(*offer)
             else:
                 self._members[offer[0]].discard(offer[1])
                 self._gone.add(offer)
         self._wait(SETTLED_AFTER_S if comes else GONE_AFTER_S)
+
+    def _count_again(self, site: str, samples: Iterable[zenoh.Sample]) -> None:
+        """Count those who offer to map the site; ``samples`` are all their tokens."""
+        with self._lock:
+            del self._left_out[site]
+            for offer in filter(None, map(_offer, samples)):
+                if offer not in self._gone:
+                    self._count(*offer)
+        self._wait(SETTLED_AFTER_S)
 
     def _count(self, site: str, member: str) -> None:
         members = self._members[site]
@@ -160,6 +171,14 @@ def _offer(sample: zenoh.Sample) -> tuple[str, str] | None:
         return keys.parse_offer(str(sample.key_expr))
     except KeyFormatError:
         return None
+
+
+def _offers_of(session: zenoh.Session, site: str) -> Iterator[zenoh.Reply]:
+    """The replies as they come, in a queue without a limit: Zenoh's own holds 256, and a further one blocks get()."""
+    replies = SimpleQueue[zenoh.Reply | None]()
+    handler = zenoh.handlers.Callback(replies.put, lambda: replies.put(None))
+    session.liveliness().get(keys.offer(site, keys.ANY), handler, timeout=_QUERY_TIMEOUT_S)
+    return iter(replies.get, None)
 
 
 def _is_connected(session: zenoh.Session) -> bool:

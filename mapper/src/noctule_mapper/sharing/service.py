@@ -116,12 +116,13 @@ def _counters(mapped: Sequence[SiteProcess], unshared: UnsharedSites) -> dict[st
 def _step(
     mapped: Sequence[SiteProcess], offers: Offers, session: zenoh.Session, name: str, starts: Executor, data: Path
 ) -> None:
-    """Start what is to start, several at a time and before anything is fitted, and end what is to end."""
+    """Start what is to start, several at a time, and end what is to end. Sites that are taken over go before fits."""
     now_s = time.monotonic()
     mine = {each.site: owner_of(each.site, offers.members(each.site)) == name for each in mapped}
     due = [each.site for each in mapped if each.is_due(mine[each.site], now_s)]
     others = other_mappers(session, due, but=name)
-    if any(site not in others for site in due):  # those of others are asked for again and again
+    # Sites of others are asked for again and again, and one that fails starts again and again.
+    if any(each.site in due and each.site not in others and not each.restarts for each in mapped):
         fit_turn.pause(data)
 
     def step(each: SiteProcess) -> None:

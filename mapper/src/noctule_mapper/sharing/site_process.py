@@ -52,11 +52,13 @@ class SiteProcess:
         context: ForkServerContext,
         hangs_after_s: float = HANGS_AFTER_S,
         starts_within_s: float = STARTS_WITHIN_S,
+        *,
         last_contour: Callable[[str], bytes] = lambda _site: b"",
     ) -> None:
         """``last_contour`` gives the last contour of a site, as in LiveSettings."""
         self.site = settings.site
         self.failed = 0  # how often it ended though nobody wanted that
+        self.restarts = False  # whether the next start is one after such an end, and not a takeover
         self._settings, self._log_format, self._context = settings, log_format, context
         self._last_contour = last_contour
         self._hangs_after_s, self._starts_within_s = hangs_after_s, starts_within_s
@@ -77,6 +79,7 @@ class SiteProcess:
 
     def step(self, mine: bool, other: str | None, now_s: float) -> None:
         """Start the process if the site is ``mine`` and no ``other`` maps it, end it if it is not mine. Never waits."""
+        self.restarts = self.restarts and mine
         if self._process is not None and not self._process.is_alive():
             self._note_end(self._process, mine, now_s)
         if self._process is not None:
@@ -124,7 +127,7 @@ class SiteProcess:
             name=f"mapper of {self.site}",
         )
         process.start()
-        self._process = process
+        self._process, self.restarts = process, False
         self._started_at_s = now_s
 
     def _note_end(self, ended: BaseProcess, mine: bool, now_s: float) -> None:
@@ -133,7 +136,7 @@ class SiteProcess:
             _log.info("maps site %s no more", self.site)
             self._rest.forget()
             return
-        self.failed += 1
+        self.failed, self.restarts = self.failed + 1, True
         rest_s = self._rest.after(now_s - self._started_at_s)
         _log.error("the mapper of site %s ended with %s; it starts again in %g s", self.site, ended.exitcode, rest_s)
         self._not_before_s = now_s + rest_s
