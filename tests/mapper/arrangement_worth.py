@@ -6,7 +6,7 @@ arrangements have in common.
   is all right angles are square to one another, and corners lie where their walls cross.
 - Silence, and sound that went through walls (``arrangement_silence``).
 
-It shares no code with the mapper's own weighing, and is told every label of the true arrangement.
+It shares no code with the mapper's own weighing, and has every label of the true arrangement.
 """
 
 import math

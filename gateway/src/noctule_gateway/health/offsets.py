@@ -20,8 +20,8 @@ _EVEN_RAD = math.radians(0.5)
 
 @dataclass(frozen=True)
 class Table:
-    """One sweep: nats by reading in the order of time and by offset, ``none`` of these being no offset. Which readings
-    are ``alone`` is told in likelihood.py.
+    """One sweep: nats by reading in the order of time and by offset, ``none`` of these being no offset. ``alone`` as
+    in likelihood.alone_in().
     """
 
     rows: list[list[float]]

@@ -1,4 +1,4 @@
-"""The last contour of each shared site, whoever maps it: the next mapper shows it until it has fitted one itself."""
+"""The last contour of each shared site, by any mapper: the next one shows it until it has fitted its own."""
 
 from collections.abc import Iterable
 from functools import partial
