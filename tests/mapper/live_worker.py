@@ -2,7 +2,6 @@
 
 import queue
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from mapper.live_site import message
 from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
 from noctule_mapper.live.config import LiveConfig, Pace
+from noctule_mapper.live.fit_turn import FreeTurn
 from noctule_mapper.live.map_messages import MapState
 from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.live.troubles import Troubles
@@ -25,12 +25,11 @@ def made_worker(
     config: LiveConfig | None = None,
     set_aside: Callable[[SweepReadings, Exception], None] = lambda *_: None,
     troubles: Troubles | None = None,
-    fit_turn: AbstractContextManager[None] | None = None,
-    wait_out_pause: Callable[[], None] | None = None,
+    turn: FreeTurn | None = None,
 ) -> MapWorker:
     """A worker for the paper's room."""
     told = troubles or Troubles(NoLog().show_event)
-    return MapWorker(config or LiveConfig(), "paper-room", "mapper", show, set_aside, told, fit_turn, wait_out_pause)
+    return MapWorker(config or LiveConfig(), "paper-room", "mapper", show, set_aside, told, turn or FreeTurn())
 
 
 class Watched:

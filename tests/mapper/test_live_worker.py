@@ -2,8 +2,7 @@
 
 import queue
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
@@ -16,6 +15,7 @@ from system.processes import wait_until
 from mapper import room
 from noctule_mapper.config import Window
 from noctule_mapper.live.config import Pace
+from noctule_mapper.live.fit_turn import FreeTurn
 from noctule_mapper.live.map_messages import MapState
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.mapper import Mapper
@@ -108,13 +108,12 @@ def test_a_fit_that_waited_for_its_turn_rests_on_the_sweeps_that_came_meanwhile(
     waits, has_turn = threading.Event(), threading.Event()
     states: queue.Queue[MapState] = queue.Queue()
 
-    @contextmanager
-    def turn() -> Iterator[None]:
-        waits.set()
-        assert has_turn.wait(PATIENCE_S)
-        yield
+    class Turn(FreeTurn):
+        def __enter__(self) -> None:
+            waits.set()
+            assert has_turn.wait(PATIENCE_S)
 
-    worker = made_worker(states.put, fit_turn=turn())
+    worker = made_worker(states.put, turn=Turn())
     worker.take((), survey[:6])
     worker.start()
     assert waits.wait(PATIENCE_S)
@@ -127,11 +126,12 @@ def test_in_a_pause_sweeps_are_taken_and_none_is_put_on_the_map(survey: list[Swe
     pauses, goes_on = threading.Event(), threading.Event()
     states: queue.Queue[MapState] = queue.Queue()
 
-    def wait_out_pause() -> None:
-        pauses.set()
-        assert goes_on.wait(PATIENCE_S)
+    class Turn(FreeTurn):
+        def wait_out_pause(self) -> None:
+            pauses.set()
+            assert goes_on.wait(PATIENCE_S)
 
-    worker = made_worker(states.put, wait_out_pause=wait_out_pause)
+    worker = made_worker(states.put, turn=Turn())
     worker.start()
     worker.take((), survey[:3])
     assert pauses.wait(PATIENCE_S)

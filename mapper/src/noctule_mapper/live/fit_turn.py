@@ -27,8 +27,21 @@ def pause(folder: Path, seconds: float = PAUSE_S) -> None:
         new.replace(folder / _PAUSE)
 
 
-class FitTurn:
-    """A context that waits until no other process holds the lock on ``path``, and there is no pause; with a killed
+class FreeTurn:
+    """The turn of a map that shares its host with no other: it never waits."""
+
+    def __enter__(self) -> None:
+        """Begin a fit."""
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """The fit is done."""
+
+    def wait_out_pause(self) -> None:
+        """Wait until there is no pause."""
+
+
+class FitTurn(FreeTurn):
+    """A turn that waits until no other process holds the lock on ``path``, and there is no pause; with a killed
     process its lock has gone.
     """
 
@@ -43,7 +56,6 @@ class FitTurn:
         fcntl.flock(self._file, fcntl.LOCK_UN)
 
     def wait_out_pause(self) -> None:
-        """Wait until there is no pause."""
         while self._is_paused():
             sleep(_LOOK_EVERY_S)
 

@@ -10,7 +10,7 @@ from time import process_time, sleep
 from typing import NoReturn
 
 from noctule.threads import end_process_when_one_fails
-from noctule_mapper.live.fit_turn import FitTurn
+from noctule_mapper.live.fit_turn import FitTurn, FreeTurn
 from noctule_mapper.live.map_messages import (
     Beat,
     Broke,
@@ -39,17 +39,8 @@ def run_map(connection: Connection) -> NoReturn:
     assert isinstance(settings, MapSettings)
     if settings.fit_turn:
         os.nice(_LOWER)  # one of many sites: sweeps of all go into the stores, and sites change hands, before it fits
-    turn = FitTurn(settings.fit_turn) if settings.fit_turn else None
-    worker = MapWorker(
-        settings.config,
-        settings.site,
-        settings.service,
-        service.show,
-        service.set_aside,
-        service,
-        turn,
-        turn.wait_out_pause if turn else None,
-    )
+    turn = FitTurn(settings.fit_turn) if settings.fit_turn else FreeTurn()
+    worker = MapWorker(settings.config, settings.site, settings.service, service.show, service.set_aside, service, turn)
     while True:
         match service.receive():
             case Changed(left, entered, since_s):

@@ -3,11 +3,11 @@
 import logging
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from time import monotonic
 from typing import Protocol
 
 from noctule_mapper.live.config import LiveConfig
+from noctule_mapper.live.fit_turn import FreeTurn
 from noctule_mapper.live.looks import STUCK_AFTER, Looks
 from noctule_mapper.live.map_messages import MapState
 from noctule_mapper.live.waiting import Waiting
@@ -43,12 +43,11 @@ class MapWorker:
         show: Callable[[MapState], None],
         set_aside: Callable[[SweepReadings, Exception], None],
         troubles: HearsTroubles,
-        fit_turn: AbstractContextManager[None] | None = None,
-        wait_out_pause: Callable[[], None] | None = None,
+        turn: FreeTurn,
     ) -> None:
         """``show`` is called with each new state and ``set_aside`` with each sweep that broke the map, on the worker's
         thread; a fit that fails, or whose state can't be shown, is among the ``troubles`` until one succeeds. Fits are
-        done within ``fit_turn``, and sweeps change the map after ``wait_out_pause``: both may wait.
+        done within ``turn``, and sweeps change the map when it has no pause.
         """
         self._config = config.mapper
         self._mapper = self._empty_map()
@@ -56,7 +55,7 @@ class MapWorker:
         self._site, self._service = site, service
         self._show = show
         self._set_aside, self._troubles = set_aside, troubles
-        self._fit_turn, self._wait_out_pause = fit_turn or nullcontext(), wait_out_pause or (lambda: None)
+        self._turn = turn
         self._changed = threading.Condition()
         self._waiting = Waiting()
         self._failure: BaseException | None = None
@@ -100,7 +99,7 @@ class MapWorker:
                 self._apply(self._next())
                 if self._oldest_unfitted_s is not None and monotonic() >= self._next_fit_s:
                     self._waits = True
-                    with self._fit_turn:
+                    with self._turn:
                         self._apply(self._take())  # what has come while it waited for its turn
                         self._fit_and_show(self._oldest_unfitted_s)
         except BaseException as error:  # what comes out of Zenoh may be no Exception
@@ -112,7 +111,7 @@ class MapWorker:
         until_fit_s = None if self._oldest_unfitted_s is None else max(0.0, self._next_fit_s - monotonic())
         with self._changed:
             self._changed.wait_for(lambda: self._waiting.since_s is not None, until_fit_s)
-        self._wait_out_pause()  # the sweeps are stored, and their cells can wait
+        self._turn.wait_out_pause()  # the sweeps are stored, and their cells can wait
         return self._take()
 
     def _take(self) -> Waiting:
