@@ -1,7 +1,7 @@
-"""Whether memory grows over simulated days, from the first one, when windows and caches are full, to the last.
+"""Whether memory grows over ten simulated days, from the time when windows, caches and the relay are full.
 
-    PYTHONPATH=tests python tests/bench/days.py --minutes 10
-    PYTHONPATH=tests python tests/bench/days.py --minutes 10 --firmware
+    PYTHONPATH=tests python tests/bench/days.py
+    PYTHONPATH=tests python tests/bench/days.py --firmware
 
 The first streams the sweeps of two units that stand still, one each 16 s of their time, through a gateway's log and
 publishing as fast as the mapper takes them. The second runs the real firmware and gateway, which is some fifty times
@@ -19,13 +19,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import psutil
-import rerun as rr
 from bench.scale.gateway import StreamedUnit, open_units
 from system.processes import ROOT, Programs, free_port_range, free_ports, listens, programs, wait_until
 
-from noctule import rerun_paths
 from noctule.client import Client
 from noctule.messages_pb2 import ServiceStatus, Sweep
 
@@ -33,8 +30,7 @@ DAY_S = 86_400.0
 CADENCE_S = 16.0  # a fixed unit's 61 bearings and its pause: deploy/demo/sites/lounge.toml
 LOOK_EVERY_S = 5.0
 UNITS = 2
-RELAY = ("--memory-limit", "8MB")  # it keeps drawings, and so grows, until it is full: filled before the first day
-FILL_BYTES, FILL_PX = 40_000_000, 300
+RELAY = ("--memory-limit", "8MB")  # it keeps drawings, and so grows, until it is full: with so little in four days
 REPORT_EVERY_S = 1.0
 MOST_AHEAD = 500  # sweeps that the mapper has not reported yet; it reports each second
 
@@ -154,20 +150,7 @@ def _start_relay(running: Programs) -> str:
     port, web_port = free_ports(2)
     running.start("relay", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *RELAY)
     wait_until(lambda: listens(port), "no relay", within_s=90)
-    url = f"rerun+http://127.0.0.1:{port}/proxy"
-    _fill(url)
-    return url
-
-
-def _fill(relay: str) -> None:
-    """Draw more than ``relay`` keeps: noise, which no compression makes smaller."""
-    rng, stream = np.random.default_rng(1), rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="filling")
-    stream.connect_grpc(relay)
-    for number in range(FILL_BYTES // FILL_PX**2):
-        stream.set_time(rerun_paths.SWEEP, sequence=number)
-        stream.log("noise", rr.DepthImage(rng.integers(0, 255, (FILL_PX, FILL_PX), dtype=np.uint8)))
-    stream.flush()
-    stream.disconnect()
+    return f"rerun+http://127.0.0.1:{port}/proxy"
 
 
 def _start_mapper(running: Programs, folder: Path, site: str, endpoint: str, relay: str) -> None:
@@ -199,9 +182,9 @@ def table(found: Sequence[Look], first_day: float) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--days", type=float, default=10.0, help="simulated days after which it ends sooner")
-    parser.add_argument("--first-day", type=float, default=1.0, help="simulated days from which growth counts")
+    parser.add_argument("--minutes", type=float, default=30.0, help="after which it ends")
+    parser.add_argument("--days", type=float, default=14.0, help="simulated days after which it ends sooner")
+    parser.add_argument("--first-day", type=float, default=4.0, help="simulated days from which growth counts")
     parser.add_argument("--firmware", action="store_true", help="the real firmware and gateway")
     given = parser.parse_args()
     scene = firmware if given.firmware else streamed
