@@ -2,6 +2,7 @@
 failed here. `PYTHONPATH=tests python tests/bench/run.py scale` runs what wants the whole machine: a large fleet.
 """
 
+import argparse
 import sys
 from collections.abc import Callable, Sequence
 
@@ -43,6 +44,7 @@ def main() -> None:
     if sys.argv[1:2] == ["scale"]:
         report.main(sys.argv[2:])
         return
+    argparse.ArgumentParser(description=__doc__).parse_args()  # it takes no other word, and --help runs nothing
     for title, table in SECTIONS:
         print(title, flush=True)
         for line in table():
