@@ -1,18 +1,23 @@
 """Programs of the project as processes of a test: started, watched, killed, and surely ended."""
 
 import contextlib
+import fcntl
 import os
 import shutil
 import socket
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from site import addsitedir
+from tempfile import gettempdir
 from typing import TypeVar
 
 import psutil
@@ -165,21 +170,48 @@ def two_processes() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(2, get_context("spawn"), initializer=addsitedir, initargs=(str(ROOT),))
 
 
+# Below those from which Linux gives connections their ports (net.ipv4.ip_local_port_range): one from there may be taken
+# by a connection before its program listens, also by that of a client which tries the port and so meets itself.
+_PORTS, _PORTS_OF_A_PROCESS = range(20_000, 32_000), 200
+
+
+@cache
+def _own_ports() -> deque[int]:
+    """This process's alone among all that run tests on this machine: it holds the lock until it ends."""
+    folder = Path(gettempdir()) / f"noctule-test-ports-{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    for first in _PORTS[::_PORTS_OF_A_PROCESS]:
+        lock = os.open(folder / str(first), os.O_RDWR | os.O_CREAT)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return deque(range(first, first + _PORTS_OF_A_PROCESS))
+        except BlockingIOError:
+            os.close(lock)
+    raise AssertionError(f"other tests have all ports: see {folder}")
+
+
 def free_ports(count: int) -> Sequence[int]:
-    """Ports of 127.0.0.1 that nothing listens on now."""
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
+    """Ports of 127.0.0.1, in a row, that nothing listens on now; the same ones come again as late as can be."""
+    ports = _own_ports()
+    for _ in range(_PORTS_OF_A_PROCESS):
+        drawn = list(islice(ports, count))
+        ports.rotate(-count)
+        if drawn[-1] == drawn[0] + count - 1 and all(map(_is_free, drawn)):
+            return drawn
+    raise AssertionError(f"no {count} ports in a row are free")
 
 
 def free_port_range(count: int) -> int:
-    """The first of ``count`` ports in a row that nothing listens on now."""
-    for first in range(20_000, 30_000, count):
-        if not any(listens(port) for port in range(first, first + count)):
-            return first
-    raise AssertionError(f"no {count} ports in a row are free")
+    """The first of ``count`` such ports."""
+    return free_ports(count)[0]
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe, contextlib.suppress(OSError):
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as those who listen have it
+        probe.bind(("127.0.0.1", port))
+        return True
+    return False
 
 
 def listens(port: int) -> bool:
