@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from sdk.conftest import NOCTULE, finish, line_with, sweeps
+from sdk.conftest import NOCTULE, PATIENCE_S, finish, line_with, sweeps
 
 from noctule import bus, keys
 from noctule.messages_pb2 import (
@@ -162,7 +162,7 @@ def test_watch_ends_quietly_when_nobody_reads_it_any_more(site, noctule):
     line_with(process, "contour  1")
     process.stdout.close()
     site.run(sweeps(1), None)
-    assert process.wait(20) == 0
+    assert process.wait(PATIENCE_S) == 0
     assert process.stderr.read() == ""
 
 

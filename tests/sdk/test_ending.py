@@ -47,7 +47,7 @@ def ended(program: str, number: signal.Signals = signal.SIGTERM) -> tuple[int, f
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_one_that_closes_in_time_ends_with_its_own_status(number: signal.Signals) -> None:
     status, took_s = ended("ending.begun.wait(); sys.exit(3)", number)
-    assert status == 3 and took_s < 2
+    assert status == 3 and took_s < WITHIN_S
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ PROGRAMS = ("noctule", "noctule-deploy", "noctule-gateway", "noctule-mapper", "n
 
 def run(program: str) -> subprocess.CompletedProcess[str]:
     """A process that never ends is killed, which raises."""
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
