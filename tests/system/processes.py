@@ -1,7 +1,6 @@
 """Programs of the project as processes of a test: started, watched, killed, and surely ended."""
 
 import contextlib
-import fcntl
 import os
 import shutil
 import socket
@@ -17,7 +16,6 @@ from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from site import addsitedir
-from tempfile import gettempdir
 from typing import TypeVar
 
 import psutil
@@ -176,23 +174,21 @@ _PORTS, _PORTS_OF_A_PROCESS = range(20_000, 32_000), 200
 
 
 @cache
-def _own_ports() -> deque[int]:
-    """This process's alone among all that run tests on this machine: it holds the lock until it ends."""
-    folder = Path(gettempdir()) / f"noctule-test-ports-{os.getuid()}"
-    folder.mkdir(exist_ok=True)
+def _own_ports() -> tuple[socket.socket, deque[int]]:
+    """Ports that of all processes which run tests only this one draws: it holds the one before them until it ends."""
     for first in _PORTS[::_PORTS_OF_A_PROCESS]:
-        lock = os.open(folder / str(first), os.O_RDWR | os.O_CREAT)
+        holder = socket.socket()
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return deque(range(first, first + _PORTS_OF_A_PROCESS))
-        except BlockingIOError:
-            os.close(lock)
-    raise AssertionError(f"other tests have all ports: see {folder}")
+            holder.bind(("127.0.0.1", first))
+            return holder, deque(range(first + 1, first + _PORTS_OF_A_PROCESS))
+        except OSError:
+            holder.close()
+    raise AssertionError("other tests have all ports")
 
 
 def free_ports(count: int) -> Sequence[int]:
     """Ports of 127.0.0.1, in a row, that nothing listens on now; the same ones come again as late as can be."""
-    ports = _own_ports()
+    _, ports = _own_ports()
     for _ in range(_PORTS_OF_A_PROCESS):
         drawn = list(islice(ports, count))
         ports.rotate(-count)
