@@ -12,6 +12,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from firmware.images import VERSION, newer_version
 from firmware.stepped_unit import IMAGE
+from system.processes import PATIENCE_S
 
 from noctule.firmware_rules import FirmwareRules, to_toml
 from noctule.firmware_signature import PublicKey, sign
@@ -58,7 +59,9 @@ def bench(tmp_path, image) -> Iterator[Bench]:
 
 def update(bench: Bench, *options: str) -> subprocess.CompletedProcess[str]:
     command = ["noctule-gateway", "update", bench.site, "--image", bench.image, *options]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ | {"COLUMNS": "200"})
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE_S, env=os.environ | {"COLUMNS": "200"}
+    )
 
 
 def outcomes(run: subprocess.CompletedProcess[str]) -> dict[str, tuple[str, str]]:

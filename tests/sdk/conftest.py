@@ -11,7 +11,7 @@ import pytest
 import zenoh
 from google.protobuf.message import Message
 from sdk.followed import POLL_S
-from system.processes import free_ports, wait_until
+from system.processes import PATIENCE_S, free_ports, wait_until
 
 from noctule import Client, LogFollower, bus, keys, survey
 from noctule.messages_pb2 import (
@@ -26,7 +26,6 @@ from noctule.messages_pb2 import (
 )
 from noctule.replay import Replay
 
-PATIENCE_S = 120.0
 NOCTULE = (sys.executable, "-c", "from noctule.cli import app; app()")
 
 

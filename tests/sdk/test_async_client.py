@@ -4,13 +4,12 @@ import asyncio
 import threading
 
 import pytest
+from system.processes import PATIENCE_S
 
 from noctule import AsyncClient, AsyncLogFollower, bus, keys
 from noctule.errors import BusError
 from noctule.mailbox import Mailbox
 from noctule.messages_pb2 import CommandReply, CommandRequest, Contour, LogRecords, Sweep, UnitStatus
-
-PATIENCE_S = 120.0
 
 
 def run(main):

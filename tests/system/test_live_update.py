@@ -13,7 +13,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from firmware.images import VERSION, newer_version
 from firmware.stepped_unit import IMAGE
-from system.processes import Programs, free_ports, programs, wait_until
+from system.processes import PATIENCE_S, Programs, free_ports, programs, wait_until
 
 from noctule.client import Client
 from noctule.firmware_rules import FirmwareRules, to_toml
@@ -23,7 +23,6 @@ from noctule.messages_pb2 import CommandReply, CommandRequest, Sweep, UnitStatus
 SITE = "bench"
 KEY = Ed25519PrivateKey.generate()
 SPEED, SLOWLY = 4, 1  # an update takes 8 s of the unit's time, so that slowly there is time to do something meanwhile
-WITHIN_S = 60.0
 # One sweep takes some 25 s of the unit's time, so that an update comes during one.
 LONG_SWEEP = "sweep = { first_bearing_deg = -120, bearing_step_deg = 3.8, count = 64, pings = 5, start = true }"
 
@@ -73,12 +72,14 @@ class Bench:
             self.running.check()
             return next((each for each in self.statuses if each.state == state and words in each.detail), None)
 
-        return wait_until(found, f"no status {state} {words!r}", WITHIN_S)
+        return wait_until(found, f"no status {state} {words!r}")
 
     def rpc(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """``noctule rpc``."""
         command = ["noctule", "rpc", "--json", SITE, "u1", *map(str, arguments), "--connect", self.endpoint]
-        return subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ | {"COLUMNS": "200"})
+        return subprocess.run(
+            command, capture_output=True, text=True, timeout=2 * PATIENCE_S, env=os.environ | {"COLUMNS": "200"}
+        )
 
 
 @contextmanager
@@ -106,7 +107,7 @@ def test_a_unit_that_sweeps_is_updated_and_loses_no_sweep(tmp_path: Path, image:
         def logged() -> list[Sweep]:
             return list(client.history("u1"))[: whole_before + 2]
 
-        wait_until(lambda: len(logged()) == whole_before + 2, "no sweep after it", WITHIN_S)
+        wait_until(lambda: len(logged()) == whole_before + 2, "no sweep after it")
         *earlier, cut, whole = logged()
         numbers = [(each.boot, each.sequence, each.log_sequence) for each in (*earlier, cut)]
         assert numbers == [(before.boot, number, number + 1) for number in range(whole_before + 1)]
@@ -126,7 +127,7 @@ def test_one_request_is_one_update_and_other_commands_are_told_to_wait(tmp_path:
 
         def update() -> None:
             request = CommandRequest(request_id="same", image=image.read_bytes())
-            replies.append(client.command("u1", "update", request, timeout_s=WITHIN_S))
+            replies.append(client.command("u1", "update", request, timeout_s=PATIENCE_S))
 
         asking = [threading.Thread(target=update) for _ in range(2)]
         for each in asking:
@@ -134,9 +135,9 @@ def test_one_request_is_one_update_and_other_commands_are_told_to_wait(tmp_path:
         at.wait_for(UnitStatus.STATE_LOADER, "updating: sending")
         for name in ("home", "settings", "update"):
             request = CommandRequest(image=image.read_bytes(), force=True)
-            refused = client.command("u1", name, request, timeout_s=WITHIN_S)
+            refused = client.command("u1", name, request, timeout_s=PATIENCE_S)
             assert ("is being updated: wait" in refused.error, refused.under_way) == (True, True)
-        hello = client.command("u1", "hello", CommandRequest(), timeout_s=WITHIN_S)
+        hello = client.command("u1", "hello", CommandRequest(), timeout_s=PATIENCE_S)
         assert (hello.done, hello.status.state) == (True, UnitStatus.STATE_LOADER)
         for each in asking:
             each.join()
@@ -154,7 +155,7 @@ def test_what_is_no_image_is_refused_in_words_and_the_unit_is_left_alone(tmp_pat
         assert "the image, line 1: 0x0000 is outside the application's pages" in refused.stderr
         unsigned = at.rpc("update", "--image", IMAGE.with_name("update.hex"))
         assert "the image was not taken: it is not signed: sign it" in unsigned.stderr
-        assert "image is empty" in client.command("u1", "update", CommandRequest(), timeout_s=WITHIN_S).error
+        assert "image is empty" in client.command("u1", "update", CommandRequest(), timeout_s=PATIENCE_S).error
         assert "give --image build/update.hex" in at.rpc("update").stderr
         assert at.wait_for(UnitStatus.STATE_IDLE).boot == before.boot
 
