@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,7 +38,11 @@ def image(tmp_path_factory) -> Path:
 @pytest.fixture
 def bench(tmp_path, image) -> Iterator[Bench]:
     options = ["--firmware", IMAGE, "--units", str(UNITS), "--laps", "0", "--speed", SPEED, "--tcp", "127.0.0.1:0"]
-    with subprocess.Popen(["noctule-sim", *options], stdout=subprocess.PIPE, text=True) as simulator:
+    with (
+        subprocess.Popen(["noctule-sim", *options], stdout=subprocess.PIPE, text=True) as simulator,
+        ExitStack() as ending,
+    ):
+        ending.callback(simulator.terminate)
         assert simulator.stdout is not None
         ports: list[int] = []
         while len(ports) < UNITS:
@@ -54,7 +59,6 @@ def bench(tmp_path, image) -> Iterator[Bench]:
             )
         )
         yield Bench(site, ports, image)
-        simulator.terminate()
 
 
 def update(bench: Bench, *options: str) -> subprocess.CompletedProcess[str]:
