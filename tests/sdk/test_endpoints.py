@@ -21,7 +21,7 @@ ADDRESS_COMES_LATER = """
 import logging, subprocess, time
 from noctule import bus, endpoints
 from noctule.bus_watch import BusWatch
-from noctule.errors import BusConfigError, BusError
+from noctule.ending import leave
 
 def ip(*arguments):
     subprocess.run(["ip", *arguments], check=True)
@@ -44,6 +44,7 @@ with bus.open_session(listen=endpoints) as router:
     bus.open_session(endpoints[:1], patience_s=60).close()
     wait_until(lambda: "not listening" not in watch.detail())
     watch.close()
+leave(0)  # as every program does: the interpreter's end is no place for Zenoh's threads
 """
 
 
