@@ -81,7 +81,7 @@ class FarEnd:
         publisher.undeclare()
 
     def put(self, key: str, payload: bytes) -> None:
-        """Publish bytes as they are. They wait while a link is busy, where Zenoh's default drops them."""
+        """Publish bytes as they are. The put waits while a link is busy; Zenoh's default drops the bytes."""
         self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def answer(self, key: str, callback: Callable[[zenoh.Query], Any], asker: zenoh.Session) -> None:

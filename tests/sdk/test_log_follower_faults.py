@@ -164,7 +164,7 @@ def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, fol
 
 @pytest.fixture
 def waits_long(monkeypatch):
-    """Who waits for the answer of a log that is silent, waits for longer than its test."""
+    """A question to a log that is silent takes longer than its test."""
     monkeypatch.setattr(Client, "_ask", partialmethod(Client._ask, timeout_s=10 * PATIENCE_S))
 
 

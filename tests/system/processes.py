@@ -168,14 +168,14 @@ def two_processes() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(2, get_context("spawn"), initializer=addsitedir, initargs=(str(ROOT),))
 
 
-# Below those from which Linux gives connections their ports (net.ipv4.ip_local_port_range): one from there may be taken
-# by a connection before its program listens, also by that of a client which tries the port and so meets itself.
+# Below the ports that Linux gives to connections (net.ipv4.ip_local_port_range): a connection could take one of those
+# before the program listens on it, even that of a client which tries the port and so connects to itself.
 _PORTS, _PORTS_OF_A_PROCESS = range(20_000, 32_000), 200
 
 
 @cache
 def _own_ports() -> tuple[socket.socket, deque[int]]:
-    """Ports that of all processes which run tests only this one draws: it holds the one before them until it ends."""
+    """Ports that only this one of all processes that run tests draws; it holds the port before them until it ends."""
     for first in _PORTS[::_PORTS_OF_A_PROCESS]:
         holder = socket.socket()
         try:
