@@ -269,6 +269,6 @@ def test_a_client_may_come_again(running: Run):
         while answer != b"c" and time.monotonic() < deadline:
             with socket.create_connection(address) as again:
                 again.sendall(b"b")
-                again.settimeout(5)
+                again.settimeout(PATIENCE_S)
                 answer = again.recv(1)
         assert answer == b"c"

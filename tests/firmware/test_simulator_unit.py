@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import serial
 from cobs import cobs
+from system.processes import PATIENCE_S
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 
@@ -66,7 +67,7 @@ class Cable:
         while True:
             while b"\0" not in self._line:
                 part = self._read()
-                assert part, "nothing came for 30 s"
+                assert part, f"nothing came for {PATIENCE_S:g} s"
                 self._line += part
             line, _, self._line = self._line.partition(b"\0")
             if not line:
@@ -108,7 +109,7 @@ def tcp_cable(address: str) -> Iterator[Cable]:
     with socket.create_connection((place[1], int(place[2]))) as connection:
 
         def read() -> bytes:
-            readable, _, _ = select.select([connection], [], [], 30)
+            readable, _, _ = select.select([connection], [], [], PATIENCE_S)
             return connection.recv(4096) if readable else b""
 
         yield Cable(connection.sendall, read)

@@ -22,7 +22,7 @@ def record(folder: Path, count: int, keeping: Keeping = COMMANDS) -> AuditLog:
     """What one run of a gateway records."""
     log = AuditLog(folder, {"site": "house"}, keeping)
     for number in range(count):
-        log.append({"event": "given", "command": "stop", "request_id": f"r{number}"}).result(10)
+        log.append({"event": "given", "command": "stop", "request_id": f"r{number}"}).result(60)
     close(log)
     return log
 

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 
+from system.processes import PATIENCE_S
+
 from noctule import elapsed
 from noctule.messages_pb2 import Reading, Sweep
 from noctule_gateway.errors import LogError
@@ -22,7 +24,6 @@ from noctule_gateway.log.sweep_log import SweepLog
 
 SWEEPS = 90
 NAME = "u1.sqlite"
-_PATIENCE_S = 120.0
 _IN_MEMORY = Path("/dev/shm")
 
 
@@ -140,7 +141,7 @@ def _read_all(log: SweepLog, left: KilledLog) -> str:
     """Read as a reader does, from the first sequence on."""
     at, held, lost = 1, set[int](), set[int]()
     log_id = left.log_id
-    until_s = time.monotonic() + _PATIENCE_S
+    until_s = time.monotonic() + PATIENCE_S
     while True:
         try:
             log.last_of_boot(1)
@@ -215,7 +216,7 @@ def _add(log: SweepLog, left: KilledLog) -> str:
 def _append(log: SweepLog, each: Arrival) -> Committed | LogError:
     future: Future[Committed | LogError] = Future()
     log.append(each, future.set_result)
-    return future.result(timeout=_PATIENCE_S)
+    return future.result(timeout=PATIENCE_S)
 
 
 def _checkpoint(path: Path) -> None:

@@ -27,7 +27,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SweepLog]:
     for sequence in range(1, SWEEPS + 1):
         done: Future[Committed | LogError] = Future()
         log.append(Arrival(bytes([sequence]), sequence, Sweep(unit="u1", boot=1, sequence=sequence)), done.set_result)
-        assert isinstance(done.result(20), Committed)
+        assert isinstance(done.result(60), Committed)
     yield log
     log.close()
 

@@ -104,8 +104,8 @@ def test_a_command_that_comes_when_the_server_has_ended_is_answered(tmp_path: Pa
         server = Desk(tmp_path, log).server
         server.start()
         server.stop()
-        server.join(time.monotonic() + 10.0)
-        reply = server.command("stop", CommandRequest(request_id="1")).result(timeout=1.0)
+        server.join(time.monotonic() + 60.0)
+        reply = server.command("stop", CommandRequest(request_id="1")).result(timeout=60.0)
     finally:
         log.close()
     assert (reply.done, reply.error) == (False, "the gateway that served it was stopped")

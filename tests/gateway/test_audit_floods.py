@@ -61,7 +61,7 @@ def test_a_flood_is_summed_up_and_washes_out_nothing_that_was_recorded_before(tm
     keeping = replace(REFUSALS, max_bytes=60_000, burst_bytes=10_000, bytes_per_day=1_000, max_file_bytes=5_000)
     now_s = 0.0
     log = AuditLog(tmp_path, {}, keeping, now_s=lambda: now_s)
-    log.append({"event": "refused", "who": "the first"}).result(10)
+    log.append({"event": "refused", "who": "the first"}).result(60)
     refusals = 15_000
     for number in range(refusals):
         now_s = number * KEPT_AT_LEAST_S / refusals
@@ -84,7 +84,7 @@ def test_a_command_that_is_only_counted_is_carried_out_all_the_same(tmp_path: Pa
     reply: Future[CommandReply] = Future()
     reply.set_result(CommandReply(done=True))
     given = RecordedCommands(lambda *_: reply, log, "u1").carry_out("stop", CommandRequest(request_id="r1"), ANNA)
-    assert given.result(10).done
+    assert given.result(60).done
     close(log)
     assert facts(tmp_path)[1]["kinds"] == [
         {"event": "given", "unit": "u1", "command": "stop", "who": "operator.anna.g1", "count": 1},

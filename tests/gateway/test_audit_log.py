@@ -115,7 +115,7 @@ def test_a_command_is_recorded_before_it_is_begun_with_who_gave_it_and_then_with
     given = commands.carry_out("update", request, ANNA)
     wait_until(lambda: known_when_begun, "the command was not begun")
     reply.set_result(CommandReply(request_id="r1", error="the image was not taken: it is not signed"))
-    assert not given.result(10).done
+    assert not given.result(60).done
     commands.carry_out("status", CommandRequest(request_id="r2"), ANNA)  # changes nothing
     close(log)
     begun, record_, outcome = facts(tmp_path)
@@ -150,7 +150,7 @@ def test_what_a_client_has_made_up_begins_no_line_of_the_programs_log(
         given = RecordedCommands(lambda *_: reply, log, "u1").carry_out(
             "stop", CommandRequest(request_id="r\nERROR too"), forged
         )
-        assert given.result(10).done
+        assert given.result(60).done
     close(log)
     assert not any(line.startswith("ERROR") for line in caplog.text.splitlines())
     assert (look(tmp_path).sound, look(tmp_path).trouble) == (3, "")

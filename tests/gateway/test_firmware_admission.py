@@ -12,7 +12,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from gateway.model_unit import ModelUnit
 from gateway.tcp_unit import TcpUnit, tcp_unit
-from system.processes import free_ports, wait_until
+from system.processes import PATIENCE_S, free_ports, wait_until
 
 from noctule import bus, bus_config, firmware_signature
 from noctule.client import Client
@@ -60,7 +60,7 @@ class Bench:
 
     def update(self, data: bytes) -> str:
         """Why the image was refused."""
-        reply = self.client.command("u1", "update", CommandRequest(image=data, force=True), timeout_s=10)
+        reply = self.client.command("u1", "update", CommandRequest(image=data, force=True), timeout_s=PATIENCE_S)
         assert not reply.done
         return reply.error
 

@@ -10,7 +10,7 @@ import zenoh
 from gateway.model_unit import ModelUnit
 from gateway.serving import FIXED, SITE, connected, running, site_file
 from gateway.tcp_unit import tcp_unit
-from system.processes import wait_until
+from system.processes import PATIENCE_S, wait_until
 
 from noctule import messages_pb2 as messages
 from noctule.client import Client
@@ -143,8 +143,8 @@ def test_a_room_that_was_changed_is_accepted_by_a_command_and_stays_so_over_a_re
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             wait_until(lambda: connected(client), "the unit was not connected")
-            before = client.command("u1", "status", CommandRequest(), timeout_s=10)
-            reply = client.command("u1", "accept_room", CommandRequest(), timeout_s=10)
+            before = client.command("u1", "status", CommandRequest(), timeout_s=PATIENCE_S)
+            reply = client.command("u1", "accept_room", CommandRequest(), timeout_s=PATIENCE_S)
             kept = memory_file.read(tmp_path / "u1.health")
     assert [one.kind for one in before.status.faults] == [messages.FAULT_KIND_REPEATS, messages.FAULT_KIND_TURNED]
     assert reply.done and [one.kind for one in reply.status.faults] == [messages.FAULT_KIND_REPEATS]
@@ -165,9 +165,9 @@ def test_a_room_that_the_disk_does_not_keep_as_accepted_is_told_as_an_error(
         path = site_file(tmp_path, ("u1", 7, line.address, FIXED))
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             wait_until(lambda: connected(client), "the unit was not connected")
-            refused = client.command("u1", "accept_room", CommandRequest(), timeout_s=10)
+            refused = client.command("u1", "accept_room", CommandRequest(), timeout_s=PATIENCE_S)
             (tmp_path / "u1.health-new").rmdir()
-            kept = client.command("u1", "accept_room", CommandRequest(), timeout_s=10)
+            kept = client.command("u1", "accept_room", CommandRequest(), timeout_s=PATIENCE_S)
     assert not refused.done and "accepted, but the disk does not take that" in refused.error
     assert kept.done and memory_file.read(tmp_path / "u1.health").findings == ()
 

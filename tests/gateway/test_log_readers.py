@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 import zenoh
 from gateway.serving import FIXED, SITE, running, site_file
+from system.processes import PATIENCE_S
 
 from noctule import keys
 from noctule_gateway.bus import log_readers
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.log_reply import MAX_RECORDS
-
-PATIENCE_S = 120.0
 
 
 def no_one_is_late() -> None:

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from gateway.rfc2217_server import negotiate, server
+from system.processes import PATIENCE_S, wait_until
 
 from noctule_gateway.errors import LineError
 from noctule_gateway.line.port import Port, open_port
@@ -36,7 +37,7 @@ def failed_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[threading.E
 def read_to_the_end(port: Port) -> int:
     """Read until the line is cut; how many bytes came."""
     count = 0
-    deadline_s = time.monotonic() + 20.0
+    deadline_s = time.monotonic() + PATIENCE_S
     try:
         while time.monotonic() < deadline_s:
             count += len(port.read(1.0))
@@ -65,9 +66,9 @@ def test_what_is_no_rfc2217_is_named_as_the_lines_error(sent: bytes, open_before
         if open_before:
             negotiate(connection)
         connection.sendall(sent)
-        ended.wait(20.0)
+        ended.wait(PATIENCE_S)
 
-    with server(send, timeout_s=3.0 if open_before else 0.3) as address:
+    with server(send, timeout_s=20.0 if open_before else 2.0) as address:
         try:
             with pytest.raises(LineError, match=r"what its server sends is not RFC 2217$"):
                 port = open_port(address)
@@ -88,7 +89,7 @@ def test_random_telnet_bytes_end_a_line_and_no_thread(failed_threads: list[threa
                 negotiate(connection)
             connection.sendall(garbage)
 
-        with server(send, timeout_s=3.0 if open_before else 0.2) as address:
+        with server(send, timeout_s=20.0 if open_before else 0.2) as address:
             try:
                 port = open_port(address)
             except LineError:
@@ -101,7 +102,7 @@ def test_random_telnet_bytes_end_a_line_and_no_thread(failed_threads: list[threa
         results = list(pool.map(suffer, range(200)))
     assert failed_threads == []
     assert {"opened", "not opened"} == set(results)
-    assert threading.active_count() <= before
+    wait_until(lambda: threading.active_count() <= before, "threads are left")
 
 
 @pytest.mark.usefixtures("failed_threads")
@@ -109,7 +110,7 @@ def test_a_server_that_never_answers_is_given_up_in_seconds() -> None:
     ended = threading.Event()
 
     def say_nothing(_: socket.socket) -> None:
-        ended.wait(30.0)
+        ended.wait(PATIENCE_S)
 
     with server(say_nothing) as address:
         begun_s = time.monotonic()
@@ -130,8 +131,8 @@ def test_a_server_that_answers_each_step_late_is_given_up_as_one_that_says_nothi
         begun_s = time.monotonic()
         with pytest.raises(LineError, match="can't open rfc2217://"):
             open_port(address)
-        # Two steps, and 0.3 s for the server to notice that it is over (pyserial).
-        assert time.monotonic() - begun_s < 2 * step_s + 0.3 + 0.3
+        # It takes two steps, and 0.3 s for the server to notice that it is over. By pyserial it may take all six steps.
+        assert time.monotonic() - begun_s < 6 * step_s
 
 
 @pytest.mark.usefixtures("failed_threads")
@@ -154,7 +155,7 @@ def test_a_server_that_floods_is_made_to_wait_and_all_that_it_sent_is_read() -> 
 
     with server(flood) as address:
         port = open_port(address)
-        assert at_rest.wait(60.0)
+        assert at_rest.wait(PATIENCE_S)
         (count,) = sent_bytes
         # Linux keeps at most 4 MB to send and 6 MB received for a connection (tcp(7): tcp_wmem, tcp_rmem).
         assert count < 11 * 2**20

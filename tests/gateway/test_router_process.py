@@ -14,7 +14,6 @@ from system.processes import Programs, free_ports, programs, wait_until
 from noctule import bus
 from noctule.client import Client
 
-LIMIT_S = 60.0
 # A name of 65,536 characters and more makes Zenoh panic, in whichever session is asked for it.
 PANICKING = """
 import sys, threading, time
@@ -41,7 +40,7 @@ def make_sweep_and_wait_until_it_is_acknowledged(line: TcpUnit) -> None:
         with line.lock:
             return not line.unit.ring
 
-    wait_until(is_acknowledged, "the sweep was not acknowledged", LIMIT_S)
+    wait_until(is_acknowledged, "the sweep was not acknowledged")
 
 
 def logged(client: Client) -> list[int]:
@@ -67,11 +66,11 @@ def test_units_are_served_while_a_router_of_its_own_process_is_dead_and_all_is_r
         closing.enter_context(running(path, tmp_path / "data", session))
         reader = closing.enter_context(Client(SITE, connect=[endpoint]))
         make_sweep_and_wait_until_it_is_acknowledged(line)
-        wait_until(lambda: logged(reader) == [1], "the log is not served", LIMIT_S)
+        wait_until(lambda: logged(reader) == [1], "the log is not served")
         started.kill("router")
         make_sweep_and_wait_until_it_is_acknowledged(line)
         start_router(started, endpoint)
-        wait_until(lambda: logged(reader) == [1, 2], "the log is not served again", LIMIT_S)
+        wait_until(lambda: logged(reader) == [1, 2], "the log is not served again")
         assert started.end("router") == 0
 
 
@@ -86,13 +85,13 @@ def test_a_gateway_that_a_panic_of_its_router_has_ended_comes_back_with_nothing_
         with line.lock:
             line.unit.make_sweep(time.monotonic())  # on its way when the process ends
         when.touch()
-        wait_until(lambda: started.ended() == {"gateway": 70}, "the panic did not end the gateway", LIMIT_S)
+        wait_until(lambda: started.ended() == {"gateway": 70}, "the panic did not end the gateway")
         assert "PanicException" in started.log("gateway")
         with line.lock:
             line.unit.make_sweep(time.monotonic())
         started.start("gateway", "noctule-gateway", *run)  # as systemd does
         with Client(SITE, connect=[endpoint]) as reader:
-            wait_until(lambda: logged(reader) == [1, 2, 3], "a sweep was lost or doubled", LIMIT_S)
+            wait_until(lambda: logged(reader) == [1, 2, 3], "a sweep was lost or doubled")
         assert started.end("gateway") == 0
 
 

@@ -14,7 +14,7 @@ import zenoh
 from gateway.model_unit import ModelUnit
 from gateway.serving import FIXED, RPC_ANY, SITE, connected, running, site_file, unit_status
 from gateway.tcp_unit import tcp_unit
-from system.processes import free_ports, programs, wait_until
+from system.processes import PATIENCE_S, free_ports, programs, wait_until
 
 from noctule import bus, keys
 from noctule.client import Client
@@ -47,14 +47,16 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
             assert client.units() == {"u1"}
             assert unit_status(client, "u1").gateway_version == version("noctule-gateway")
             with line.lock:
+                before_s = time.time()
                 made = line.unit.make_sweep(time.monotonic())
-                made_at_s = time.time()
-            (sweep,) = wait_until(lambda: got, "no sweep came", 20)
+                after_s = time.time()
+            (sweep,) = wait_until(lambda: got, "no sweep came")
             wait_until(lambda: unit_status(client, "u1").HasField("last_sweep"), "its status knows no sweep")
             logged_at_s = unit_status(client, "u1").last_sweep.ToNanoseconds() / 1e9
-    assert made_at_s <= logged_at_s + 0.01 <= time.time() + 0.02
+    assert before_s <= logged_at_s + 0.01 <= time.time() + 0.02
     assert (sweep.site, sweep.unit, sweep.boot, sweep.sequence, sweep.log_sequence) == (SITE, "u1", 1, 1, 1)
-    assert sweep.start.ToNanoseconds() / 1e9 == pytest.approx(made_at_s, abs=3 * sweep.clock_error_s + 0.01)
+    allowed_s = 3 * sweep.clock_error_s + 0.01
+    assert before_s - allowed_s <= sweep.start.ToNanoseconds() / 1e9 <= after_s + allowed_s
     assert (sweep.pose.x_m, sweep.pose.y_m, sweep.pose.heading_rad) == (1.0, 2.0, pytest.approx(math.pi / 2))
     assert sweep.air_temperature_c == 21.5
     assert (sweep.sensor.range_bias_m, sweep.sensor.face_offset_m) == (0.0023, 0.018)
@@ -80,7 +82,9 @@ def test_a_fixed_unit_is_given_the_fine_plan_and_a_tracked_one_keeps_its_own(
             wait_until(lambda: fixed.unit.plan.count == 61, "the fixed unit has no fine plan")
 
             def settings(unit: str) -> SweepPlan:
-                return client.command(unit, "settings", CommandRequest(request_id=unit), timeout_s=10).settings.plan
+                return client.command(
+                    unit, "settings", CommandRequest(request_id=unit), timeout_s=PATIENCE_S
+                ).settings.plan
 
             assert (settings("u1").count, settings("u2").count) == (61, 13)
 
@@ -93,7 +97,7 @@ def test_commands_reach_the_unit_once_per_request_id(tmp_path: Path, router: zen
             wait_until(lambda: connected(client), "the unit was not connected")
 
             def command(name: str, request: CommandRequest) -> CommandReply:
-                return client.command("u1", name, request, timeout_s=10)
+                return client.command("u1", name, request, timeout_s=PATIENCE_S)
 
             plan = SweepPlan(bearing_step_rad=math.radians(45), count=7)
             replies = [
@@ -156,7 +160,7 @@ def test_a_command_with_a_wildcard_is_refused_and_no_unit_obeys(
             request = CommandRequest(request_id="several").SerializeToString()
             (refusal,) = router.get(several, payload=request)
             assert refusal.err is not None and b"can't be part of a key" in refusal.err.payload.to_bytes()
-            assert client.command("u1", "single", CommandRequest(), timeout_s=10).done
+            assert client.command("u1", "single", CommandRequest(), timeout_s=PATIENCE_S).done
     (recorded,) = [json.loads(line) for line in (tmp_path / "refused-1.jsonl").read_text().splitlines()[1:]]
     assert (recorded["event"], recorded["unit"], recorded["request_id"]) == ("refused", "u1", "several")
     assert (recorded["who"], recorded["signed"]) == ("session ?", False)  # nothing was attached
@@ -175,7 +179,7 @@ def test_a_unit_in_its_loader_is_shown_and_served_again_when_its_firmware_runs(
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             wait_until(lambda: unit_status(client).state == UnitStatus.STATE_LOADER, "the loader was not shown")
             assert "no sound firmware" in unit_status(client).detail
-            refused = client.command("u1", "settings", CommandRequest(request_id="a"), timeout_s=10)
+            refused = client.command("u1", "settings", CommandRequest(request_id="a"), timeout_s=PATIENCE_S)
             assert "not connected" in refused.error
             with line.lock:
                 unit.in_loader = None
@@ -275,14 +279,12 @@ def test_killed_and_started_again_it_loses_no_sweep_and_doubles_none(tmp_path: P
         for round_ in range(3):
             started.start("gateway", *command, *listen)
             acknowledged = 100 * (round_ + 1)
-            wait_until(
-                lambda least=acknowledged: len(unit.made) - len(unit.ring) >= least, "the sweeps do not go on", 30
-            )
+            wait_until(lambda least=acknowledged: len(unit.made) - len(unit.ring) >= least, "the sweeps do not go on")
             started.kill("gateway")
         started.start("gateway", *command, *listen)
         with Client(SITE, connect=[f"tcp/127.0.0.1:{port}"]) as client:
             wait_until(lambda: connected(client), "the unit was not connected")
-            client.command("u1", "stop", CommandRequest(request_id="last"), timeout_s=10)
+            client.command("u1", "stop", CommandRequest(request_id="last"), timeout_s=PATIENCE_S)
             wait_until(lambda: not unit.ring, "the ring was not emptied")
             wait_until(lambda: unit_status(client).log_head >= len(unit.made), "the log is short")
             held = held_sweeps(client)
@@ -351,7 +353,8 @@ def test_the_ghosts_of_a_gateway_that_is_killed_or_hangs_are_gone_within_the_lea
         started.start("gateway", *command, env={bus.CONFIG_VARIABLE: str(config)})
         wait_until(lambda: client.units() and client.unit_statuses(), "the unit did not come")
         os.kill(started.pid("gateway"), stop)
-        wait_until(lambda: not client.units(), "the unit is still shown", lease_s + 1.0)
+        # Zenoh's own lease is 10 s; a busy machine may take note of the end of this one late.
+        wait_until(lambda: not client.units(), "the unit is still shown", lease_s + 5.0)
         assert client.unit_statuses() == []
 
 
@@ -378,5 +381,5 @@ def test_sweeps_of_a_unit_whose_log_was_deleted_wait_in_it_until_they_are_in_a_n
             (held,) = held_sweeps(client)
             assert held.sequence == lost.sequence
             wait_until(lambda: (data / FILE_NAME).exists(), "the new folder is not held")
-        assert "was moved, deleted or replaced" in started.log("gateway")
+        wait_until(lambda: "was moved, deleted or replaced" in started.log("gateway"), "that is not in its log")
         assert started.end("gateway") == 0

@@ -64,7 +64,7 @@ def test_a_trackers_own_time_of_a_pose_counts_and_not_when_it_came(tmp_path: Pat
                     unit.make_sweep(time.monotonic())
                 return any(sweep.pose.x_m > 0 for sweep in got)
 
-            wait_until(placed, "no sweep got a pose between the two", 20)  # one before the second pose came lies at 0
+            wait_until(placed, "no sweep got a pose between the two")  # one before the second pose came lies at 0
         assert got[-1].pose.x_m == pytest.approx(100.0, abs=60.0)  # half-way, and 2 m further each second
 
 
@@ -89,7 +89,7 @@ def test_a_host_whose_clock_is_set_by_forty_days_keeps_its_sweeps_and_says_that_
                 with line.lock:
                     unit.make_sweep(time.monotonic())
                 wait_until(
-                    lambda most=made: unit_status(client).log_head == most and not unit.ring, "no sweep was logged", 20
+                    lambda most=made: unit_status(client).log_head == most and not unit.ring, "no sweep was logged"
                 )
                 gateway.report()
             wait_until(lambda: services and services[-1].counters["clock_sets"] == 3, "it was not counted")
@@ -153,7 +153,7 @@ def test_a_log_of_before_the_clock_was_set_tells_no_time_of_after_it(
                 if number == 2:
                     unit.reset(time.monotonic())
             with running(path, tmp_path, router, now):
-                wait_until(lambda: unit_status(client).log_head == number, "no sweep was logged", 20)  # noqa: B023
+                wait_until(lambda: unit_status(client).log_head == number, "no sweep was logged")  # noqa: B023
                 records = client.log("u1", 1)
             set_s = 0.0
     assert records is not None

@@ -77,7 +77,7 @@ def test_no_answer_and_what_can_not_be_read_and_a_line_that_sends_all_back_are_t
         ]
         with running(site_file(tmp_path, *units), tmp_path, router), Client(SITE, session=router) as client:
             for name, detail in told.items():
-                wait_until(lambda: unit_status(client, name).detail == detail, f"{name} is not told", 20)  # noqa: B023
+                wait_until(lambda: unit_status(client, name).detail == detail, f"{name} is not told")  # noqa: B023
     for name, detail in told.items():
         assert f"{name}: {detail}" in caplog.text
 
@@ -93,7 +93,7 @@ def test_a_connection_that_has_gone_mute_is_opened_again_though_it_was_never_clo
             line.mute()
             wait_until(lambda: not connected(client), "its silence was not seen")
             wait_until(lambda: connected(client), "the mute connection was kept")
-            assert line.connections == 2
+            assert line.connections >= 2
 
 
 def test_a_unit_that_is_not_there_is_shown_and_served_as_soon_as_it_is(tmp_path: Path, router: zenoh.Session) -> None:
@@ -107,7 +107,7 @@ def test_a_unit_that_is_not_there_is_shown_and_served_as_soon_as_it_is(tmp_path:
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             wait_until(lambda: connected(client), "the unit was not connected")
             line.cut()
-            wait_until(lambda: line.connections == 2, "the line was not opened again")
+            wait_until(lambda: line.connections >= 2, "the line was not opened again")
             wait_until(lambda: connected(client), "the unit was not connected again")
             assert unit_status(client, "u2").state == UnitStatus.STATE_DISCONNECTED
             assert "can't open" in unit_status(client, "u2").detail
@@ -130,7 +130,7 @@ def test_a_status_says_since_when_a_unit_has_answered_and_since_when_it_has_not(
             assert connected_s - 0.001 <= down_s <= time.time()
             reported = unit_status(client).time
             wait_until(lambda: unit_status(client).time != reported, "no further status")
-            assert unit_status(client).since.ToMilliseconds() / 1000 == pytest.approx(down_s, abs=0.1)
+            assert unit_status(client).since.ToMilliseconds() / 1000 == pytest.approx(down_s, abs=0.5)
 
 
 def test_a_server_that_sends_no_rfc2217_is_its_units_trouble_and_the_other_units_are_served(tmp_path: Path) -> None:
@@ -169,5 +169,5 @@ def test_two_gateways_on_one_unit_both_say_so_until_one_is_gone(tmp_path: Path) 
 
         with running(path, tmp_path / "second", joined) as second:
             for gateway in (first, second):
-                wait_until(lambda: details(gateway).startswith(told), "no alarm", 20)  # noqa: B023
+                wait_until(lambda: details(gateway).startswith(told), "no alarm")  # noqa: B023
         wait_until(lambda: told not in details(first), "the alarm stays")

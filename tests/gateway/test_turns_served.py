@@ -7,7 +7,7 @@ import zenoh
 from gateway.model_unit import ModelUnit
 from gateway.serving import SITE, running, site_file, unit_status
 from gateway.tcp_unit import TcpUnit, tcp_unit
-from system.processes import wait_until
+from system.processes import PATIENCE_S, wait_until
 
 from noctule.client import Client
 from noctule.messages_pb2 import CommandRequest, SweepPlan
@@ -81,8 +81,8 @@ def test_a_plan_given_on_the_bus_that_looks_at_another_unit_is_named(tmp_path: P
         with running(path, tmp_path, router), Client(SITE, session=router) as client:
             wait_until(lambda: unit_status(client, "u1").log_head, "it is not served")
             assert unit_status(client, "u1").detail == ""
-            client.command("u1", "stop", CommandRequest(), timeout_s=10)
+            client.command("u1", "stop", CommandRequest(), timeout_s=PATIENCE_S)
             wide = SweepPlan(first_bearing_rad=-2.0, bearing_step_rad=0.4, count=11)
-            assert client.command("u1", "configure", CommandRequest(plan=wide), timeout_s=10).done
-            client.command("u1", "start", CommandRequest(), timeout_s=10)
+            assert client.command("u1", "configure", CommandRequest(plan=wide), timeout_s=PATIENCE_S).done
+            client.command("u1", "start", CommandRequest(), timeout_s=PATIENCE_S)
             wait_until(lambda: "so u2 may hear its pings" in unit_status(client, "u1").detail, "it is not named")

@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from firmware.images import VERSION, newer_version
 from firmware.stepped_unit import IMAGE
+from system.processes import PATIENCE_S
 
 from noctule.firmware_rules import FirmwareRules, to_toml
 from noctule.firmware_signature import PublicKey, sign
@@ -36,7 +38,11 @@ def image(tmp_path_factory) -> Path:
 @pytest.fixture
 def bench(tmp_path, image) -> Iterator[Bench]:
     options = ["--firmware", IMAGE, "--units", str(UNITS), "--laps", "0", "--speed", SPEED, "--tcp", "127.0.0.1:0"]
-    with subprocess.Popen(["noctule-sim", *options], stdout=subprocess.PIPE, text=True) as simulator:
+    with (
+        subprocess.Popen(["noctule-sim", *options], stdout=subprocess.PIPE, text=True) as simulator,
+        ExitStack() as ending,
+    ):
+        ending.callback(simulator.terminate)
         assert simulator.stdout is not None
         ports: list[int] = []
         while len(ports) < UNITS:
@@ -53,12 +59,13 @@ def bench(tmp_path, image) -> Iterator[Bench]:
             )
         )
         yield Bench(site, ports, image)
-        simulator.terminate()
 
 
 def update(bench: Bench, *options: str) -> subprocess.CompletedProcess[str]:
     command = ["noctule-gateway", "update", bench.site, "--image", bench.image, *options]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, env=os.environ | {"COLUMNS": "200"})
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=PATIENCE_S, env=os.environ | {"COLUMNS": "200"}
+    )
 
 
 def outcomes(run: subprocess.CompletedProcess[str]) -> dict[str, tuple[str, str]]:

@@ -1,7 +1,6 @@
 """What the tests of the bus share: a real router on a free port, sessions that get closed, things to wait on."""
 
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -12,6 +11,7 @@ import pytest
 import zenoh
 from google.protobuf.message import Message
 from sdk.followed import POLL_S
+from system.processes import PATIENCE_S, free_ports, wait_until
 
 from noctule import Client, LogFollower, bus, keys, survey
 from noctule.messages_pb2 import (
@@ -26,8 +26,7 @@ from noctule.messages_pb2 import (
 )
 from noctule.replay import Replay
 
-PATIENCE_S = 120.0
-NOCTULE = (sys.executable, "-c", "from noctule.cli import app; app()")
+NOCTULE = (sys.executable, "-c", "from noctule.cli import program; program()")
 
 
 class Collected(list[Any]):
@@ -76,10 +75,14 @@ class FarEnd:
     def publish(self, key: str, *messages: Message) -> None:
         """Publish to a subscriber, when the bus knows of one."""
         publisher = bus.declare_publisher(self.session, key, type(messages[0]))
-        _until_matching(publisher)
+        until_matching(publisher)
         for message in messages:
             publisher.put(message.SerializeToString())
         publisher.undeclare()
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Publish bytes as they are. The put waits while a link is busy; Zenoh's default drops the bytes."""
+        self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def answer(self, key: str, callback: Callable[[zenoh.Query], Any], asker: zenoh.Session) -> None:
         """Answer queries, and wait until ``asker`` can ask."""
@@ -90,11 +93,12 @@ class FarEnd:
 def until_answered(asker: zenoh.Session, key: str) -> None:
     """Wait until ``asker`` knows of one who answers queries on ``key``."""
     querier = asker.declare_querier(key)
-    _until_matching(querier)
+    until_matching(querier)
     querier.undeclare()
 
 
-def _until_matching(declared: zenoh.Publisher | zenoh.Querier) -> None:
+def until_matching(declared: zenoh.Publisher | zenoh.Querier) -> None:
+    """Wait until one who is there for it is known."""
     matching = threading.Event()
     listener = declared.declare_matching_listener(lambda status: matching.set() if status.matching else None)
     status: Any = declared.matching_status  # its annotation is wrong in Zenoh 1.10.2
@@ -105,9 +109,7 @@ def _until_matching(declared: zenoh.Publisher | zenoh.Querier) -> None:
 @pytest.fixture
 def endpoint() -> str:
     """An endpoint on the loopback that is free."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_ports(1)[0]}"
 
 
 @pytest.fixture
@@ -188,7 +190,7 @@ def survey_file(tmp_path):
 
 
 @pytest.fixture
-def site(far):
+def site(far, router):
     """A site with one unit that has swept three times, and a contour."""
     schemas = bus.declare_schemas(far.session)
     contour = bus.StatePublisher(far.session, keys.contour("room"), Contour)
@@ -197,6 +199,8 @@ def site(far):
     contour.put(Contour(site="room", version=1, walls=walls, touches=[Touch()], sweeps=3, poses=[unknown]))
     replay = Replay(far.session, "room")
     replay.run(sweeps(), None)
+    tokens = router.session.liveliness()
+    wait_until(lambda: list(tokens.get(keys.alive("room", "u1"))), "the router does not know of the unit")
     yield replay
     replay.close()
     contour.close()

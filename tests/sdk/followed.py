@@ -5,10 +5,11 @@ import subprocess
 import sys
 import threading
 
+from system.processes import PATIENCE_S
+
 from noctule import bus, keys
 from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
 
-PATIENCE_S = 120.0
 POLL_S = 0.3  # so that a test in which all signs are lost need not wait for the usual ten seconds
 
 

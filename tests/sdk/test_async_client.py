@@ -4,13 +4,12 @@ import asyncio
 import threading
 
 import pytest
+from system.processes import PATIENCE_S
 
 from noctule import AsyncClient, AsyncLogFollower, bus, keys
 from noctule.errors import BusError
 from noctule.mailbox import Mailbox
 from noctule.messages_pb2 import CommandReply, CommandRequest, Contour, LogRecords, Sweep, UnitStatus
-
-PATIENCE_S = 120.0
 
 
 def run(main):
@@ -59,10 +58,10 @@ def test_questions_and_commands_are_awaited(router, far):
                     far.answer, key, lambda query, key=key, reply=reply: query.reply(key, reply), client.client.session
                 )
             assert [sweep async for sweep in client.history("u1")] == sweeps
-            assert (await client.command("u1", "start", CommandRequest(), 5.0)).done
+            assert (await client.command("u1", "start", CommandRequest(), PATIENCE_S)).done
             assert (await client.contour(), await client.units()) == (None, set())
             with pytest.raises(BusError, match="no gateway serves unit 'u9'"):
-                await client.command("u9", "start", CommandRequest(), 5.0)
+                await client.command("u9", "start", CommandRequest(), PATIENCE_S)
 
     run(main())
 

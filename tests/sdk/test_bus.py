@@ -13,7 +13,7 @@ import zenoh
 from google.protobuf import message_factory
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
-from sdk.conftest import Router
+from sdk.conftest import PATIENCE_S, Router, until_matching
 
 from noctule import bus, bus_config, keys
 from noctule.errors import BusConfigError, BusError
@@ -44,14 +44,14 @@ def test_a_client_whose_first_router_is_dead_joins_the_second(router):
     with socket.socket() as nobody:  # bound and not listening: a connection is refused
         nobody.bind(("127.0.0.1", 0))
         dead = f"tcp/127.0.0.1:{nobody.getsockname()[1]}"
-        with bus.open_session([dead, router.endpoint], patience_s=3.0) as session:
+        with bus.open_session([dead, router.endpoint], patience_s=PATIENCE_S) as session:
             assert [str(zid) for zid in session.info.routers_zid()] == [str(router.session.info.zid())]
 
 
 def test_a_client_whose_first_router_takes_connections_and_says_nothing_joins_the_second(router):
     with socket.create_server(("127.0.0.1", 0)) as silent:
         endpoint = f"tcp/127.0.0.1:{silent.getsockname()[1]}"
-        with bus.open_session([endpoint, router.endpoint], patience_s=3.0) as session:
+        with bus.open_session([endpoint, router.endpoint], patience_s=PATIENCE_S) as session:
             assert [str(zid) for zid in session.info.routers_zid()] == [str(router.session.info.zid())]
 
 
@@ -134,7 +134,9 @@ def test_a_subscriber_gets_each_state_as_it_is_put(open_session, collected):
     subscriber.declare_subscriber(
         key, lambda sample: collected.add(Contour.FromString(sample.payload.to_bytes()).version)
     )
-    state = bus.StatePublisher(open_session(), key, Contour)
+    publishing = open_session()
+    until_matching(publishing.declare_publisher(key))
+    state = bus.StatePublisher(publishing, key, Contour)
     for version in range(100):
         state.put(Contour(version=version))
     collected.wait_for(lambda versions: len(versions) == 100)

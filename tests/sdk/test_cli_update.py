@@ -3,7 +3,6 @@
 import json
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import zenoh
-from sdk.conftest import FarEnd, Router, until_answered
+from sdk.conftest import NOCTULE, FarEnd, Router, until_answered
 from typer.testing import CliRunner, Result
 
 from noctule import bus, keys
@@ -142,7 +141,7 @@ def test_a_campaign_halts_and_the_same_command_goes_on_when_the_cause_is_gone(un
 
 def test_ctrl_c_ends_the_command_at_once_and_names_what_is_under_way(units: Units, image: Path, router: Router) -> None:
     units.silent.set()
-    command = (sys.executable, "-c", "from noctule.cli import app; app()", "update", str(image), "--site", "house")
+    command = (*NOCTULE, "update", str(image), "--site", "house")
     options = ("--first", "1", "--json", "--connect", router.endpoint)
     with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None

@@ -47,7 +47,7 @@ def ended(program: str, number: signal.Signals = signal.SIGTERM) -> tuple[int, f
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_one_that_closes_in_time_ends_with_its_own_status(number: signal.Signals) -> None:
     status, took_s = ended("ending.begun.wait(); sys.exit(3)", number)
-    assert status == 3 and took_s < 2
+    assert status == 3 and took_s < WITHIN_S
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,9 @@ def test_one_of_which_something_hangs_ends_with_status_1(program: str) -> None:
 
 
 def test_what_did_not_close_is_said_in_the_log() -> None:
-    program = BEGIN + "import os, signal; os.kill(os.getpid(), signal.SIGTERM); hang(ctypes.CDLL(None))"
+    # A process that others starve for half a second ends without a word; this one has longer.
+    patient = "from noctule import ending as its\nits._LOG_WITHIN_S = its._KILLED_AFTER_S = 60.0\n"
+    program = patient + BEGIN + "import os, signal; os.kill(os.getpid(), signal.SIGTERM); hang(ctypes.CDLL(None))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1
     assert done.stderr == "not closed within 4 s: ended as it is; nothing stored is lost\n"
@@ -97,7 +99,7 @@ PROGRAMS = ("noctule", "noctule-deploy", "noctule-gateway", "noctule-mapper", "n
 
 def run(program: str) -> subprocess.CompletedProcess[str]:
     """A process that never ends is killed, which raises."""
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

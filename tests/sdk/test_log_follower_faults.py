@@ -3,13 +3,14 @@
 import subprocess
 import sys
 import threading
+from functools import partialmethod
 from time import monotonic
 
+import pytest
 from sdk.followed import PATIENCE_S, LoggedUnit, SilentUnit, Store
 from system.processes import wait_until
 
-from noctule import bus, keys, log_follower
-from noctule.client import QUERY_TIMEOUT_S
+from noctule import Client, bus, keys, log_follower
 from noctule.errors import NoctuleError
 from noctule.messages_pb2 import Cursor, Reading, Sweep, UnitStatus
 
@@ -57,7 +58,7 @@ def test_a_panic_in_a_thread_ends_the_program_with_its_reason(open_session, rout
     unit = LoggedUnit(open_session(), "u1")
     unit.sweep()
     program = subprocess.run(
-        [sys.executable, "-c", PANICKING, router.endpoint], timeout=60, capture_output=True, text=True, check=False
+        [sys.executable, "-c", PANICKING, router.endpoint], timeout=240, capture_output=True, text=True, check=False
     )
     assert program.returncode == 70
     assert "noctule-follow-room failed, and with it the program" in program.stderr
@@ -161,6 +162,13 @@ def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, fol
     store.wait_for(lambda stored: stored.of("good") == list(range(1, 21)))
 
 
+@pytest.fixture
+def waits_long(monkeypatch):
+    """A question to a log that is silent takes longer than its test."""
+    monkeypatch.setattr(Client, "_ask", partialmethod(Client._ask, timeout_s=10 * PATIENCE_S))
+
+
+@pytest.mark.usefixtures("waits_long")
 def test_a_unit_is_read_live_and_from_its_log_while_thirty_others_do_not_answer(open_session, follow):
     """With one question at a time, of 5 s each, this took minutes."""
     session, store = open_session(), Store()
@@ -170,24 +178,21 @@ def test_a_unit_is_read_live_and_from_its_log_while_thirty_others_do_not_answer(
     store.wait_for(lambda stored: stored.of("good") == [1, 2, 3])
     silent = [SilentUnit(session, f"silent{number}") for number in range(30)]
     assert any(each.asked.acquire(timeout=PATIENCE_S) for each in silent)
-    began_s = monotonic()
     unit._lose = 1.0  # the rest must come from the log
     unit.sweep(700)
     unit.status()
     store.wait_for(lambda stored: stored.of("good") == list(range(1, 704)))
-    assert monotonic() - began_s < QUERY_TIMEOUT_S  # it waited for none of the others
 
 
+@pytest.mark.usefixtures("waits_long")
 def test_live_sweeps_of_a_unit_come_though_its_log_does_not_answer(open_session, far, follow):
     store = Store()
     store.cursors["u1"] = Cursor(unit="u1", log_id="a", log_sequence=4)
     silent = SilentUnit(open_session(), "u1")
     follow(store)
     assert silent.asked.acquire(timeout=PATIENCE_S)
-    began_s = monotonic()
     far.publish(keys.sweep("room", "u1"), Sweep(site="room", unit="u1", log_id="a", log_sequence=5))
     store.wait_for(lambda stored: stored.of("u1") == [5])
-    assert monotonic() - began_s < QUERY_TIMEOUT_S
 
 
 def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_session, follow, monkeypatch, caplog):

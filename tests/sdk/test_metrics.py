@@ -155,7 +155,7 @@ def served(caplog: pytest.LogCaptureFixture) -> Iterator[tuple[Served, int]]:
 
 
 def scrape(port: int) -> Samples:
-    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=10) as reply:
+    with urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as reply:
         assert reply.headers["Content-Type"].startswith("text/plain; version=")
         return parsed(reply.read().decode())
 
@@ -178,7 +178,7 @@ def test_connections_that_ask_nothing_take_no_more_than_eight_threads(served: tu
     _, port = served
     before = threading.active_count()
     with contextlib.ExitStack() as stack:
-        idle = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 10)) for _ in range(9)]
+        idle = [stack.enter_context(socket.create_connection(("127.0.0.1", port), 60)) for _ in range(9)]
         assert idle[8].recv(1) == b""  # closed at once, because eight are open
         assert threading.active_count() - before <= 8
 

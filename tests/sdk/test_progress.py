@@ -6,26 +6,30 @@ import subprocess
 import sys
 
 COMMAND = """
-import logging, time
+import logging, sys, time
 from noctule.logs import StderrHandler
 from noctule.progress import progress
 logging.basicConfig(handlers=[StderrHandler()])
 with progress() as shown:
     {steps}
-    time.sleep(2)
+    sys.stdin.readline()
     logging.warning("a warning")
     time.sleep(0.5)
 """
 
 
-def on_a_terminal(steps: str) -> str:
-    """What a command that takes these steps writes on its terminal."""
+def on_a_terminal(steps: str, count: str) -> str:
+    """What a command that takes these steps, and waits until its line says ``count``, writes on its terminal."""
     main, far_end = pty.openpty()
     environment = os.environ | {"TERM": "xterm", "COLUMNS": "100"}
-    with subprocess.Popen([sys.executable, "-c", COMMAND.format(steps=steps)], stderr=far_end, env=environment) as it:
+    command = [sys.executable, "-c", COMMAND.format(steps=steps)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=far_end, env=environment) as it:
+        assert it.stdin is not None
         os.close(far_end)
         shown = ""
         while True:
+            if count in shown:
+                it.stdin.close()
             try:
                 part = os.read(main, 65536)
             except OSError:  # the other end is closed
@@ -37,12 +41,12 @@ def on_a_terminal(steps: str) -> str:
 
 
 def test_steps_of_a_known_number_are_counted_of_it_others_alone() -> None:
-    assert "3/7" in on_a_terminal('shown.at("mapping", 3, 7)')
-    counted = on_a_terminal('shown.at("publishing", 1234)')
+    assert "3/7" in on_a_terminal('shown.at("mapping", 3, 7)', "3/7")
+    counted = on_a_terminal('shown.at("publishing", 1234)', " 1234 ")
     assert " 1234 " in counted and "1234/" not in counted and "/?" not in counted
 
 
 def test_a_warning_has_a_line_of_its_own_above() -> None:
-    lines = on_a_terminal('shown.at("mapping", 3, 7)').split("\n")
+    lines = on_a_terminal('shown.at("mapping", 3, 7)', "3/7").split("\n")
     (warning,) = [line for line in lines if "a warning" in line]
     assert "mapping" not in warning.rpartition("\x1b[2K")[2]

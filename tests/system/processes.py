@@ -7,8 +7,11 @@ import socket
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -19,7 +22,7 @@ import psutil
 
 ROOT = Path(__file__).parents[2]
 T = TypeVar("T")
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
 """How long a test waits for what a loaded machine may take its time over. It is no promise of the product."""
 END_WITHIN_S = 20.0
 
@@ -165,21 +168,46 @@ def two_processes() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(2, get_context("spawn"), initializer=addsitedir, initargs=(str(ROOT),))
 
 
+# Below the ports that Linux gives to connections (net.ipv4.ip_local_port_range): a connection could take one of those
+# before the program listens on it, even that of a client which tries the port and so connects to itself.
+_PORTS, _PORTS_OF_A_PROCESS = range(20_000, 32_000), 200
+
+
+@cache
+def _own_ports() -> tuple[socket.socket, deque[int]]:
+    """Ports that only this one of all processes that run tests draws; it holds the port before them until it ends."""
+    for first in _PORTS[::_PORTS_OF_A_PROCESS]:
+        holder = socket.socket()
+        try:
+            holder.bind(("127.0.0.1", first))
+            return holder, deque(range(first + 1, first + _PORTS_OF_A_PROCESS))
+        except OSError:
+            holder.close()
+    raise AssertionError("other tests have all ports")
+
+
 def free_ports(count: int) -> Sequence[int]:
-    """Ports of 127.0.0.1 that nothing listens on now."""
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
+    """Ports of 127.0.0.1, in a row, that nothing listens on now; the same ones come again as late as can be."""
+    _, ports = _own_ports()
+    for _ in range(_PORTS_OF_A_PROCESS):
+        drawn = list(islice(ports, count))
+        ports.rotate(-count)
+        if drawn[-1] == drawn[0] + count - 1 and all(map(_is_free, drawn)):
+            return drawn
+    raise AssertionError(f"no {count} ports in a row are free")
 
 
 def free_port_range(count: int) -> int:
-    """The first of ``count`` ports in a row that nothing listens on now."""
-    for first in range(20_000, 30_000, count):
-        if not any(listens(port) for port in range(first, first + count)):
-            return first
-    raise AssertionError(f"no {count} ports in a row are free")
+    """The first of ``count`` such ports."""
+    return free_ports(count)[0]
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe, contextlib.suppress(OSError):
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as those who listen have it
+        probe.bind(("127.0.0.1", port))
+        return True
+    return False
 
 
 def listens(port: int) -> bool:

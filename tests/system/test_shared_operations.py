@@ -1,6 +1,5 @@
 """A mapper that shares sites as it is run in production: scraped, notified to systemd, and ended whatever hangs."""
 
-import socket
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import psutil
 from system.processes import Programs, programs, wait_until
 from system.test_one_owner import gateway
-from system.test_operations import END_WITHIN_S, metrics_address, scrape, systemd, wait_for_line
+from system.test_operations import END_WITHIN_S, metrics_address, read_all, scrape, systemd, wait_for_line
 
 SITES = ("attic", "hall")
 
@@ -63,15 +62,6 @@ def test_one_page_has_the_figures_of_every_site_and_a_site_that_hangs_does_not_d
         finally:
             with suppress(psutil.NoSuchProcess):
                 hung.kill()
-
-
-def read_all(receiver: socket.socket) -> None:
-    """Make room for what comes: where nobody reads, the kernel keeps a few messages and drops the others."""
-    receiver.setblocking(False)
-    with suppress(BlockingIOError):
-        while receiver.recv(4096):
-            pass
-    receiver.settimeout(10)
 
 
 def tree(running: Programs) -> list[psutil.Process]:
