@@ -19,7 +19,7 @@ import psutil
 
 ROOT = Path(__file__).parents[2]
 T = TypeVar("T")
-PATIENCE_S = 120.0
+PATIENCE_S = 240.0
 """How long a test waits for what a loaded machine may take its time over. It is no promise of the product."""
 END_WITHIN_S = 20.0
 
