@@ -45,6 +45,8 @@ def test_certificates_of_running_programs_are_renewed_and_revoked_and_no_sweep_i
             wait_until(enough, f"fewer than {count} sweeps are stored")
 
         def another_sweep(count: int) -> None:
+            with fleet.join("operator.anna.g1") as session, Client("house", session=session) as client:
+                wait_until(lambda: client.units() == {"u1"}, "the gateway does not join the routers again")
             ran("noctule", "rpc", "house", "u1", "single", "--tls", fleet.folder("operator.anna.g1"))
             wait_for_stored(count)
 
