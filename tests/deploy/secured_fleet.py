@@ -1,7 +1,6 @@
 """A fleet on this host as noctule-deploy renders it: its routers run, and a program that has a folder can join."""
 
 import os
-import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import zenoh
-from system.processes import listens, programs, wait_until
+from system.processes import PATIENCE_S, free_ports, listens, programs, wait_until
 
 from noctule import bus, tls
 from noctule_deploy import fleet_file, render
@@ -83,20 +82,17 @@ class SecuredFleet:
 
     def join(self, common_name: str, *connect: str) -> zenoh.Session:
         """A session with the certificate of that name; the caller closes it."""
-        return bus.open_session(connect, patience_s=5.0, tls_folder=self.folder(common_name))
+        return bus.open_session(connect, patience_s=PATIENCE_S, tls_folder=self.folder(common_name))
 
 
 def rendered(folder: Path, top: str = "", now: datetime | None = None) -> SecuredFleet:
     """The fleet's files, made in ``folder``; ``top`` is what stands above all tables."""
-    with socket.socket() as one, socket.socket() as two:
-        for each in (one, two):
-            each.bind(("127.0.0.1", 0))
-        ports = one.getsockname()[1], two.getsockname()[1]
+    one, two = free_ports(2)
     file = folder / "fleet.toml"
-    file.write_text(FLEET.format(top=top, one=ports[0], two=ports[1]))
+    file.write_text(FLEET.format(top=top, one=one, two=two))
     place = Place(folder / "rendered", folder / "authority")
     render.render(fleet_file.load(file), place, now or datetime.now(UTC))
-    return SecuredFleet(file, place, ports)
+    return SecuredFleet(file, place, (one, two))
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from typing import TypeVar
 from deploy.namespaces import Network, network
 from deploy.rendered_host import RenderedHost
 from deploy.secured_fleet import ZENOHD_VARIABLE
-from system.processes import ROOT, Programs, programs, wait_until
+from system.processes import PATIENCE_S, ROOT, Programs, programs, wait_until
 from typer.testing import CliRunner
 
 from noctule.messages_pb2 import Contour, Sweep
@@ -174,7 +174,7 @@ class SeveralHosts:
             capture_output=True,
             text=True,
             env=environment,
-            timeout=60,
+            timeout=PATIENCE_S,
             check=False,
         )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from deploy.mapper_store import stored_sweeps
 from deploy.secured_fleet import SecuredFleet, rendered
+from deploy.test_upgrade import wait_for_the_unit
 from deploy.test_years import ran
 from system.processes import programs, wait_until
 from system.site import SURVEY_SWEEPS, paper_room
@@ -45,6 +46,8 @@ def test_certificates_of_running_programs_are_renewed_and_revoked_and_no_sweep_i
             wait_until(enough, f"fewer than {count} sweeps are stored")
 
         def another_sweep(count: int) -> None:
+            with fleet.join("operator.anna.g1") as session, Client("house", session=session) as client:
+                wait_for_the_unit(client)
             ran("noctule", "rpc", "house", "u1", "single", "--tls", fleet.folder("operator.anna.g1"))
             wait_for_stored(count)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from deploy.test_containers import FILE, words
 from deploy.test_installed_packages import UV
-from system.processes import ROOT, wait_until
+from system.processes import PATIENCE_S, ROOT, wait_until
 from typer.testing import CliRunner
 
 from noctule_deploy import cli, fleet_file, render
@@ -50,7 +50,7 @@ class Images:
         """What the command prints; fails where the command does."""
         environment = os.environ | {"TMPDIR": str(self.folder)}
         line = self.buildah(*words, command=command)
-        ended = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=600, check=False)
+        ended = subprocess.run(line, env=environment, capture_output=True, text=True, check=False)
         assert ended.returncode == 0, ended.stdout + ended.stderr
         return ended.stdout.strip()
 
@@ -138,4 +138,4 @@ def test_a_rendered_gateway_serves_in_the_image_as_the_owner_of_its_files(
             assert owner.stat().st_uid == OWNER
         finally:
             run.terminate()
-            run.communicate(timeout=60)
+            run.communicate(timeout=PATIENCE_S)

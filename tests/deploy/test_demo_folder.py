@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from folder import MARKER, FolderError, begin
 from rooms import USUAL, site_file
-from system.processes import ROOT, free_ports
+from system.processes import PATIENCE_S, ROOT, free_ports
 
 SITE_FILE = site_file(USUAL, unit_port=7101)
 OWN = {MARKER, "site.toml"}
@@ -53,7 +53,7 @@ def test_the_demo_as_a_command_refuses_the_folder_of_a_real_site_and_leaves_it_a
     ports = {f"DEMO_{name}_PORT": str(port) for name, port in zip(names, free_ports(len(names)), strict=True)}
     command = [sys.executable, "deploy/demo/run.py"]
     environment = os.environ | ports | {"DEMO_DATA": str(folder)}
-    ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120)
+    ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     assert ended.returncode == 1
     assert ended.stderr == (
         f"{folder} holds what the demo did not make (gateway, site.toml); nothing was changed: "

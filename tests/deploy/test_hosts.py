@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 import zenoh
-from system.processes import ROOT
+from system.processes import PATIENCE_S, ROOT
 from typer.testing import CliRunner
 
 from noctule import tls
@@ -63,7 +63,9 @@ def unit_files(place: Place) -> dict[str, Path]:
 
 def ran(*command: str | Path, env: dict[str, str] | None = None) -> str:
     """What the command prints; fails where the command does."""
-    ended = subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=60, check=False, env=env)
+    ended = subprocess.run(
+        [*map(str, command)], capture_output=True, text=True, timeout=PATIENCE_S, check=False, env=env
+    )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout + ended.stderr
 

@@ -90,9 +90,7 @@ class Host:
         self._log.write_text("")
         path = f"{self._stubs}:/usr/bin:/bin"
         command = ["sh", "server/install.sh", "dist"]
-        return subprocess.run(
-            command, cwd=self.home, env={"PATH": path}, capture_output=True, text=True, timeout=60, check=False
-        )
+        return subprocess.run(command, cwd=self.home, env={"PATH": path}, capture_output=True, text=True, check=False)
 
     def installed(self) -> list[str]:
         """The calls of a run that succeeds."""

@@ -64,7 +64,7 @@ def of_the_next_version(folder: Path) -> Path:
 
 def ran(*command: str, cwd: Path, env: dict[str, str] | None = None) -> str:
     """What the command prints; fails where the command does."""
-    ended = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
+    ended = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
 

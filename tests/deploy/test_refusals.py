@@ -119,11 +119,11 @@ def test_a_service_says_why_it_has_lost_its_router_and_when_it_is_read_again(tmp
             state.put(ServiceStatus(site="house", name="alarm", counters={"put": time.monotonic_ns()}))
             return words in watch.detail() if words else watch.looked.is_set() and not watch.detail()
 
-        wait_until(lambda: says(""), "its way was not open", 10, every_s=0.5)
+        wait_until(lambda: says(""), "its way was not open", every_s=0.5)
         routers.close()
         wait_until(lambda: says("the connection is lost: no router answers at tls/"), "not told", 10, every_s=0.5)
         closing.enter_context(running_routers(own))
-        wait_until(lambda: says(""), "it is not read again", 15, every_s=0.5)
+        wait_until(lambda: says(""), "it is not read again", every_s=0.5)
 
 
 def test_a_router_that_does_not_tell_a_service_of_its_readers_is_found_out(tmp_path: Path) -> None:

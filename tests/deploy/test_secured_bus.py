@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import pytest
 import zenoh
 from deploy.secured_fleet import SecuredFleet
-from system.processes import wait_until
+from system.processes import PATIENCE_S, wait_until
 
 from noctule import keys
 from noctule.keys import SUBJECTS, Carrier
@@ -133,7 +133,7 @@ def _by_queries(subject: str, joined: dict[str, zenoh.Session]) -> set[tuple[str
         )
         settle(session, *joined.values())
         for reader, asking in joined.items():
-            replies = asking.get(key, timeout=5.0, consolidation=zenoh.ConsolidationMode.NONE)
+            replies = asking.get(key, timeout=PATIENCE_S, consolidation=zenoh.ConsolidationMode.NONE)
             seen |= {(reply.ok.payload.to_string(), reader) for reply in replies if reply.ok is not None}
         queryable.undeclare()
     return seen

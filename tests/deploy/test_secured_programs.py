@@ -109,6 +109,12 @@ def unsigned(operator: zenoh.Session) -> str:
     return reply.err.payload.to_string()
 
 
+def records(log: Path, count: int) -> list[dict]:
+    """What a log of commands holds, once it has so many lines: an outcome is written after its reply is sent."""
+    wait_until(lambda: log.exists() and log.read_text().count("\n") == count, f"{log.name} has not {count} lines")
+    return [json.loads(each) for each in log.read_text().splitlines()]
+
+
 def noctule(folder: Path, *arguments: str) -> str:
     """What the command says with that certificate, on a good end or a bad one."""
     result = CliRunner().invoke(commands, [*arguments, "--tls", str(folder)])
@@ -139,13 +145,11 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
         with line.lock:
             assert len(line.unit.carried_out) == 1  # the plan that every fixed unit gets
         assert "makes one sweep" in noctule(secured.folder("operator.anna.g1"), *rpc)
-        recorded = [json.loads(each) for each in (tmp_path / "data" / "audit-1.jsonl").read_text().splitlines()]
+        recorded = records(tmp_path / "data" / "audit-1.jsonl", 3)
         assert [each.get("who") for each in recorded] == [None, "operator.anna.g1", None]  # file begun, given, done
         assert recorded[1]["signed"] and recorded[2]["event"] == "done"
         assert "the command is not signed" in unsigned(closing.enter_context(secured.join("operator.anna.g1")))
-        refused = tmp_path / "data" / "refused-1.jsonl"
-        wait_until(lambda: refused.exists() and len(refused.read_text().splitlines()) == 2, "it was not recorded")
-        claim = json.loads(refused.read_text().splitlines()[1])
+        claim = records(tmp_path / "data" / "refused-1.jsonl", 2)[1]
         assert (claim["who"], claim["signed"]) == ("session operator.anna.g1", False)
         assert "the command is not signed" in claim["error"]
         with line.lock:

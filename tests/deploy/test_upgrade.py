@@ -14,7 +14,7 @@ from system.site import SITE, SURVEY_SWEEPS, PaperRoom, paper_room, wait_for_con
 from system.test_restart import logged_sweeps
 
 from noctule.client import Client
-from noctule.messages_pb2 import Contour
+from noctule.messages_pb2 import Contour, UnitStatus
 
 
 def test_an_upgrade_keeps_log_store_and_map_and_a_later_versions_data_are_left_alone(tmp_path: Path) -> None:
@@ -75,6 +75,8 @@ def end(running: Programs) -> None:
 def another_sweep(room: PaperRoom, running: Programs, count: int) -> Contour:
     """Order a sweep, and return the first map that rests on ``count`` sweeps."""
     wait_for_sweeps(room, running, count - 1)
+    with Client(SITE, connect=[room.connect]) as client:
+        wait_for_the_unit(client)
     running.start("rpc", "noctule", "rpc", SITE, "u1", "single", "--connect", room.connect)
     assert running.wait("rpc") == 0, running.log("rpc")
 
@@ -85,3 +87,12 @@ def another_sweep(room: PaperRoom, running: Programs, count: int) -> Contour:
 
     with Client(SITE, connect=[room.connect]) as client:
         return wait_until(mapped, f"no map rests on {count} sweeps")
+
+
+def wait_for_the_unit(client: Client) -> None:
+    """Until its gateway is on the bus and has its line: before that a command is refused."""
+
+    def is_connected() -> bool:
+        return any(status.state != UnitStatus.STATE_DISCONNECTED for status in client.unit_statuses())
+
+    wait_until(is_connected, "no unit is connected")

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from mapper.live_site import message
+from system.processes import PATIENCE_S
 
 from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
@@ -16,8 +17,6 @@ from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.live.troubles import Troubles
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.no_log import NoLog
-
-PATIENCE_S = 120.0
 
 
 def made_worker(

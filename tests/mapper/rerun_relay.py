@@ -91,8 +91,9 @@ class Viewer:
 
     def recordings(self) -> set[str]:
         """The names of the recordings it has been sent."""
-        with warnings.catch_warnings(action="ignore"):  # as in seen()
+        with warnings.catch_warnings(action="ignore"), suppress(RuntimeError, ValueError):  # as in seen()
             return {store.recording_id for store in rerun.chunk.RrdReader(self._file).recordings()}
+        return set()
 
     def layouts(self) -> list[str]:
         """The applications whose layouts it has been sent."""

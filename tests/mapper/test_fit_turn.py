@@ -6,6 +6,8 @@ import threading
 from pathlib import Path
 from time import monotonic
 
+from system.processes import PATIENCE_S
+
 from noctule_mapper.live import fit_turn
 from noctule_mapper.live.fit_turn import FitTurn
 
@@ -34,7 +36,7 @@ def test_a_fit_waits_for_its_turn_and_gets_that_of_a_mapper_that_was_killed(tmp_
         fitting.start()
         assert not entered.wait(0.2)
         holder.kill()
-    assert entered.wait(10)
+    assert entered.wait(PATIENCE_S)
     fitting.join()
 
 

@@ -5,11 +5,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from time import monotonic
 
 import pytest
 import zenoh
 from mapper.live_site import paper_survey
-from system.processes import free_ports, wait_until
+from system.processes import PATIENCE_S, free_ports, wait_until
 
 from noctule import bus, keys
 from noctule.bus import StatePublisher
@@ -30,20 +31,17 @@ def test_it_asks_for_its_router_about_once_a_second_and_ends_at_once_when_it_is_
     stop = threading.Event()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
         heard.bind(str(tmp_path / "notify"))
-        heard.settimeout(20)
+        heard.settimeout(PATIENCE_S)
         monkeypatch.setenv(SOCKET_VARIABLE, str(tmp_path / "notify"))
         joining = threading.Thread(target=join, args=(settings, stop, ServiceManager()))
+        began_s = monotonic()
         joining.start()
-        for _ in range(2):
+        for _ in range(3):
             assert b"no router answers at tcp/127.0.0.1:9" in heard.recv(4096)
-        heard.settimeout(0.5)  # the next is not due for a second
-        try:
-            told_again = heard.recv(4096)
-        except TimeoutError:
-            told_again = b""
+        took_s = monotonic() - began_s
         stop.set()
-        joining.join(2)
-    assert told_again == b""
+        joining.join(PATIENCE_S)
+    assert took_s >= 2.0
     assert not joining.is_alive()
 
 
@@ -56,7 +54,7 @@ class NoSecondPasses(threading.Event):
 
 def test_a_site_is_seen_to_be_mapped_before_the_second_in_which_statuses_come(tmp_path: Path) -> None:
     with on_a_bus(tmp_path) as router:
-        wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped", within_s=60)
+        wait_until(lambda: other_mappers(router, ["room"], but="") == {"room": "mapper"}, "not mapped")
 
 
 LEFT = Contour(site="room", mapper="killed", version=41, sweeps=44, note="echoes from 2 places")
@@ -74,20 +72,20 @@ def test_the_heir_of_a_site_shows_its_last_contour_at_once_as_its_own_until_it_h
             return None if (contour := client.contour()) is None else contour.sweeps
 
         client.on_service_status(statuses.append)
-        shown = wait_until(client.contour, "the last contour is not shown", within_s=60)
+        shown = wait_until(client.contour, "the last contour is not shown")
         assert (shown.mapper, shown.version) == ("mapper", 1)
         shown.mapper, shown.version = LEFT.mapper, LEFT.version
         assert shown == LEFT
-        wait_until(lambda: statuses and statuses[-1].counters["contours"], "an empty map is not fitted", within_s=60)
+        wait_until(lambda: statuses and statuses[-1].counters["contours"], "an empty map is not fitted")
         assert sweeps_shown() == LEFT.sweeps
         replay.run(paper_survey()[:3], speed=None)
-        wait_until(lambda: sweeps_shown() == 3, "the last contour stays", within_s=60)
+        wait_until(lambda: sweeps_shown() == 3, "the last contour stays")
 
 
 @pytest.mark.parametrize("left", [b"no contour", Contour(site="hall", sweeps=44).SerializeToString()])
 def test_the_heir_of_a_site_shows_no_last_contour_that_is_none_or_of_another_site(tmp_path: Path, left: bytes) -> None:
     with on_a_bus(tmp_path, left, threading.Event()) as router, Client("room", session=router) as client:
-        shown = wait_until(client.contour, "its own is not shown", within_s=60)
+        shown = wait_until(client.contour, "its own is not shown")
         assert (shown.site, shown.version, shown.sweeps) == ("room", 1, 0)
 
 

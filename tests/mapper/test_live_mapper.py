@@ -236,7 +236,7 @@ def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: Li
     site.start_mapper()
     wait_until(lambda: "can't be used as the mapper's store" in site.running.log("mapper"), "nothing is said")
     assert "Traceback" not in site.running.log("mapper")
-    assert site.running.end("mapper") == 1
+    assert site.running.wait("mapper") == 1
 
 
 _THREAD_DIES = """
@@ -262,7 +262,7 @@ def test_a_thread_that_dies_takes_the_mapper_with_it(site: LiveSite, tmp_path: P
     wait_until(lambda: "a key of 65536" in site.running.log("mapper"), "nothing is said")
     assert "CRITICAL" in site.running.log("mapper")
     assert "noctule-follow" in site.running.log("mapper")
-    assert site.running.end("mapper") == 70
+    assert site.running.wait("mapper") == 70
 
 
 def test_a_sweep_that_broke_the_map_is_told_in_the_status_until_after_a_restart(site: LiveSite, tmp_path: Path) -> None:
@@ -299,7 +299,7 @@ def test_a_store_that_takes_no_more_is_told_once_and_in_the_status_and_costs_no_
     process.rlimit(psutil.RLIMIT_FSIZE, (journal, psutil.RLIM_INFINITY))
     site.play(survey[4:])
     full = f"the mapper's store {tmp_path / SITE}.sqlite3 can't be used"
-    wait_until(lambda: full in statuses[-1].detail, "the status does not say it")
+    wait_until(lambda: statuses and full in statuses[-1].detail, "the status does not say it")
     wait_until(lambda: statuses[-1].counters["log_failed"] >= 4, "it is not tried again")
     process.rlimit(psutil.RLIMIT_FSIZE, (psutil.RLIM_INFINITY, psutil.RLIM_INFINITY))
     site.contour_of(8)

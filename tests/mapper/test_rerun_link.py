@@ -21,7 +21,7 @@ from noctule_mapper.rerun_view.drawing import Drawing, Entries
 from noctule_mapper.rerun_view.link import RerunLink
 
 FLOOD = Path(__file__).with_name("rerun_flood.py")
-AT_ONCE_S = 0.25  # far under the 5 s that connecting to a dead relay takes, far over what a busy machine adds
+AT_ONCE_S = 2.0  # far under the 5 s that connecting to a dead relay takes, far over what a busy machine adds
 
 
 def draw_frame() -> Entries:
@@ -156,9 +156,7 @@ def test_a_slow_relay_holds_up_the_worker_alone_and_gets_the_present_once_it_is_
             line.put(text("contour", "six walls", subject="contour"))
             slow.widen()
             with viewer(far_end.url, tmp_path) as watching:
-                wait_until(
-                    lambda: ["six walls"] in watching.values("contour", "TextDocument:text"), "no new contour", 60
-                )
+                wait_until(lambda: ["six walls"] in watching.values("contour", "TextDocument:text"), "no new contour")
     finally:
         slow.close()
 
@@ -181,9 +179,7 @@ def test_a_frozen_relay_costs_the_drawing_process_little_memory_and_shows_the_pr
         found = json.loads(flood.stdout.readline())
         far_end.thaw()
         with viewer(far_end.url, tmp_path) as watching:
-            wait_until(
-                lambda: [str(found["last"])] in watching.values("number", "TextDocument:text"), "no last number", 60
-            )
+            wait_until(lambda: [str(found["last"])] in watching.values("number", "TextDocument:text"), "no last number")
     assert found["rerun_stalls"] > 0
     # 50 MB is the whole mapper's allowance; an SDK that was given everything held 120 MB after the short version.
     assert found["grew_bytes"] < 25e6

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mapper.rerun_relay import Viewer, relay, viewer
 from PIL import Image
+from system.processes import wait_until
 
 from noctule import rerun_paths
 from noctule.messages_pb2 import (
@@ -222,7 +223,8 @@ def test_units_that_somebody_makes_up_without_end_are_not_drawn(
     for number in range(50):
         log.show_unit_status(UnitStatus(unit=f"u{number}", state=UnitStatus.STATE_IDLE, detail="cold"))
     log.show_event("the end")
-    watching.wait_for(rerun_paths.LOG)
+    for path in (rerun_paths.LOG, *(rerun_paths.unit_state(f"u{number}") for number in range(3))):
+        watching.wait_for(path)
     drawn = [number for number in range(50) if rerun_paths.unit_state(f"u{number}") in str(watching.seen().keys())]
     assert drawn == [0, 1, 2]
 
@@ -235,11 +237,12 @@ def test_figures_that_come_each_second_are_drawn_every_ten_and_counters_only_whe
             log.show_service_status(ServiceStatus(counters={"contours": now_s // 20, "sweeps_unusable": 0}), "5 walls")
         log.show_event("the end")
         watching.wait_for(rerun_paths.LOG)
-        assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars") == [[2.0]] * 7
-        contours = watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars")
+        # What was drawn at about the same time may come in another order.
+        assert watching.values(rerun_paths.unit_clock_error("u1"), "Scalars:scalars", rows=7) == [[2.0]] * 7
+        contours = watching.values(rerun_paths.mapper_counter("contours"), "Scalars:scalars", rows=4)
         assert contours == [[0.0], [1.0], [2.0], [3.0]]
         assert watching.values(rerun_paths.mapper_counter("sweeps_unusable"), "Scalars:scalars") == [[0.0]]
-        assert len(watching.values(rerun_paths.HEARTBEAT, "TextDocument:text")) == 7
+        assert len(watching.values(rerun_paths.HEARTBEAT, "TextDocument:text", rows=7)) == 7
 
 
 def test_the_mappers_figures_come_with_a_heading_that_says_what_the_map_holds(shown: tuple[RerunLog, Viewer]) -> None:
@@ -279,7 +282,7 @@ def test_two_sites_of_one_relay_are_drawn_in_one_recording_each_under_its_name(t
                     path = f"{rerun_paths.under(site)}{rerun_paths.WALLS}"
                     assert watching.values(path, "LineStrips2D:strips") == [[[[0.0, 0.0], [1.0 + number, 0.0]]]]
                     watching.wait_for(f"{rerun_paths.under(site)}{rerun_paths.WORLD}")
-                assert watching.recordings() == {rerun_paths.ALL_SITES}
+                assert wait_until(watching.recordings, "no recording") == {rerun_paths.ALL_SITES}
         finally:
             for log in logs:
                 log.close()

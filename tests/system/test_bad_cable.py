@@ -58,6 +58,6 @@ def test_with_a_ring_that_is_full_all_the_time_no_sweep_is_lost_doubled_or_wrong
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_for_a_day_no_sweep_is_lost_doubled_or_wrong() -> None:
     assert survey(24 * HOUR_S, readings=3, pause_ms=12000, seed=3) > 24 * 0.9 * 276

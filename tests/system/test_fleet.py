@@ -16,7 +16,7 @@ SPEED = 2  # that the simulator keeps up with while the gateway and the mapper r
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1200)
+@pytest.mark.timeout(1800)
 def test_a_fleet_whose_gateway_and_mapper_are_killed_again_and_again_loses_no_sweep(tmp_path: Path) -> None:
     unit_port = free_port_range(UNITS + 1)
     endpoint = f"tcp/127.0.0.1:{unit_port + UNITS}"

@@ -17,7 +17,7 @@ CRATE = ROOT / "sdk/examples/watch_any"
 
 
 @pytest.mark.soak  # building Zenoh takes about 3 minutes of two cores, once
-@pytest.mark.timeout(900)
+@pytest.mark.timeout(1800)
 def test_a_subscriber_in_rust_decodes_sweeps_and_statuses_by_their_schemas(tmp_path: Path) -> None:
     target = Path(os.environ.get("CARGO_TARGET_DIR", CRATE / "target"))
     build = ["sh", "deploy/cargo.sh", "build", "--locked", "--manifest-path", str(CRATE / "Cargo.toml")]

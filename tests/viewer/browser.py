@@ -1,8 +1,9 @@
 """Headless Chromium that shows a page: what the page draws, and what it complains of. It reaches this machine alone."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 
 import numpy as np
 from PIL import Image
@@ -33,6 +34,16 @@ class Screen:
     def picture(self) -> np.ndarray:
         """What is shown now, (height, width, 3) bytes."""
         return np.array(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"))
+
+    def wait_for(self, condition: Callable[[], bool], what: str, every_s: float = 1.0) -> None:
+        """Call ``condition`` until it is true; fail with ``what`` when time is up.
+
+        Each request of the page waits for this thread to let it go (``_refuse``), so this thread must not sleep.
+        """
+        deadline_s = monotonic() + SHOWN_WITHIN_S
+        while not condition():
+            assert monotonic() < deadline_s, f"{what} (waited {SHOWN_WITHIN_S:g} s)"
+            self.page.wait_for_timeout(1e3 * every_s)
 
     def complaints(self) -> list[str]:
         """Errors that Rerun's viewer has written to the console, and those that nothing has caught."""

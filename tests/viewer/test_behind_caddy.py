@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
-from viewer.browser import SHOWN_WITHIN_S, chromium, screen
+from viewer.browser import chromium, screen
 from viewer.test_viewer import CYLINDER, log_room, middle_row, start_relay
 
 from noctule_deploy.caddy import caddyfile
@@ -76,12 +76,7 @@ def test_who_logs_in_sees_the_map_in_a_browser_under_one_name(site: Site) -> Non
         shown.page.goto(f"https://localhost:{site.port}/?renderer=webgl", wait_until="commit")
         assert "url=" in shown.page.url, "the bare address does not lead to the relay's page"
         shown.open(shown.page.url)
-        wait_until(
-            lambda: middle_row(shown.picture(), CYLINDER) is not None,
-            "the map is not shown",
-            SHOWN_WITHIN_S,
-            every_s=1.0,
-        )
+        shown.wait_for(lambda: middle_row(shown.picture(), CYLINDER) is not None, "the map is not shown")
         assert shown.complaints() == []
     here = f"https://localhost:{site.port}/"
     assert f"{here}{SERVICE[1:]}/ReadMessages" in asked

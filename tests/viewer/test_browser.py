@@ -2,14 +2,13 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from mapper.live_site import SITE
 from playwright.sync_api import Browser
-from system.processes import wait_until
-from viewer.browser import SHOWN_WITHIN_S, Screen, chromium, screen
+from viewer.browser import Screen, chromium, screen
 from viewer.room_in_picture import says_all_is_well
 from viewer.second_hand import age_s, second_hand
 from viewer.watched_site import WatchedSite, survey_by, watched_site
@@ -39,17 +38,12 @@ def says_that_all_is_well(site: WatchedSite, shown: Screen) -> bool:
     return says_all_is_well(shown.picture())
 
 
-def wait_for(condition: Callable[[], bool], what: str) -> None:
-    """Until the page shows something."""
-    wait_until(condition, what, within_s=SHOWN_WITHIN_S, every_s=1.0)
-
-
 def is_fresh(shown: Screen) -> bool:
     """What the page shows was drawn a few seconds ago, and what it shows a while later was drawn after that."""
     first_s = drawn_s(shown)
     if first_s is None:
         return False
-    time.sleep(BETWEEN_S)
+    shown.page.wait_for_timeout(1e3 * BETWEEN_S)
     second_s = drawn_s(shown)
     return second_s is not None and second_s > first_s + REDRAWN_S
 
@@ -73,16 +67,16 @@ def test_the_page_shows_the_room_as_units_come_and_says_when_the_mapper_is_gone(
     site.sweep_as(1)
     with screen(browser) as shown:
         shown.open(site.relay.page)
-        wait_for(lambda: site.shows_room(shown), "the room of one unit is not shown")
+        shown.wait_for(lambda: site.shows_room(shown), "the room of one unit is not shown")
         with second_hand(site.relay.url, SITE, IN_THE_CYLINDER_M):
-            wait_for(lambda: is_fresh(shown), "the page does not show the present")
-        wait_for(lambda: knows_its_age(shown), "the page does not know how old what it shows is")
+            shown.wait_for(lambda: is_fresh(shown), "the page does not show the present")
+        shown.wait_for(lambda: knows_its_age(shown), "the page does not know how old what it shows is")
         site.sweep_as(3)
-        wait_for(lambda: site.shows_room(shown), "the room of three units is not shown")
-        wait_for(lambda: says_that_all_is_well(site, shown), "the page does not say that all is well")
+        shown.wait_for(lambda: site.shows_room(shown), "the room of three units is not shown")
+        shown.wait_for(lambda: says_that_all_is_well(site, shown), "the page does not say that all is well")
         site.live.running.kill("mapper")
-        wait_for(lambda: not says_that_all_is_well(site, shown), "the mapper is not missed")
-        wait_for(shown.page.locator("#noctule-alarm").is_visible, "the page has no red stripe")
+        shown.wait_for(lambda: not says_that_all_is_well(site, shown), "the mapper is not missed")
+        shown.wait_for(shown.page.locator("#noctule-alarm").is_visible, "the page has no red stripe")
         assert shown.complaints() == []
 
 
@@ -94,13 +88,13 @@ def test_the_page_says_when_the_relay_is_gone_and_shows_the_room_once_it_is_back
     with screen(browser) as shown:
         bar = shown.page.locator("#noctule-stale")
         shown.open(site.relay.page)
-        wait_for(lambda: site.shows_room(shown), "the room is not shown")
+        shown.wait_for(lambda: site.shows_room(shown), "the room is not shown")
         site.live.running.kill("viewer")
-        wait_for(bar.is_visible, "the relay is not missed")
+        shown.wait_for(bar.is_visible, "the relay is not missed")
         with shown.page.expect_event("load"):
             site.start_relay()
-        wait_for(lambda: site.shows_room(shown), "the room is not shown after the relay's restart")
-        wait_for(lambda: not bar.is_visible(), "the page still says that the relay is gone")
+        shown.wait_for(lambda: site.shows_room(shown), "the room is not shown after the relay's restart")
+        shown.wait_for(lambda: not bar.is_visible(), "the page still says that the relay is gone")
 
 
 @pytest.mark.soak
@@ -121,8 +115,8 @@ def test_the_page_of_twenty_units_keeps_up_with_them(site: WatchedSite, browser:
         with second_hand(site.relay.url, SITE, IN_THE_CYLINDER_M), screen(browser) as shown:
             shown.open(site.relay.page)
             for _ in range(2):  # a page that falls behind needs a while to
-                wait_for(lambda: is_fresh(shown), "the page does not show the present")
-            wait_for(lambda: site.shows_room(shown), "the room of twenty units is not shown")
+                shown.wait_for(lambda: is_fresh(shown), "the page does not show the present")
+            shown.wait_for(lambda: site.shows_room(shown), "the room of twenty units is not shown")
             assert shown.complaints() == []
     finally:
         ended.set()

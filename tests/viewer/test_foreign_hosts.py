@@ -14,7 +14,7 @@ from mapper.rerun_relay import relay as grpc_relay
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
-from viewer.browser import CHROMIUM, SOFTWARE_GL
+from viewer.browser import CHROMIUM, SHOWN_WITHIN_S, SOFTWARE_GL
 from viewer.far_hosts import asked, refusing_proxy, traced
 from viewer.test_viewer import CYLINDER, log_room, middle_row, start_relay
 
@@ -29,7 +29,7 @@ from system.processes import wait_until
 from noctule_mapper.rerun_view.log import RerunLog
 log = RerunLog(sys.argv[1], "paper-room")
 log.show_event("hello")
-wait_until(lambda: log.counters()["rerun_drawn"] == 1, "nothing was drawn", 60)
+wait_until(lambda: log.counters()["rerun_drawn"] == 1, "nothing was drawn")
 log.close()
 """
 
@@ -84,7 +84,7 @@ def test_what_draws_on_the_relay_asks_for_no_host(tmp_path: Path) -> None:
         for start in ("first", "second"):
             trace = tmp_path / f"{start}.trace"
             command = [*traced(trace), sys.executable, "-c", DRAWING, far_end.url]
-            subprocess.run(command, env=os.environ | home(tmp_path) | {"PYTHONPATH": "tests"}, check=True, timeout=90)
+            subprocess.run(command, env=os.environ | home(tmp_path) | {"PYTHONPATH": "tests"}, check=True)
             assert asked(trace) == []
             assert f"htons({far_end.port})" in trace.read_text(), "the trace does not even show the relay"
 
@@ -109,12 +109,12 @@ def test_the_page_shows_the_map_and_asks_for_no_host(
     log_room(relay)
     size, through = {"width": 640, "height": 400}, {"server": proxy, "bypass": "127.0.0.1"}
     page = chromium.new_context(viewport=size, proxy=through).new_page()  # pyright: ignore[reportArgumentType]
-    page.set_default_timeout(1e3 * PATIENCE_S)
+    page.set_default_timeout(1e3 * SHOWN_WITHIN_S)
     page.goto(f"{relay.page}&renderer=webgl")
 
     def shows_cylinder() -> bool:
         picture = np.array(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
         return middle_row(picture, CYLINDER) is not None
 
-    wait_until(shows_cylinder, "the page does not show the map", every_s=1.0)
+    wait_until(shows_cylinder, "the page does not show the map", SHOWN_WITHIN_S, every_s=1.0)
     assert requests == []

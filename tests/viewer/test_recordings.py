@@ -233,7 +233,7 @@ def test_a_writer_that_hangs_is_told_and_another_follows(tmp_path: Path, caplog:
         wait_until(lambda: write.started and (tmp_path / write.files[0]).exists(), "nothing is written")
         write.started[0].send_signal(signal.SIGSTOP)
         wait_until(lambda: re.search(r"the recorder has written nothing for \d+ s", caplog.text), "it is not told")
-        wait_until(lambda: len(write.started) == 2 and not recorder.trouble, "no other follows")
+        wait_until(lambda: len(write.started) > 1 and not recorder.trouble, "no other follows")
         assert write.started[0].poll() is not None
 
 
@@ -300,7 +300,7 @@ def test_a_relay_that_was_killed_shows_after_its_restart_what_it_has_shown_befor
             "the past is not there",
         )
         assert all(chunk.is_static for chunk in watching.wait_for("frame"))
-    wait_until(lambda: len(days.days(folder)[-1].files) == 2, "the second run records nothing")
+    wait_until(lambda: sum(len(day.files) for day in days.days(folder)) == 2, "the second run records nothing")
     assert "was cut off: 10 bytes" in running.log("viewer")
     running.end("viewer")
     name = days.days(folder)[-1].name
@@ -317,5 +317,10 @@ def test_of_a_long_recording_the_newest_comes_back(running: Programs, tmp_path: 
     relay = start_relay(running)
     restore(relay.url, path, 40_000)
     with late_joiner(relay.url, seen) as watching:
-        shown = sorted(int(text) for (text,) in watching.values("number", "TextDocument:text"))
-    assert shown == list(range(shown[0], 100)) and 5 < len(shown) < 50
+
+        def shown() -> list[int]:
+            return sorted(int(text) for (text,) in watching.values("number", "TextDocument:text"))
+
+        wait_until(lambda: 99 in shown(), "the newest is not there")
+        wait_until(lambda: shown() == list(range(shown()[0], 100)), "there are gaps")
+        assert 5 < len(shown()) < 50

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 from urllib.request import urlopen
 
 import numpy as np
@@ -20,7 +21,7 @@ from mapper.rerun_relay import Viewer
 from mapper.rerun_relay import viewer as late_joiner
 from PIL import Image
 from rerun.experimental import ViewerClient
-from system.processes import Programs, free_ports, listens, programs, wait_until
+from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
 
 from noctule import bus, keys, rerun_paths
 from noctule.client import Client
@@ -32,6 +33,7 @@ from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.memory_limit import MemoryLimitError
 from noctule_viewer.relay import RERUN, Relay
 
+T = TypeVar("T")
 WALL, CYLINDER, MARK = (255, 255, 255), (255, 140, 66), (0, 255, 0)
 
 
@@ -64,15 +66,23 @@ def native_viewer(relay: Relay) -> Iterator[ViewerClient]:
         process.wait()
 
 
-def picture_of(viewer: ViewerClient) -> np.ndarray:
-    """What is shown, (height, width, 3) bytes. A busy machine takes longer than the 15 s that Rerun waits for it."""
+def asked(question: Callable[[], T]) -> T:
+    """What a viewer answers. A busy machine takes longer than the 15 s that Rerun waits for it."""
 
-    def taken() -> bytes | None:
+    answers = list[T]()
+
+    def answered() -> bool:
         with suppress(TimeoutError):
-            return viewer.take_screenshot()
-        return None
+            answers.append(question())
+        return bool(answers)
 
-    return np.array(Image.open(io.BytesIO(wait_until(taken, "no picture"))).convert("RGB"))
+    wait_until(answered, "the viewer does not answer")
+    return answers[0]
+
+
+def picture_of(viewer: ViewerClient) -> np.ndarray:
+    """What is shown, (height, width, 3) bytes."""
+    return np.array(Image.open(io.BytesIO(asked(viewer.take_screenshot))).convert("RGB"))
 
 
 def log_room(relay: Relay) -> None:
@@ -90,7 +100,7 @@ def log_room(relay: Relay) -> None:
     recording.log(rerun_paths.unit_state("u9"), rr.StateChange(state="sweeping"))
     recording.log(rerun_paths.unit_clock_error("u9"), rr.Scalars(0.2))
     recording.log(rerun_paths.unit_log("u9"), rr.TextLog("u9 is well again"))
-    recording.flush(timeout_sec=10)
+    recording.flush(timeout_sec=PATIENCE_S)
     recording.disconnect()
 
 
@@ -122,7 +132,7 @@ def processor_s(processes: list[psutil.Process]) -> float:
 
 def test_one_address_is_printed_and_opens_the_page(running: Programs) -> None:
     relay = start_relay(running)
-    (line,) = wait_until(lambda: re.findall("^Watch the map at (.*)$", running.log("viewer"), re.M), "no address", 10)
+    (line,) = wait_until(lambda: re.findall("^Watch the map at (.*)$", running.log("viewer"), re.M), "no address")
     assert line == relay.page
     with urlopen(line) as page:
         assert b"<title>Rerun Viewer</title>" in page.read()
@@ -138,8 +148,8 @@ def test_the_relay_shows_on_the_bus_of_its_site_how_it_is_and_which_mapper_has_a
     with bus.open_session(listen=[endpoint]) as session, Client("house", session=session) as client:
         got: list[ServiceStatus] = []
         client.on_service_status(got.append)
-        wait_until(lambda: got, "no status came")
-        assert (got[0].site, got[0].name, got[0].role, got[0].detail) == ("house", "viewer", "viewer", "")
+        wait_until(lambda: got and not got[-1].detail, "no status came that says that all is well")
+        assert (got[-1].site, got[-1].name, got[-1].role) == ("house", "viewer", "viewer")
         publisher = bus.StatePublisher(session, keys.service_status("house", "old"), ServiceStatus)
 
         def told() -> bool:
@@ -196,13 +206,13 @@ def test_the_map_stands_upright_and_no_view_reports_an_error(running: Programs) 
     log_room(relay)
     with native_viewer(relay) as viewer:
 
-        def rows() -> list[float]:
+        def rows() -> tuple[float, float] | None:
             picture = picture_of(viewer)
-            return [row for colour in (WALL, CYLINDER) if (row := middle_row(picture, colour)) is not None]
+            wall, cylinder = middle_row(picture, WALL), middle_row(picture, CYLINDER)
+            return None if wall is None or cylinder is None else (wall, cylinder)
 
-        wait_until(lambda: len(rows()) == 2, "wall and cylinder are not to be seen", every_s=0.5)
-        wall_row, cylinder_row = rows()
-        views = {view.name: view.reports for view in viewer.get_state().views}
+        wall_row, cylinder_row = wait_until(rows, "wall and cylinder are not to be seen", every_s=0.5)
+        views = {view.name: view.reports for view in asked(viewer.get_state).views}
     assert wall_row < cylinder_row, "the wall at y = 2 m should lie above the cylinder at y = 0 m"
     assert set(views) == {"Noctule", "Map", "States of the units", "Clock error, ms", "Contour, ms", "Events"}
     assert not any(views.values())
@@ -219,7 +229,7 @@ def test_time_travel_does_not_move_the_map_of_a_watched_site(running: Programs) 
     # What shows all there is would shrink the room to a spot for the far point, which comes with a mark in the room.
     far_away = rr.Points2D([[90, 90], [2.5, 0.5]], colors=[WALL, MARK], radii=rr.Radius.ui_points(12))
     recording.log(rerun_paths.CORNERS, far_away)
-    recording.flush(timeout_sec=60)
+    recording.flush(timeout_sec=PATIENCE_S)
     recording.disconnect()
     with native_viewer(relay) as viewer:
 
@@ -239,7 +249,7 @@ def test_time_travel_does_not_move_the_map_of_a_watched_site(running: Programs) 
             return wait_until(twice_the_same, f"no wall that stands still, with the mark: {with_mark}", every_s=0.5)
 
         present = stands_still(with_mark=True)
-        viewer.set_time("log_time", timestamp=before_s, play_state="paused")
+        asked(lambda: viewer.set_time("log_time", timestamp=before_s, play_state="paused"))
         assert stands_still(with_mark=False) == present
 
 
@@ -270,10 +280,10 @@ def test_an_idle_relay_leaves_the_processor_alone(running: Programs) -> None:
         try:
             before_s, beside = processor_s(tree), [psutil.Process(busy.pid)]
             wait_until(lambda: processor_s(beside) > 1.5, "nothing gets the processor")
-            took_s = processor_s(tree) - before_s
+            took_s, busy_s = processor_s(tree) - before_s, processor_s(beside)
         finally:
             busy.kill()
-    assert took_s < 0.3
+    assert took_s < busy_s / 3
 
 
 def test_a_viewer_that_comes_late_gets_the_layout_once_and_no_empty_recording(
@@ -298,7 +308,7 @@ def test_a_relay_that_dies_ends_the_command_with_its_status(running: Programs) -
     start_relay(running)
     command, process = viewer_processes(running)
     process.kill()
-    assert command.wait(timeout=120) == 128 + signal.SIGKILL
+    assert command.wait(PATIENCE_S) == 128 + signal.SIGKILL
     assert "the relay ended by itself, with status -9" in running.log("viewer")
 
 
@@ -371,4 +381,4 @@ def run_viewer(*arguments: str) -> subprocess.CompletedProcess[str]:
     """noctule-viewer to its end, without a screen."""
     environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     command = [Path(sys.executable).with_name("noctule-viewer"), *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
