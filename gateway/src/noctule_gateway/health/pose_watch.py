@@ -27,7 +27,8 @@ from noctule_gateway.health.suspicion import Suspicion
 _WORSE, _WORSE_OF_THREE = 0.2, 0.15  # nats a reading, than usual: looked at closely
 _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
-_OFF_LEADS, _ARC_LEADS = 25.0, 25.0  # nats: of bearings that are off over an arc, of an arc over another place
+_ARC_LEADS = 25.0  # nats, over another place
+_ARC_FREEDOM = 9.0  # nats: which of 1,800 arcs, from which of four sweeps on
 _LEAST_SHIFT_GAIN = 3.5
 _CLEAR_MOTION_GAIN = 8.0  # where the readings fit the past as usual
 _MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
@@ -102,7 +103,7 @@ class PoseWatch:
         off = bearings_off(tables, usual_fit(past), sum(past.heard_share) / len(past.heard_share))
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
             return None
-        if off.gain < arc_nats([seen.sweep for seen in self._last], past) + _OFF_LEADS:
+        if off.gain < arc_nats([seen.sweep for seen in self._last], past) - _ARC_FREEDOM:
             return None
         if off.turned_by and not self._as_far(past, off.turned_by):
             return None
