@@ -65,7 +65,7 @@ ROUNDS = {
 }
 IDLE = Budget("time asleep while sweeping", 100 - 3 / RESERVE, "%", at_least=True)
 # What the simulator's speed hangs on.
-INSTRUCTIONS = Budget("instructions while sweeping", 184_000, "a second")
+INSTRUCTIONS = Budget("instructions while sweeping", 178_000, "a second")
 
 
 def found(pattern: str, text: str, source: object) -> str:

@@ -67,13 +67,17 @@ bool stepper_has_room(void)
 static inline void push_run(uint16_t period_us, uint8_t half_steps)
 {
     uint16_t reload = -(period_us * CLOCKS_PER_US);
-    next->reload_low = (uint8_t)reload;
-    next->reload_high = reload >> 8;
-    next->half_steps = half_steps;
+    __idata struct run *run = next; // the compiler reads `next` anew for each part
+    run->reload_low = (uint8_t)reload;
+    run->reload_high = reload >> 8;
+    run->half_steps = half_steps;
     if (++next == runs + RUNS)
         next = runs;
     queued += half_steps;
-    last_position += falling ? -half_steps : half_steps;
+    if (falling)
+        last_position -= half_steps;
+    else
+        last_position += half_steps;
 }
 
 void stepper_push(uint16_t interval_us, uint8_t half_steps)

@@ -14,7 +14,7 @@
 
 static __xdata uint16_t wait; // rounds between the oldest sweep's last two times, 0 before the second
 static uint16_t until_due; // rounds until it should go out
-static bool is_ready; // it is due and sound, and stays ready until it has gone out
+static __bit is_ready; // it is due and sound, and stays ready until it has gone out
 static const __xdata uint8_t *__xdata sent; // the sweep that went out last, if it is not acknowledged
 static __xdata bool is_going_out;
 
@@ -24,9 +24,9 @@ static __xdata uint8_t acknowledged_name[RECORD_NAME_BYTES];
 
 void delivery_task(void)
 {
-    if (until_due != 0)
-        until_due--;
-    if (until_due != 0 || is_ready)
+    if (until_due != 0 && --until_due != 0)
+        return;
+    if (is_ready)
         return;
     // In years, memory may change by itself; and a chip may have been flashed with another serial number. No host could
     // ever acknowledge such a sweep, and it would keep back all that follow: so it is not sent.

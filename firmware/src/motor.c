@@ -46,7 +46,9 @@ void motor_end_after(uint16_t half_steps)
 
 bool motor_is_moving(void)
 {
-    return to_go != 0 || stepper_is_turning();
+    if (to_go != 0)
+        return true;
+    return stepper_is_turning();
 }
 
 static void plan_half_steps(void)

@@ -13,6 +13,7 @@ static enum { TURNING, SETTLING, PINGING, FINISHING } phase;
 static const __xdata struct plan *__xdata plan;
 static __xdata uint16_t waypoint;
 static __xdata uint32_t rested; // the tick at which the motor was found at rest
+static __xdata uint32_t settle_ticks; // of the plan, which is multiplied once a sweep
 static __xdata bool decreasing;
 static __xdata bool cut_short;
 static __xdata uint8_t readings; // made by now
@@ -63,6 +64,7 @@ void sweep_begin(const __xdata struct plan *wanted, uint16_t number)
     int16_t last = bearing_to_half_step(plan_bearing(wanted, wanted->count - 1));
     plan = wanted;
     waypoint = number;
+    settle_ticks = wanted->settle_ms * TICKS_PER_MS;
     ramp_set(wanted->top_speed, wanted->ramp_ms);
     decreasing = 2 * motor_half_step() > first + last;
     cut_short = false;
@@ -87,7 +89,7 @@ bool sweep_step(void)
         phase = SETTLING;
         return cut_short && finish();
     case SETTLING:
-        if (timebase_now() - rested >= plan->settle_ms * TICKS_PER_MS)
+        if (timebase_now() - rested >= settle_ticks)
             begin_reading();
         return false;
     case FINISHING:

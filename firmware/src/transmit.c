@@ -24,7 +24,7 @@ static __xdata struct {
     uint32_t received; // when the CLOCK request came
 } waiting;
 
-static __xdata uint8_t farewell; // the enum reset_note of the reset to come
+static uint8_t farewell; // the enum reset_note of the reset to come
 
 bool transmit_is_free(void)
 {

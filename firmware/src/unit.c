@@ -18,7 +18,7 @@
 #include "sweep.h"
 
 static enum activity { RESTING, HOMING, ABANDONING, SWEEPING, AWAITING_ROOM, PAUSING, TURNING, MEASURING } activity;
-static bool has_news; // the state or the waypoint has changed
+static __bit has_news; // the state or the waypoint has changed
 static __xdata struct plan plan;
 static __xdata struct calibration calibration;
 static __xdata uint16_t pause_rounds;
@@ -100,6 +100,11 @@ void unit_task(void)
     enum homing_outcome outcome;
     if (activity == RESTING)
         return;
+    if (activity == SWEEPING) { // before the switch, which costs more
+        if (sweep_step())
+            end_sweep();
+        return;
+    }
     switch (activity) {
     case HOMING:
         outcome = homing_step();
@@ -116,10 +121,6 @@ void unit_task(void)
             homed = homed && !measure_is_lost();
             go_on();
         }
-        break;
-    case SWEEPING:
-        if (sweep_step())
-            end_sweep();
         break;
     case AWAITING_ROOM:
         go_on();

@@ -1,9 +1,9 @@
 """Whether a fixed unit still stands and points as it did: turned, slipped, with play, moved, or only too noisy to tell.
 
 The last sweeps are asked together how much likelier they are under each of these than under the past; the likeliest is
-named once it leads by enough. A sweep is looked at closely only where it, or the last three, fit the past worse than
-usual, or where its marks show a shift by far. What explains the sweeps must then fit about as well as usual, which no
-change of the room does.
+named once it leads by enough, over a room too that has changed in one arc. A sweep is looked at closely only where it,
+or the last three, fit the past worse than usual, or where its marks show a shift by far. What explains the sweeps must
+then fit about as well as usual, which no change of the room does.
 """
 
 import math
@@ -14,6 +14,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.bearings_off import bearings_off
+from noctule_gateway.health.changed_arc import arc_nats, elsewhere_nats
 from noctule_gateway.health.likelihood import shifted_nats, stay_fit, usual_fit
 from noctule_gateway.health.marks import marks_of
 from noctule_gateway.health.noise import LEAST_M, NOISY_M, change_m, disagreement_m, scatter_m
@@ -26,6 +27,8 @@ from noctule_gateway.health.suspicion import Suspicion
 _WORSE, _WORSE_OF_THREE = 0.2, 0.15  # nats a reading, than usual: looked at closely
 _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
+_ARC_LEADS = 25.0  # nats, over another place
+_ARC_FREEDOM = 9.0  # nats: which of 1,800 arcs, from which of four sweeps on
 _LEAST_SHIFT_GAIN = 3.5
 _CLEAR_MOTION_GAIN = 8.0  # where the readings fit the past as usual
 _MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
@@ -82,7 +85,7 @@ class PoseWatch:
         known = self._still_shifted(sweep, past)
         if known is not None:
             return self._shifted(known)
-        return self._elsewhere(sweep)
+        return self._elsewhere(sweep, past)
 
     def learn_from(self, sweep: Readings, past: Past) -> None:
         """The sweep is well, and not in the past yet: this is how well one usually fits."""
@@ -99,6 +102,8 @@ class PoseWatch:
             tables.append(seen.table)
         off = bearings_off(tables, usual_fit(past), sum(past.heard_share) / len(past.heard_share))
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
+            return None
+        if off.gain < arc_nats([seen.sweep for seen in self._last], past) - _ARC_FREEDOM:
             return None
         if off.turned_by and not self._as_far(past, off.turned_by):
             return None
@@ -161,10 +166,12 @@ class PoseWatch:
         words = f"{shift.words}: {shift.fitting} marks fit that" if shift.moved_m else shift.words
         return [Suspicion(kind, shift.gain, words)]
 
-    def _elsewhere(self, sweep: Readings) -> list[Suspicion]:
+    def _elsewhere(self, sweep: Readings, past: Past) -> list[Suspicion]:
         """Nothing fits the sweep, nor one of the two before, and it repeats that one."""
         if self._last[-1].fit >= -_FOREIGN:
             return []
+        if arc_nats([sweep], past) > sum(elsewhere_nats(sweep, past)) + _ARC_LEADS:
+            return []  # the room has changed in one arc: the unit stands where it stood
         foreign = [seen.sweep for seen in list(self._last)[-3:-1] if seen.fit < -_FOREIGN]
         changes = [change_m(sweep, before, range(len(sweep.range_m)), _LEAST_REPEATED) for before in foreign]
         if not any(change is not None and change < NOISY_M for change in changes):
