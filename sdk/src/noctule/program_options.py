@@ -81,6 +81,13 @@ Format = Annotated[
 ]
 
 
+def check_folders(*files: Path | None) -> None:
+    """Before anything is computed: a file can only be written into a folder that is there. Raises NoctuleError."""
+    for file in files:
+        if file is not None and not file.absolute().parent.is_dir():
+            raise NoctuleError(f"there is no folder {file.absolute().parent}: make it, or name another")
+
+
 def version_option(distribution: str) -> object:
     """For ``Annotated[bool, ...]`` in the callback of a typer application: print name and version, and end."""
 

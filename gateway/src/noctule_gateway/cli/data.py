@@ -28,7 +28,8 @@ def repair(
     for each in repairs:
         typer.echo(str(each))
     if not repairs:
-        typer.echo(f"{data} holds no logs")
+        typer.echo(f"{data} holds no logs: give what noctule-gateway run has as --data")
+        raise typer.Exit(1)
 
 
 def check(data: Data) -> None:

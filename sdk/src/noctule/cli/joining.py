@@ -13,15 +13,20 @@ SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
 _MOST_NAMED = 20
 
 
-def nothing_found(client: Client, tls_folder: Path | None) -> str:
-    """For one who finds nothing of a site: which others there are, and that routers hide what one may not read."""
-    others = [site for site in sites.on_bus(client.session) if site != client.site]
+def there_is(client: Client) -> str:
+    """For one who has mistyped a name: which units the site has, and which other sites there are."""
     units = sorted(client.units())
     if len(units) > _MOST_NAMED:
         units = [*units[:_MOST_NAMED], "..."]
+    others = [site for site in sites.on_bus(client.session) if site != client.site]
     told = f" Units of site {client.site!r}: {', '.join(units)}." if units else ""
-    told += f" Sites on the bus: {', '.join(others)}." if others else ""
+    return f"{told} Sites on the bus: {', '.join(others)}." if others else told
+
+
+def nothing_found(client: Client, tls_folder: Path | None) -> str:
+    """The same for one who finds nothing of a site; and that routers hide what one may not read."""
     identity = tls.chosen(tls_folder)
+    told = there_is(client)
     return told if identity is None else f"{told} May {identity.common_name} read this site?"
 
 
@@ -38,7 +43,7 @@ def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[C
         try:
             yield client
         except NotServedError as error:
-            raise NotServedError(f"{error}.{nothing_found(client, tls_folder)}") from error
+            raise NotServedError(f"{error}.{there_is(client)}") from error
 
 
 @contextmanager
