@@ -1,6 +1,7 @@
 """A fleet on this host as noctule-deploy renders it: its routers run, and a program that has a folder can join."""
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ from noctule_deploy import fleet_file, render
 from noctule_deploy.render import Place
 
 FOLDER = "/nowhere/bus"
-ZENOHD_VARIABLE = "NOCTULE_ZENOHD"  # a path of zenohd: the same tests against the real program
+# The path of zenohd, where there is one: the same tests then run against the real program.
+ZENOHD = os.environ.get("NOCTULE_ZENOHD") or shutil.which("zenohd")
 FLEET = """
 folder = "/nowhere/bus"
 {top}
@@ -97,13 +99,12 @@ def rendered(folder: Path, top: str = "", now: datetime | None = None) -> Secure
 
 @contextmanager
 def running_routers(secured: SecuredFleet) -> Iterator[None]:
-    """Both routers, linked, as their folders say: in this process, or the program that NOCTULE_ZENOHD names."""
-    zenohd = os.environ.get(ZENOHD_VARIABLE)
+    """Both routers, linked, as their folders say: in this process, or zenohd where there is one."""
     with ExitStack() as closing:
-        if zenohd:
+        if ZENOHD:
             started = closing.enter_context(programs(secured.file.parent))
             for number, name in enumerate(("one", "two")):
-                started.start(f"zenohd-{name}", zenohd, "-c", str(_with_files_here(secured, name)))
+                started.start(f"zenohd-{name}", ZENOHD, "-c", str(_with_files_here(secured, name)))
                 wait_until(lambda number=number: listens(secured.ports[number]), "zenohd does not listen")
                 started.check()
         else:

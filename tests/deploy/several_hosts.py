@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from deploy.namespaces import Network, network
 from deploy.rendered_host import RenderedHost
-from deploy.secured_fleet import ZENOHD_VARIABLE
+from deploy.secured_fleet import ZENOHD
 from system.processes import PATIENCE_S, ROOT, Programs, programs, wait_until
 from typer.testing import CliRunner
 
@@ -63,8 +63,8 @@ host = "server"
 name = "anna"
 sites = ["*"]
 """
-# What a router says of an address that its host does not have yet: zenohd where its path is given, else our own.
-NO_ADDRESS = "Cannot assign requested address" if ZENOHD_VARIABLE in os.environ else "does not have the address"
+# What a router says of an address that its host does not have yet: zenohd where there is one, else our own.
+NO_ADDRESS = "Cannot assign requested address" if ZENOHD else "does not have the address"
 
 
 READ_CONTOUR = """
@@ -215,13 +215,13 @@ def several_hosts(folder: Path) -> Iterator[SeveralHosts]:
 
 def _is_zenohd(service: str) -> bool:
     """Whether it is a program that may end by itself: zenohd does where a host does not have its address yet."""
-    return "-router-" in service and ZENOHD_VARIABLE in os.environ
+    return "-router-" in service and ZENOHD is not None
 
 
 def _router(command: list[str]) -> list[str]:
-    """zenohd where its path is given, else the gateway's own router from the same folder."""
-    if zenohd := os.environ.get(ZENOHD_VARIABLE):
-        return [zenohd, *command[1:]]
+    """zenohd where there is one, else the gateway's own router from the same folder."""
+    if ZENOHD:
+        return [ZENOHD, *command[1:]]
     return ["noctule-gateway", "router", "--tls", str(Path(command[-1]).parent)]
 
 

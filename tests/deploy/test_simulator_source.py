@@ -111,7 +111,9 @@ def test_rust_comes_before_a_wheel_and_a_wheel_before_an_old_rust(project: Path,
         cargo(without_rust, old)
         assert found() == str(wheel)
     wheel.unlink()
-    assert "    rustup update stable\n" in found()
+    assert "    curl https://sh.rustup.rs" in found()
+    (Path(without_rust["PATH"]) / "rustup").symlink_to("/bin/true")
+    assert "    rustup update stable && rustup default stable\n" in found()
 
 
 @pytest.mark.parametrize("changed", ["src/main.rs", "rooms/lounge.toml", "Cargo.lock", "src/new.rs"])

@@ -40,6 +40,7 @@ def _spoil_key(folder: Path) -> None:
 
 FAULTS: dict[str, tuple[Callable[[Path, SecuredFleet], object], str]] = {
     "no folder": (lambda folder, _: shutil.rmtree(folder), "is not there"),
+    "a file": (lambda folder, _: (shutil.rmtree(folder), folder.touch()), "is no folder"),
     "no key": (lambda folder, _: (folder / tls.PRIVATE_KEY).unlink(), "has no file private.key"),
     "no certificate": (lambda folder, _: (folder / tls.CERTIFICATE).unlink(), "has no file certificate.pem"),
     "no authority": (lambda folder, _: (folder / tls.AUTHORITY).unlink(), "has no file ca.pem"),

@@ -67,3 +67,13 @@ def test_a_server_that_accepts_and_hangs_up_is_opened_ever_later_and_soon_after_
             accepted_s(server)
             assert time.monotonic() - hung_up_s < LAST_RETRY_S  # which it would be after the six times before
         assert "closed at the other end" in talker.errors[0]
+        assert "another program" not in talker.errors[0]  # it has answered
+
+
+def test_a_server_that_hangs_up_without_a_word_may_serve_another_program() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(30.0)
+        with line_to(server) as talker:
+            for _ in range(2):
+                server.accept()[0].close()
+        assert talker.errors[0].endswith("at once: does another program have this line?")

@@ -24,9 +24,9 @@ def test_what_a_file_leaves_out_keeps_its_default(file: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("[window]\nmax_age = 60", "window.max_age: is not known: did you mean max_age_s?"),
-        ("[pace]\nmost_time_share = 2.0", "pace.most_time_share: Input should be less than or equal to 1"),
-        ("[window]\nplace_radius_m = 0.0", "window.place_radius_m: Input should be greater than 0"),
+        ("[window]\nmax_age = 60", "window.max_age is not known: did you mean max_age_s?"),
+        ("[pace]\nmost_time_share = 2.0", "pace.most_time_share is 2.0: give 1.0 or less"),
+        ("[window]\nplace_radius_m = 0.0", "window.place_radius_m is 0.0: give more than 0.0"),
         ("[window", "is not a TOML file"),
     ],
 )
@@ -56,7 +56,7 @@ def test_a_sensors_beam_may_be_given_in_degrees_or_radians(file: Path, width: st
     [
         ("beam_width_deg = 20.0\nbeam_width_rad = 0.3", "one quantity"),
         ('beam_width_deg = "wide"', "should be a number"),
-        ("range_sigma_m = -0.1", "range_sigma_m: Input should be greater than 0"),
+        ("range_sigma_m = -0.1", "range_sigma_m is -0.1: give more than 0.0"),
     ],
 )
 def test_a_calibration_that_makes_no_sense_is_refused(file: Path, text: str, complaint: str) -> None:

@@ -16,7 +16,7 @@ import rerun as rr
 from mapper.rerun_relay import Relay, SlowLine, relay, viewer
 from system.processes import wait_until
 
-from noctule_mapper.rerun_view.address import RelayAddressError
+from noctule_mapper.rerun_view.address import RelayAddressError, host_and_port
 from noctule_mapper.rerun_view.drawing import Drawing, Entries
 from noctule_mapper.rerun_view.link import RerunLink
 
@@ -229,6 +229,11 @@ def test_closing_does_not_wait_for_a_relay_that_is_not_there(far_end: Relay) -> 
     began_s = monotonic()
     line.close()
     assert monotonic() - began_s < 3.0
+
+
+def test_a_relay_at_no_port_is_refused() -> None:
+    with pytest.raises(RelayAddressError, match="port 99999 is none: give 1 to 65535"):
+        host_and_port("rerun+http://127.0.0.1:99999/proxy")
 
 
 @pytest.mark.parametrize("url", ["127.0.0.1:9876", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1/proxy"])

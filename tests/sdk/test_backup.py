@@ -42,3 +42,9 @@ def test_a_folder_that_was_there_before_is_left_as_it_is(data: Path, tmp_path: P
     with pytest.raises(BackupError, match="is there already"):
         copy(data, out)
     assert (out / "u1.sqlite").read_text() == "the backup of yesterday"
+
+
+def test_a_folder_within_the_data_is_refused_and_not_made(data: Path) -> None:
+    with pytest.raises(BackupError, match="give a folder outside"):
+        copy(data, data / "copy")
+    assert not (data / "copy").exists()

@@ -95,6 +95,8 @@ def test_who_mistypes_a_site_is_told_which_there_are(noctule):
     assert code == 1 and err.endswith("is its gateway up? Sites on the bus: room.\n")
     code, _, err = finish(noctule("log", "rom", "u1"))
     assert code == 1 and err.endswith("correct the name. Sites on the bus: room.\n")
+    code, _, err = finish(noctule("rpc", "room", "u2", "stop"))
+    assert code == 1 and err.endswith("correct the name. Units of site 'room': u1.\n")
     process = noctule("watch", "rom")
     assert "site 'rom' yet. Sites on the bus: room." in process.stderr.readline()
 

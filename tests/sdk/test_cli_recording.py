@@ -55,3 +55,9 @@ def test_replay_fails_when_nobody_reads_it_in_time(noctule, endpoint, survey_fil
 def test_replay_refuses_a_speed_that_is_none(noctule, survey_file, speed):
     code, _, err = finish(noctule("replay", survey_file, "--site", "room", "--speed", speed))
     assert code == 2 and "is neither a number above 0 nor max" in err
+
+
+@pytest.mark.usefixtures("site")
+def test_replay_refuses_a_unit_that_somebody_serves(noctule, survey_file):
+    code, _, err = finish(noctule("replay", survey_file, "--site", "room"))
+    assert code == 1 and "unit 'u1' of site 'room' is served already: replay it as another site" in err

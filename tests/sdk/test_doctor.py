@@ -236,10 +236,12 @@ def test_the_exit_status_is_that_of_the_worst_finding() -> None:
 def test_the_command_prints_a_line_for_each_finding(tmp_path: Path, router) -> None:
     file = tmp_path / "attic.toml"
     file.write_text("no site")
-    command = ["noctule", "doctor", str(file), "--data", str(tmp_path / "none"), "--connect", router.endpoint]
+    folders = ("--data", str(file), "--data", str(tmp_path / "none"))
+    command = ["noctule", "doctor", str(file), *folders, "--connect", router.endpoint]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=120)
     lines = ended.stdout.splitlines()
     assert ended.returncode == 1 and ended.stderr == ""
     assert lines[0].startswith(f"fault    site file: {file} is not a TOML file")
     assert f"ok       router: reached by {router.endpoint}" in lines
+    assert f"fault    data folder {file}: is no folder: give what the service has as --data" in lines
     assert lines[-1].startswith(f"warning  data folder {tmp_path / 'none'}: is not there")

@@ -323,13 +323,14 @@ def test_a_port_that_is_taken_is_named(running: Programs) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("run", "--port", "99999"), "less than or equal to 65535"),
+        (("run", "--port", "99999"), "it is '99999': give 65535 or less"),
         (
             ("run", "--bind", "192.0.2.1"),
             "Cannot assign requested address: name another address",
         ),
         (("open", "--url", "foo"), "foo is no relay: give rerun+http://127.0.0.1:9876/proxy"),
         (("run", "--floor-plan-at", "1,2,90"), "a floor plan belongs to a site: give --site too"),
+        (("run", "--port", "9090", "--web-port", "9090"), "both 9090: give each a port of its own"),
         (("run", "--tls", "viewer"), "--tls is for the bus, on which a site is watched: give --site too"),
         (("days", "no_such_folder"), "there are no recordings in no_such_folder: noctule-viewer run --record"),
     ],

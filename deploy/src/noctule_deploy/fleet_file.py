@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from noctule import toml_file
 from noctule.toml_lines import Place, line_of
+from noctule.wanted import wanted
 from noctule_deploy import fleet as tables
 from noctule_deploy import fleet_rules
 from noctule_deploy.errors import FleetFileError
@@ -60,9 +61,7 @@ def _mistake(error: Any, entries: dict[str, Any]) -> tuple[Place, str]:
             return place, f"{key} is not known here{_known(key, above)}"
         case "missing":
             return place, f"{key} is missing: add it{_written_as(key, above, entries)}"
-        case "value_error":
-            return place, f"{key} is {error['input']!r}: {error['ctx']['error']}"
-    return place, f"{key} is {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}"
+    return place, f"{key} is {error['input']!r}: {wanted(error)}"
 
 
 def _split(place: Place) -> tuple[Place, str]:

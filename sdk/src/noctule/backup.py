@@ -35,6 +35,8 @@ def copy_databases(data: Path, out: Path, tell: Callable[[str, int, int], None])
     found = sorted(each for each in data.glob("*.sqlite*") if each.suffix in (".sqlite", ".sqlite3"))
     if not found:
         raise BackupError(f"{data} holds no data of a gateway or mapper: give what its run has as --data")
+    if out.resolve().is_relative_to(data.resolve()):
+        raise BackupError(f"{out} is in {data} itself: give a folder outside of it")
     try:
         out.mkdir(parents=True)
     except FileExistsError as error:

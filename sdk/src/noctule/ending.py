@@ -67,7 +67,7 @@ class Ending:
 def end_with(program: Callable[[], object]) -> NoReturn:
     """Run ``program`` and end the process with the status that Python would give it, 130 after Ctrl-C.
 
-    For the function that a command's script calls. What Python does at its end is done, but the end of the interpreter
+    What Python does at its end is done, but the end of the interpreter
     and the wait for threads: what a program has begun it closes itself.
     """
     status = _status_of(program)
@@ -95,11 +95,13 @@ def _status_of(program: Callable[[], object]) -> int:
             return end.code or 0
         print(end.code, file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return _STOPPED
     except BaseException as error:
         if isinstance(error, ImportError) and isinstance(error.__cause__, KeyboardInterrupt):
             return _STOPPED  # a library in C that was being loaded calls Ctrl-C an ImportError
         sys.excepthook(type(error), error, error.__traceback__)
-        return _STOPPED if isinstance(error, KeyboardInterrupt) else 1
+        return 1
     return 0
 
 

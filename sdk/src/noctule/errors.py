@@ -1,6 +1,9 @@
 """The errors that Noctule raises for bad input: each says what was wrong, where, and what to do."""
 
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 class NoctuleError(Exception):
@@ -38,7 +41,7 @@ class ScanError(NoctuleError):
     """A file of a scanner's own that can't be imported; the message names file, place, column and value."""
 
     def __init__(
-        self, file: Path, problem: str, place: str = "", column: str = "", value: object | None = None
+        self, file: "Path", problem: str, place: str = "", column: str = "", value: object | None = None
     ) -> None:
         """``place`` as in "line 12"; ``problem`` says what is wrong and what to do."""
         where = ", ".join([str(file), *([place] if place else []), *([f"column {column!r}"] if column else [])])

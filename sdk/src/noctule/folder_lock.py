@@ -104,7 +104,7 @@ def _take(file: int, folder: Path, owner: Owner) -> None:
     if before is not None and (before.role != owner.role or before.site not in ("", owner.site)):
         raise FolderError(
             f"{folder} holds the data of a {before.role} of site {before.site!r}: "
-            f"give the {owner.role} of site {owner.site!r} a folder of its own"
+            f"give this {owner.role} a folder of its own"
         )
     text = json.dumps(asdict(owner) | {"pid": os.getpid()}).encode() + b"\n"
     os.pwrite(file, text, 0)  # over what was there: that needs no room on a full disk

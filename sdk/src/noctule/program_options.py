@@ -5,9 +5,29 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from noctule import endpoints, keys, logs, tls
 from noctule.errors import BusConfigError, NoctuleError
+from noctule.wanted import wanted
+
+
+class Commands(TyperGroup):
+    """The commands of a program. Of a value that can't be they say what it may be, where typer has no such words."""
+
+    def invoke(self, ctx: typer.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            if findings := getattr(error.__cause__, "errors", None):  # pydantic's, which this need not load
+                error.message = _mistake(findings()[0])
+            raise
+
+
+def _mistake(error: Any) -> str:
+    if error["type"] == "value_error":
+        return wanted(error)
+    return f"it is {str(error['input'])!r}: {wanted(error)}"
 
 
 def checked(check: Callable[[Any], object]) -> Callable[[Any], Any]:
@@ -59,6 +79,13 @@ Format = Annotated[
     logs.LogFormat,
     typer.Option("--log-format", envvar=logs.FORMAT_VARIABLE, help="The log as text, or as JSON lines."),
 ]
+
+
+def check_folders(*files: Path | None) -> None:
+    """Before anything is computed: a file can only be written into a folder that is there. Raises NoctuleError."""
+    for file in files:
+        if file is not None and not file.absolute().parent.is_dir():
+            raise NoctuleError(f"there is no folder {file.absolute().parent}: make it, or name another")
 
 
 def version_option(distribution: str) -> object:

@@ -66,8 +66,10 @@ def load(folder: Path, now: datetime) -> Identity:
     """Check a folder. Raises TlsError: a file is missing, unreadable, does not fit the others, or is not valid now."""
     for name in (CONFIG, AUTHORITY, CERTIFICATE, PRIVATE_KEY):
         if not (folder / name).is_file():
-            problem = "has no file" if folder.is_dir() else "is not there, so neither is its"
-            raise TlsError(f"{folder} {problem} {name}: copy the folder that noctule-deploy render made, whole")
+            problem = (
+                f"has no file {name}" if folder.is_dir() else "is no folder" if folder.exists() else "is not there"
+            )
+            raise TlsError(f"{folder} {problem}: give a folder that noctule-deploy render made, copied whole")
     authority, certificate = read_certificate(folder / AUTHORITY), read_certificate(folder / CERTIFICATE)
     check_private(folder / PRIVATE_KEY)
     _check_key(folder / PRIVATE_KEY, certificate)

@@ -5,13 +5,12 @@ for that.
 """
 
 import sys
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from noctule.ending import end_with
 from noctule.errors import NoctuleError, in_words
-from noctule.program_options import version_option
+from noctule.program_options import Commands, version_option
 from noctule_deploy.cli.certificates import render, renew, revoke
 from noctule_deploy.cli.check import check
 from noctule_deploy.cli.firmware import firmware_key, firmware_sign
@@ -19,12 +18,7 @@ from noctule_deploy.cli.init import init
 from noctule_deploy.cli.status import status
 from noctule_deploy.errors import FleetFileError
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
-
-
-def program() -> NoReturn:
-    """The whole process."""
-    end_with(main)
+app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 def main() -> None:

@@ -17,7 +17,8 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a
 def repair(
     data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a gateway that is stopped.")],
     unit: Annotated[
-        list[str] | None, typer.Option(help="Set this unit's log aside, damaged or not; give more for several.")
+        list[str] | None,
+        typer.Option(metavar="UNIT", help="Set this unit's log aside, damaged or not; give more for several."),
     ] = None,
 ) -> None:
     """Set damaged logs aside, whole, into DATA/set-aside; the gateway then begins new ones."""
@@ -28,7 +29,8 @@ def repair(
     for each in repairs:
         typer.echo(str(each))
     if not repairs:
-        typer.echo(f"{data} holds no logs")
+        typer.echo(f"{data} holds no logs: give what noctule-gateway run has as --data")
+        raise typer.Exit(1)
 
 
 def check(data: Data) -> None:

@@ -17,9 +17,15 @@ _log = logging.getLogger(__name__)
 def router(
     listen: Annotated[
         list[str] | None,
-        typer.Option(callback=ENDPOINT, help=f"Where; {DEFAULT_LISTEN} without --tls, else as its folder says."),
+        typer.Option(
+            metavar="ENDPOINT",
+            callback=ENDPOINT,
+            help=f"Where; {DEFAULT_LISTEN} without --tls, else as its folder says.",
+        ),
     ] = None,
-    connect: Annotated[list[str] | None, typer.Option(callback=ENDPOINT, help="Another router to link with.")] = None,
+    connect: Annotated[
+        list[str] | None, typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="Another router to link with.")
+    ] = None,
     tls_folder: Tls = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:

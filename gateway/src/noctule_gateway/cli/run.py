@@ -19,12 +19,15 @@ def run(
     site_file: Annotated[Path, typer.Argument(metavar="SITE.toml", help="The site whose units to serve.")],
     data: Annotated[Path, typer.Option(help="Folder of the units' logs; made if it is not there.")],
     connect: Annotated[
-        list[str] | None, typer.Option(callback=ENDPOINT, help="A router of the bus; give more for a fallback.")
+        list[str] | None,
+        typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="A router of the bus; give more for a fallback."),
     ] = None,
     listen: Annotated[
         list[str] | None,
         typer.Option(
-            callback=ENDPOINT, help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls."
+            metavar="ENDPOINT",
+            callback=ENDPOINT,
+            help=f"Be the router, at this endpoint; {DEFAULT_LISTEN} without --connect and --tls.",
         ),
     ] = None,
     tls_folder: Tls = None,

@@ -14,7 +14,9 @@ from noctule_gateway.cli.options import FirmwareFile
 def update(
     site_file: Annotated[Path, typer.Argument(metavar="SITE.toml", help="The site whose units to update.")],
     image_file: Annotated[Path, typer.Option("--image", help="build/update.hex of the firmware.")],
-    unit: Annotated[list[str] | None, typer.Option(help="Only this unit; give more for several.")] = None,
+    unit: Annotated[
+        list[str] | None, typer.Option(metavar="UNIT", help="Only this unit; give more for several.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Update units that have this version, too.")] = False,
     tls_folder: Tls = None,
     firmware: FirmwareFile = None,

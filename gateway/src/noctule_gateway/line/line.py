@@ -53,6 +53,7 @@ class Line:
         self._address = address
         self._talker = talker
         self._port: Port | None = None
+        self._heard = False
         self._calls: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"line {name}", daemon=True)
@@ -83,6 +84,7 @@ class Line:
         while not self._closing.is_set():
             opened_s = inf
             try:
+                self._heard = False
                 self._port = open_port(self._address)
                 opened_s = time.monotonic()
                 self._talker.opened(opened_s)
@@ -90,6 +92,8 @@ class Line:
             except LineError as error:
                 if time.monotonic() - opened_s >= OF_USE_S:
                     retry_s = FIRST_RETRY_S
+                elif self._port is not None and not self._heard and "://" in self._address:
+                    error = LineError(f"{error} at once: does another program have this line?")
                 self._hang_up()
                 self._talker.closed(error, time.monotonic())
                 self._wait(retry_s)
@@ -107,6 +111,7 @@ class Line:
             wait_s = min(self._talker.next_s - time.monotonic(), _MAX_WAIT_S)
             received = port.read(max(wait_s, 0.0))
             if received:
+                self._heard = True
                 self._talker.receive(received, time.monotonic())
 
     def _wait(self, duration_s: float) -> None:

@@ -6,12 +6,11 @@ for that.
 
 import sys
 from collections.abc import Sequence
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from noctule.ending import end_with
-from noctule.program_options import version_option
+from noctule.program_options import Commands, version_option
 from noctule_mapper.cli.calibrate import calibrate
 from noctule_mapper.cli.export import export
 from noctule_mapper.cli.fit import fit
@@ -21,7 +20,7 @@ from noctule_mapper.cli.share import share
 from noctule_mapper.cli.store import backup, check
 from noctule_mapper.cli.survey import survey
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 for _command in (run, share, fit, calibrate, survey, export, reproduce, check, backup):
     app.command()(_command)
 
@@ -43,8 +42,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if not isinstance(error, NoctuleError | OSError):
             raise
         sys.exit(f"noctule-mapper: {in_words(error)}")
-
-
-def program() -> NoReturn:
-    """The whole process."""
-    end_with(main)

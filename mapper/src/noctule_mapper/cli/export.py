@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.program_options import checked
+from noctule.program_options import check_folders, checked
 from noctule_mapper.choices import Method, Rule
 
 
@@ -34,6 +34,7 @@ def export(
     from noctule_mapper.export.files import export_file
     from noctule_mapper.live.config import in_force
 
+    check_folders(out)
     parameters = in_force(config, method, rule, sensor) if method or rule or sensor or config else None
     exported = export_file(source, out, parameters.mapper if parameters else None, parameters and parameters.window)
     contour = exported.contour

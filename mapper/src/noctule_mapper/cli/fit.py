@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.errors import NoctuleError
+from noctule.program_options import check_folders
 from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
 
@@ -40,7 +40,7 @@ def fit(
     from noctule_mapper.messages import contour_message
     from noctule_mapper.survey_fit import map_survey
 
-    _check_folders(contour, contacts, svg, rrd)
+    check_folders(contour, contacts, svg, rrd)
     parameters = in_force(config, method, rule, sensor)
     with progress() as shown:
         surveyed = map_survey(survey.read_records(sweeps), parameters.mapper, window=parameters.window, progress=shown)
@@ -58,10 +58,3 @@ def fit(
     for left_out in surveyed.left_out:
         typer.echo(str(left_out), err=True)
     draw(surveyed.mapper, result, svg, rrd or (sweeps.with_suffix(".rrd") if view else None), view)
-
-
-def _check_folders(*files: Path | None) -> None:
-    """Before anything is computed: a file can only be written into a folder that is there."""
-    for file in files:
-        if file is not None and not file.absolute().parent.is_dir():
-            raise NoctuleError(f"there is no folder {file.absolute().parent}: make it, or name another")

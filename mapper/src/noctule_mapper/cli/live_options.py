@@ -14,7 +14,9 @@ def _relay(rerun: str) -> None:
         host_and_port(rerun)
 
 
-Connect = Annotated[list[str] | None, typer.Option(callback=ENDPOINT, help="A router; give more for a fallback.")]
+Connect = Annotated[
+    list[str] | None, typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="A router; give more for a fallback.")
+]
 Rerun = Annotated[
     str,
     typer.Option(

@@ -27,7 +27,7 @@ def reproduce(
     if not found:
         raise MissingPackageError(
             "reproduce simulates and draws with the package noctule-reproduction, which is not installed; "
-            "install it beside noctule-mapper"
+            "make setup in the project's folder installs it"
         )
     (command,) = found
     command.load()(out, range(seed, seed + seeds), jobs or os.cpu_count() or 1)

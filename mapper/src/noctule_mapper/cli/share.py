@@ -14,7 +14,8 @@ from noctule_mapper.cli.live_options import Config, Connect, Rerun, relay
 
 def share(
     site: Annotated[
-        list[str], typer.Option(callback=NAME, help="A site to share; give each one, the same to every mapper.")
+        list[str],
+        typer.Option(metavar="SITE", callback=NAME, help="A site to share; give each one, the same to every mapper."),
     ],
     data: Annotated[Path, typer.Option(help="Folder of the stores, one folder a site; made if it is not there.")],
     name: Annotated[

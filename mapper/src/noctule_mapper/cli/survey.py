@@ -22,10 +22,13 @@ def survey(
     write: Annotated[bool, typer.Option("--write", help="Write the poses into the site file.")] = False,
     unit: Annotated[
         list[str] | None,
-        typer.Option(help="Write only this unit; give more for several. A pose that is called wrong needs it."),
+        typer.Option(
+            metavar="UNIT", help="Write only this unit; give more for several. A pose that is called wrong needs it."
+        ),
     ] = None,
     connect: Annotated[
-        list[str] | None, typer.Option(callback=ENDPOINT, help="A router; give more for a fallback.")
+        list[str] | None,
+        typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="A router; give more for a fallback."),
     ] = None,
     tls: Annotated[
         Path | None,

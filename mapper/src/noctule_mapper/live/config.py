@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from noctule import toml_file
 from noctule.errors import NoctuleError
+from noctule.wanted import wanted
 from noctule_mapper.choices import Method, Rule
 from noctule_mapper.config import MapperConfig, SensorConfig, Window
 
@@ -81,7 +82,7 @@ def _validated(path: Path, model: type[_M], fields: dict[str, Any]) -> _M:
     try:
         return model.model_validate(fields)
     except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(map(str, each['loc']))}: {_words(model, each)}" for each in error.errors())
+        wrong = "; ".join(f"{'.'.join(map(str, each['loc']))} is {_words(model, each)}" for each in error.errors())
         raise ConfigFileError(f"{path}: {wrong}") from error
 
 
@@ -89,8 +90,8 @@ def _words(model: type[BaseModel], error: "ErrorDetails") -> str:
     """What is wrong with a field; of one that there is none of, what was meant."""
     *tables, name = error["loc"]
     if error["type"] != "extra_forbidden":
-        return error["msg"]
+        return f"{error['input']!r}: {wanted(error)}"
     for table in tables:
         model = model.model_fields[str(table)].annotation  # type: ignore[assignment]
     near = difflib.get_close_matches(str(name), model.model_fields, n=1)
-    return "is not known: " + (f"did you mean {near[0]}?" if near else f"known are {', '.join(model.model_fields)}")
+    return "not known: " + (f"did you mean {near[0]}?" if near else f"known are {', '.join(model.model_fields)}")

@@ -3,6 +3,7 @@
 import re
 
 from noctule import rerun_paths
+from noctule.endpoints import LAST_PORT
 from noctule.errors import NoctuleError
 
 
@@ -18,4 +19,6 @@ def host_and_port(url: str) -> tuple[str, int]:
             f"{url!r} is not a relay's address: it should read rerun+http://HOST:PORT/proxy, "
             f"with {rerun_paths.SEVERAL_SITES} behind it where the relay shows several sites"
         )
-    return address[1], int(address[2])
+    if not 1 <= (port := int(address[2])) <= LAST_PORT:
+        raise RelayAddressError(f"{url!r}: port {port} is none: give 1 to {LAST_PORT}")
+    return address[1], port

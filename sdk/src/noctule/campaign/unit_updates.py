@@ -53,7 +53,7 @@ def candidates(client: Client, named: Sequence[str]) -> list[Candidate]:
     statuses = {status.unit: status for status in client.unit_statuses()}
     units = list(dict.fromkeys(named)) or sorted(alive | statuses.keys())
     if not units:
-        raise NotServedError(f"site {client.site!r} has no units on the bus: is its gateway up?")
+        raise NotServedError(f"site {client.site!r} has no units on the bus: start its gateway")
     return [_candidate(unit, unit in alive, statuses.get(unit)) for unit in units]
 
 

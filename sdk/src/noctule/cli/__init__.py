@@ -12,16 +12,12 @@ except ModuleNotFoundError as error:
 
 from noctule import threads
 from noctule.cli import ask, command, doctor, import_scan, record, replay, show, unit_report, update
-from noctule.ending import end_with
 from noctule.errors import NoctuleError, SiteFileError, in_words
 from noctule.logs import StderrHandler, TextFormatter
 from noctule.plain_text import plain
-from noctule.program_options import version_option
+from noctule.program_options import Commands, version_option
 
-commands = typer.Typer(
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+commands = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 for each in (show.units, show.watch, record.record, replay.replay, ask.log, ask.schema, doctor.doctor, update.update):
     commands.command()(each)
 commands.command("unit-report")(unit_report.unit_report)
@@ -32,11 +28,6 @@ commands.add_typer(command.rpc, name="rpc")
 @commands.callback()
 def _noctule(_version: Annotated[bool, version_option("noctule")] = False) -> None:
     """Look at a Noctule site, record and replay it, ask its units."""
-
-
-def program() -> NoReturn:
-    """The whole process."""
-    end_with(app)
 
 
 def app() -> None:

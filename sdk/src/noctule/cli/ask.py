@@ -7,7 +7,7 @@ import typer
 
 from noctule import keys
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
-from noctule.errors import BusError, NotServedError
+from noctule.errors import BusError
 from noctule.program_options import Tls
 
 if TYPE_CHECKING:
@@ -23,17 +23,14 @@ def log(
 ) -> None:
     """Print a unit's log as JSON lines of Sweep."""
     from noctule import survey
-    from noctule.cli.joining import joined, nothing_found
+    from noctule.cli.joining import joined
 
     with joined(site, connect, tls) as client:
-        try:
-            records = client.log(unit, first, max=1)
-            if records is not None and first > max(records.head, 1):
-                raise BusError(f"unit {unit!r} has no sweep {first} yet: its log ends at {records.head}")
-            for sweep in client.history(unit, first):
-                typer.echo(survey.to_json(sweep))
-        except NotServedError as error:
-            raise NotServedError(f"{error}.{nothing_found(client, tls)}") from error
+        records = client.log(unit, first, max=1)
+        if records is not None and first > max(records.head, 1):
+            raise BusError(f"unit {unit!r} has no sweep {first} yet: its log ends at {records.head}")
+        for sweep in client.history(unit, first):
+            typer.echo(survey.to_json(sweep))
 
 
 def schema(

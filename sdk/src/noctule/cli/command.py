@@ -107,7 +107,7 @@ def start(
 @rpc.command("go_to")
 def go_to(
     context: typer.Context,
-    bearing_deg: Annotated[float | None, typer.Option(help="Where to turn.")] = None,
+    bearing_deg: Annotated[float, typer.Option(help="Where to turn.")],
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,
@@ -187,7 +187,7 @@ def calibrate(
 @rpc.command("trim_temperature")
 def trim_temperature(
     context: typer.Context,
-    temperature_c: Annotated[float | None, typer.Option(help="Of the air beside the unit, now.")] = None,
+    temperature_c: Annotated[float, typer.Option(help="Of the air beside the unit, now.")],
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
     timeout_s: Timeout = TIMEOUT_S,
@@ -199,7 +199,7 @@ def trim_temperature(
 @rpc.command()
 def update(
     context: typer.Context,
-    image: Annotated[Path | None, typer.Option(help="build/update.hex of the firmware.")] = None,
+    image: Annotated[Path, typer.Option(help="build/update.hex of the firmware.")],
     force: Annotated[bool, typer.Option("--force", help="Even if the unit has this version.")] = False,
     connect: Connect = DEFAULT_CONNECT,
     tls: Tls = None,
@@ -208,8 +208,6 @@ def update(
     """Give the unit new firmware; a terminal shows how far it is."""
     from noctule.cli.asking import ask_showing_progress
 
-    if image is None:
-        raise typer.BadParameter("update needs the image: give --image build/update.hex", param_hint="--image")
     ask_showing_progress(_asked(context, connect, tls, timeout_s), {"image": image.read_bytes(), "force": force})
 
 

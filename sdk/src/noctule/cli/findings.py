@@ -30,6 +30,8 @@ def findings_of(
     for folder in data:
         if folder.is_dir():
             yield from data_folder.check(folder, data_folder.room(folder), site and site.name, host)
+        elif folder.exists():
+            yield Finding(Level.FAULT, f"data folder {folder}", "is no folder: give what the service has as --data")
         else:
             text = "is not there: the service makes it at its first start, or correct the path"
             yield Finding(Level.WARNING, f"data folder {folder}", text)

@@ -7,27 +7,43 @@ from pathlib import Path
 
 from noctule import bus, keys, sites, tls
 from noctule.client import Client
+from noctule.errors import NotServedError
 
 SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
+_MOST_NAMED = 20
+
+
+def there_is(client: Client) -> str:
+    """For one who has mistyped a name: which units the site has, and which other sites there are."""
+    units = sorted(client.units())
+    if len(units) > _MOST_NAMED:
+        units = [*units[:_MOST_NAMED], "..."]
+    others = [site for site in sites.on_bus(client.session) if site != client.site]
+    told = f" Units of site {client.site!r}: {', '.join(units)}." if units else ""
+    return f"{told} Sites on the bus: {', '.join(others)}." if others else told
 
 
 def nothing_found(client: Client, tls_folder: Path | None) -> str:
-    """For one who finds nothing of a site: which others there are, and that routers hide what one may not read."""
-    others = [site for site in sites.on_bus(client.session) if site != client.site]
-    told = f" Sites on the bus: {', '.join(others)}." if others else ""
+    """The same for one who finds nothing of a site; and that routers hide what one may not read."""
     identity = tls.chosen(tls_folder)
+    told = there_is(client)
     return told if identity is None else f"{told} May {identity.common_name} read this site?"
 
 
 @contextmanager
 def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[Client]:
-    """A client of ``site``. Raises BusError, and KeyFormatError before a router is asked."""
+    """A client of ``site``. Raises BusError, and KeyFormatError before a router is asked. A NotServedError of the block
+    says what there is instead.
+    """
     keys.name(site, "site")
     with (
         bus.closing(bus.open_session(connect, patience_s=SHORT_PATIENCE_S, tls_folder=tls_folder)) as session,
         Client(site, session=session, tls_folder=tls_folder) as client,
     ):
-        yield client
+        try:
+            yield client
+        except NotServedError as error:
+            raise NotServedError(f"{error}.{there_is(client)}") from error
 
 
 @contextmanager

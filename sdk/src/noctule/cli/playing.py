@@ -10,6 +10,7 @@ import typer
 
 from noctule import awake, bus, survey
 from noctule.cli.joining import joined_until
+from noctule.client import Client
 from noctule.errors import BusError
 from noctule.messages_pb2 import Sweep
 from noctule.progress import Progress, progress
@@ -44,7 +45,7 @@ def play(
         schemas = bus.declare_schemas(client.session)
         playing = Replay(client.session, site)
         try:
-            playing.run(_counted(file, shown), None if speed == math.inf else speed, over)
+            playing.run(_counted(file, shown, client), None if speed == math.inf else speed, over)
             if over.is_set():
                 return
             typer.echo(f"{file} has been published", err=True)
@@ -58,8 +59,15 @@ def play(
             schemas.undeclare()
 
 
-def _counted(file: Path, shown: Progress) -> Iterator[Sweep]:
+def _counted(file: Path, shown: Progress, client: Client) -> Iterator[Sweep]:
+    """Its sweeps. Raises BusError at one of a unit that somebody serves: the two would mix."""
+    served = client.units()
     for number, sweep in enumerate(survey.read(file)):
+        if sweep.unit in served:
+            raise BusError(
+                f"unit {sweep.unit!r} of site {client.site!r} is served already: replay it as another site,"
+                " or end the program that serves it"
+            )
         shown.at("publishing sweeps", number)
         yield sweep
 

@@ -7,8 +7,7 @@ from typing import Annotated
 import typer
 
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName
-from noctule.errors import NoctuleError
-from noctule.program_options import Tls
+from noctule.program_options import Tls, check_folders
 
 
 def _out(name: str) -> Path:
@@ -38,8 +37,7 @@ def record(
     from noctule.read_watch import ReadWatch
     from noctule.recording import Recording
 
-    if not out.absolute().parent.is_dir():
-        raise NoctuleError(f"there is no folder {out.absolute().parent}: make it, or name another")
+    check_folders(out)
     with (
         awake.told_to_end() as over,
         closing(Recording(out, site)) as recording,

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
-from noctule.errors import NotServedError, ReportError
+from noctule.errors import ReportError
 from noctule.plain_text import plain
 from noctule.program_options import Tls
 
@@ -21,14 +21,11 @@ def unit_report(
     tls: Tls = None,
 ) -> None:
     """Print all that is known of a unit: versions, settings, counters, clock, health, and its sweeps by bearing."""
-    from noctule.cli.joining import joined, nothing_found
+    from noctule.cli.joining import joined
     from noctule.cli.report_lines import report_lines, summary_of
 
     with joined(site, connect, tls) as client:
-        try:
-            summary = summary_of(client, unit, sweeps)
-        except NotServedError as error:
-            raise NotServedError(f"{error}.{nothing_found(client, tls)}") from error
+        summary = summary_of(client, unit, sweeps)
     text = summary.to_json() if json else "\n".join(map(plain, report_lines(site, summary)))
     typer.echo(text)
     if output is not None:

@@ -20,7 +20,7 @@ def update(
     image: Annotated[Path, typer.Argument(metavar="IMAGE", help="build/update.hex.")],
     site: Annotated[str, typer.Option(callback=NAME, help="The site whose units to update.")],
     unit: Annotated[
-        list[str] | None, typer.Option(callback=NAME, help="Only this unit; give more for several.")
+        list[str] | None, typer.Option(metavar="UNIT", callback=NAME, help="Only this unit; give more for several.")
     ] = None,
     first: Annotated[int, typer.Option(help="Units in the first group.", min=1)] = Rules.first,
     group: Annotated[int, typer.Option(help="Units in each group after it, updated at once.", min=1)] = Rules.group,

@@ -4,16 +4,15 @@ A command loads what it works with when it is called, in its own function, so th
 for that.
 """
 
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from noctule.ending import end_with
-from noctule.program_options import version_option
+from noctule.program_options import Commands, version_option
 from noctule_viewer.cli.recordings import days, open_
 from noctule_viewer.cli.run import run
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 @app.callback()
@@ -24,8 +23,3 @@ def main(_version: Annotated[bool, version_option("noctule-viewer")] = False) ->
 app.command()(run)
 app.command("open")(open_)
 app.command()(days)
-
-
-def program() -> NoReturn:
-    """The whole process."""
-    end_with(app)

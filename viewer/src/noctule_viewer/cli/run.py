@@ -101,6 +101,8 @@ def run(
     source = context.get_parameter_source("tls_folder")
     if not site and source is not None and source.name == "COMMANDLINE":  # a variable may be for other programs too
         fail("--tls is for the bus, on which a site is watched: give --site too", 2)
+    if port == web_port:
+        fail(f"--port and --web-port are both {port}: give each a port of its own", 2)
     from noctule.ending import Ending
     from noctule_viewer.board.site_plan import SitePlanError, read
     from noctule_viewer.relay import Relay

@@ -1,0 +1,14 @@
+"""The command noctule-mapper."""
+
+from typing import NoReturn
+
+from noctule.starting import start
+
+
+def program() -> NoReturn:
+    """The whole process."""
+    start("noctule_mapper.cli", "main")
+
+
+if __name__ == "__main__":
+    program()
