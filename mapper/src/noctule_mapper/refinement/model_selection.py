@@ -223,19 +223,47 @@ def trimmed(
 
 
 def sure_stretch(wall: Line, made: Evidence, corners_m: Sequence[float] = ()) -> Line:
-    """The wall cut to where it surely goes on, by the echoes ``made`` of it and its corners, ``corners_m`` along it.
-
-    At its end a corner sounds like the wall: an echo from d beyond the corner is longer than the wall's by d^2 / (2 R)
-    only, so within sqrt(2 R sigma) of a foot the wall may end.
+    """The wall cut to where it surely goes on, by the echoes ``made`` of it and its corners, ``corners_m`` along it: at
+    its end a corner sounds like the wall, so it may end before its last foot.
     """
     if not len(made.echoes):
         return wall
     along = wall.along(made.echoes)
-    slack_m = np.minimum(np.sqrt(2 * made.echoes.range_m * made.sigma_m), np.ptp([*along, *corners_m]) / 3)
-    low_m, high_m = float((along + slack_m).min()), float((along - slack_m).max())
+    most_m = np.ptp([*along, *corners_m]) / 3
+    low_m = float((along + np.minimum(_before_feet_m(wall, made, 1), most_m)).min())
+    high_m = float((along - np.minimum(_before_feet_m(wall, made, -1), most_m)).max())
     if low_m > high_m:  # of feet in one spot the corner tells which end is open
         low_m = high_m = min(low_m, high_m, key=lambda end_m: abs(end_m - corners_m[0]))
     return Line(wall.theta_rad, wall.rho_m, low_m, high_m)
+
+
+def _before_feet_m(wall: Line, made: Evidence, side: int) -> np.ndarray:
+    """How far before the foot of each of the echoes ``made`` of it a wall may end, (n,), in metres; the wall goes on
+    from there to higher (``side`` 1) or lower (-1) places along it.
+
+    An echo from d beyond a corner is longer than the wall's by d^2 / (2 R) only, so within sqrt(2 R sigma) of its foot
+    the wall may end, whatever the direction. Seen from there the corner lies d / R off the wall's normal. A plateau
+    whose direction is off by t towards the wall may be a corner's at d if that makes up for what the range says:
+
+        (d^2 / (2 R sigma))^2 + ((d / R - t) / sigma_t)^2 <= (t / sigma_t)^2 + 1.
+
+    What one plateau says holds for all echoes from its place.
+    """
+    echoes, known = made.echoes, np.isfinite(made.direction_sigma_rad)
+    _, place = np.unique(echoes.x_m + 1j * echoes.y_m, return_inverse=True)
+    sigma_m, before_m = np.full(len(echoes), np.inf), np.zeros(len(echoes))
+    np.minimum.at(sigma_m, place, made.sigma_m)
+    spread_m2 = 2 * echoes.range_m * sigma_m[place]
+    turn_rad = side * wrapped(echoes.axis_rad - wall.directions(echoes))
+    turn_rad, turn_sigma_rad = np.where(known, [np.maximum(turn_rad, 0), made.turn_sigma_rad], [[0.0], [np.inf]])
+    tried_m = _TRIED_M[:, None]
+    against = (tried_m**2 / spread_m2) ** 2 + ((tried_m / echoes.range_m - turn_rad) / turn_sigma_rad) ** 2
+    may = against <= (turn_rad / turn_sigma_rad) ** 2 + 1
+    np.maximum.at(before_m, place, np.maximum(np.sqrt(spread_m2), (may * tried_m).max(axis=0)))
+    return before_m[place]
+
+
+_TRIED_M = np.arange(0.0, 0.6, 0.005)
 
 
 def _holes(
