@@ -51,6 +51,7 @@ def test_what_greedy_search_misses_is_found(seed: int, what: str) -> None:
         20074,  # a corner's two echoes as a wall of 11 cm
         20091,  # a wall that ended with the echo of its corner, 7 cm beyond
         60003,  # one that ended with such an echo 21 cm beyond: its direction was 5.5 degrees off
+        60156,  # an acute corner's three echoes as a cylinder
     ],
 )
 def test_what_is_not_there_is_not_made_up(seed: int) -> None:
