@@ -50,6 +50,8 @@ def test_what_greedy_search_misses_is_found(seed: int, what: str) -> None:
         20089,  # two walls linked past a third, which nobody hears
         20074,  # a corner's two echoes as a wall of 11 cm
         20091,  # a wall that ended with the echo of its corner, 7 cm beyond
+        60003,  # one that ended with such an echo 21 cm beyond: its direction was 5.5 degrees off
+        60156,  # an acute corner's three echoes as a cylinder
     ],
 )
 def test_what_is_not_there_is_not_made_up(seed: int) -> None:
@@ -111,6 +113,20 @@ def test_an_open_end_is_stated_as_far_as_the_wall_surely_goes() -> None:
     data.range_sigma_m[:] = 0.0032
     sure = sure_stretch(Line(-np.pi / 2, 0.0, 1.0, 3.0), data)
     assert (sure.low_m, sure.high_m) == pytest.approx((1.126, 2.943), abs=0.002)
+
+
+def test_an_open_end_is_stated_as_far_in_as_the_direction_of_its_last_foot_says() -> None:
+    """Off by t = 5 degrees to the inside, known to 1.5: d solves (d^2 / (2 R sigma))^2 + ((d / R - t) / sigma_t)^2 =
+    (t / sigma_t)^2 + 1 = 12.11 with R = 2.5 m and sigma = 3.2 mm: at 0.235 m the left side is 11.99.
+    """
+    data = one_plateau(-np.pi / 2, 2.5).take(np.array([0, 0]))
+    data.echoes.x_m[1], data.echoes.y_m[1], data.echoes.range_m[1] = 3.0, 0.5, 0.5
+    data.range_sigma_m[:], data.direction_sigma_rad[:] = 0.0032, np.radians(1.5)
+    wall = Line(-np.pi / 2, 0.0, 1.0, 3.0)
+    data.echoes.axis_rad[0] += np.radians(5)  # to higher x: the wall goes from 1 to 3 m
+    assert sure_stretch(wall, data).low_m == pytest.approx(1.235, abs=0.005)
+    data.echoes.axis_rad[0] -= np.radians(10)  # off to the outside, it says nothing of a corner
+    assert sure_stretch(wall, data).low_m == pytest.approx(1.126, abs=0.002)
 
 
 def test_a_wall_of_feet_in_one_spot_ends_before_them_if_its_corner_is_known() -> None:

@@ -164,41 +164,49 @@ def determined(
 
 
 def may_be_a_corner(circle: Circle, walls: Sequence[Line], made: Evidence) -> bool:
-    """Whether the plateaus ``made`` of it may as well be of an acute corner of one of the ``walls`` with a wall that
-    nobody knows: R = k |c - p|, with c on the known one's line and 3/4 < k < 1, often fits as well as a circle.
+    """Whether the plateaus ``made`` of it may as well be of an acute corner: R = k |c - p|, with 3/4 < k < 1, often
+    fits as well as a circle. Either one of the ``walls`` makes it with a wall that nobody knows, so that c is on its
+    line; or two such walls do, if that fits better than the circle.
     """
     heard = made.echoes
     turn = wrapped(heard.axis_rad - circle.directions(heard)) / made.turn_sigma_rad
-    circle_square = float((((heard.range_m - circle.ranges(heard)) / made.sigma_m) ** 2).sum() + (turn**2).sum())
-    return any(_corner_square(wall, made) < circle_square + _CORNER_NATS for wall in walls)
+    square = float((((heard.range_m - circle.ranges(heard)) / made.sigma_m) ** 2).sum() + (turn**2).sum())
+    of_known = min((_corner_square(made, wall) for wall in walls), default=np.inf)
+    return of_known < square + _CORNER_NATS or _corner_square(made) < square
 
 
 _CORNER_NATS = 6.0  # squared normalised errors by which a circle must be better than a corner, its parameter more
 _LEAST_FACTOR = 0.75
 
 
-def _corner_square(wall: Line, made: Evidence) -> float:
-    """Squared normalised errors of the acute corner on the wall's line that fits best, by Gauss-Newton steps in where
-    it is along the wall and its factor k; infinite where none fits.
+def _corner_square(made: Evidence, wall: Line | None = None) -> float:
+    """Squared normalised errors of the acute corner that fits best, on the line of ``wall`` if there is one, by
+    Gauss-Newton steps in where it is and its factor k; infinite where none fits.
+
+    k is the sine of the angle between the corner's walls, and it is heard from between them only: directions to it lie
+    within that angle.
     """
     heard = made.echoes
-    feet_x = heard.x_m + heard.range_m * np.cos(heard.axis_rad)
-    feet_y = heard.y_m + heard.range_m * np.sin(heard.axis_rad)
-    along_m, factor = float(np.mean(feet_x * wall.tangent[0] + feet_y * wall.tangent[1])), 0.95
+    basis, origin_m = (np.eye(2), np.zeros(2)) if wall is None else (wall.tangent[:, None], wall.rho_m * wall.normal)
+    axis = np.stack([np.cos(heard.axis_rad), np.sin(heard.axis_rad)])
+    feet_m = np.stack([heard.x_m, heard.y_m]) + heard.range_m * axis
+    at_m, factor = basis.T @ feet_m.mean(axis=1), 0.95
     weight = np.concatenate([1 / made.sigma_m, 1 / made.turn_sigma_rad])
-    square = np.inf
+    square, directions_rad = np.inf, heard.axis_rad
     for _ in range(_CORNER_STEPS):
-        corner = Spot(*(float(c) for c in wall.at(along_m)))
-        distance_m = corner.ranges(heard)
-        turn = wrapped(heard.axis_rad - corner.directions(heard))
-        off = weight * np.concatenate([heard.range_m - factor * distance_m, turn])
-        by_range = np.column_stack([factor * (corner.slopes(heard) @ wall.tangent), distance_m])
-        by_turn = np.column_stack([corner.direction_slopes(heard) @ wall.tangent, np.zeros(len(heard))])
+        corner = Spot(*(float(c) for c in origin_m + basis @ at_m))
+        distance_m, directions_rad = corner.ranges(heard), corner.directions(heard)
+        off = weight * np.concatenate([heard.range_m - factor * distance_m, wrapped(heard.axis_rad - directions_rad)])
+        by_range = np.column_stack([factor * (corner.slopes(heard) @ basis), distance_m])
+        by_turn = np.column_stack([corner.direction_slopes(heard) @ basis, np.zeros(len(heard))])
         slopes = weight[:, None] * np.concatenate([by_range, by_turn])
         step = np.linalg.lstsq(slopes, off, rcond=None)[0]
-        along_m, factor = along_m + float(step[0]), factor + float(step[1])
+        at_m, factor = at_m + step[:-1], factor + float(step[-1])
         square = float(np.sum((off - slopes @ step) ** 2))
-    return square if _LEAST_FACTOR < factor < 1 else np.inf
+    if not _LEAST_FACTOR < factor < 1:
+        return np.inf
+    apart_rad = np.abs(wrapped(directions_rad[:, None] - directions_rad)).max()
+    return square if apart_rad <= np.arcsin(factor) else np.inf
 
 
 _CORNER_STEPS = 6
@@ -223,19 +231,47 @@ def trimmed(
 
 
 def sure_stretch(wall: Line, made: Evidence, corners_m: Sequence[float] = ()) -> Line:
-    """The wall cut to where it surely goes on, by the echoes ``made`` of it and its corners, ``corners_m`` along it.
-
-    At its end a corner sounds like the wall: an echo from d beyond the corner is longer than the wall's by d^2 / (2 R)
-    only, so within sqrt(2 R sigma) of a foot the wall may end.
+    """The wall cut to where it surely goes on, by the echoes ``made`` of it and its corners, ``corners_m`` along it: at
+    its end a corner sounds like the wall, so it may end before its last foot.
     """
     if not len(made.echoes):
         return wall
     along = wall.along(made.echoes)
-    slack_m = np.minimum(np.sqrt(2 * made.echoes.range_m * made.sigma_m), np.ptp([*along, *corners_m]) / 3)
-    low_m, high_m = float((along + slack_m).min()), float((along - slack_m).max())
+    most_m = np.ptp([*along, *corners_m]) / 3
+    low_m = float((along + np.minimum(_before_feet_m(wall, made, 1), most_m)).min())
+    high_m = float((along - np.minimum(_before_feet_m(wall, made, -1), most_m)).max())
     if low_m > high_m:  # of feet in one spot the corner tells which end is open
         low_m = high_m = min(low_m, high_m, key=lambda end_m: abs(end_m - corners_m[0]))
     return Line(wall.theta_rad, wall.rho_m, low_m, high_m)
+
+
+def _before_feet_m(wall: Line, made: Evidence, side: int) -> np.ndarray:
+    """How far before the foot of each of the echoes ``made`` of it a wall may end, (n,), in metres; the wall goes on
+    from there to higher (``side`` 1) or lower (-1) places along it.
+
+    An echo from d beyond a corner is longer than the wall's by d^2 / (2 R) only, so within sqrt(2 R sigma) of its foot
+    the wall may end, whatever the direction. Seen from there the corner lies d / R off the wall's normal. A plateau
+    whose direction is off by t towards the wall may be a corner's at d if that makes up for what the range says:
+
+        (d^2 / (2 R sigma))^2 + ((d / R - t) / sigma_t)^2 <= (t / sigma_t)^2 + 1.
+
+    What one plateau says holds for all echoes from its place.
+    """
+    echoes, known = made.echoes, np.isfinite(made.direction_sigma_rad)
+    _, place = np.unique(echoes.x_m + 1j * echoes.y_m, return_inverse=True)
+    sigma_m, before_m = np.full(len(echoes), np.inf), np.zeros(len(echoes))
+    np.minimum.at(sigma_m, place, made.sigma_m)
+    spread_m2 = 2 * echoes.range_m * sigma_m[place]
+    turn_rad = side * wrapped(echoes.axis_rad - wall.directions(echoes))
+    turn_rad, turn_sigma_rad = np.where(known, [np.maximum(turn_rad, 0), made.turn_sigma_rad], [[0.0], [np.inf]])
+    tried_m = _TRIED_M[:, None]
+    against = (tried_m**2 / spread_m2) ** 2 + ((tried_m / echoes.range_m - turn_rad) / turn_sigma_rad) ** 2
+    may = against <= (turn_rad / turn_sigma_rad) ** 2 + 1
+    np.maximum.at(before_m, place, np.maximum(np.sqrt(spread_m2), (may * tried_m).max(axis=0)))
+    return before_m[place]
+
+
+_TRIED_M = np.arange(0.0, 0.6, 0.005)  # before a foot; from farther off a corner is told by its range
 
 
 def _holes(

@@ -1,0 +1,54 @@
+"""An acute corner sounds like a cylinder: which of both the plateaus of a few places are of."""
+
+import math
+
+import pytest
+from mapper.test_one_sided import plateaus_of
+
+from noctule_mapper.contour.reflectors import Circle, Line
+from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.refinement.model_selection import may_be_a_corner
+
+# About the point (1, 1), which they see in directions 45 degrees apart.
+PLACES_M = ((1.0, 0.0), (0.0, 0.0), (0.6, 0.2))
+CYLINDER = Circle(1.0, 1.0, 0.2)
+
+
+def hearing(factor: float = 1.0, nearer_m: float = 0.0) -> Evidence:
+    """What the places hear of the point: at so many times the distance, and nearer by so much."""
+    away = [(x_m, y_m, math.atan2(1 - y_m, 1 - x_m), math.hypot(1 - x_m, 1 - y_m)) for x_m, y_m in PLACES_M]
+    return plateaus_of([(*one[:3], factor * one[3] - nearer_m) for one in away])
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "may_be"),
+    [
+        (70.0, True),  # a corner's double bounce is heard at d sin(angle), d the distance to its point
+        (50.0, True),
+        (47.0, False),  # its factor, 0.73, is below 3/4
+    ],
+)
+def test_a_cylinder_that_an_acute_corner_explains_better_is_none(angle_deg: float, may_be: bool) -> None:
+    made = hearing(factor=math.sin(math.radians(angle_deg)))
+    assert may_be_a_corner(Circle(1.1, 1.05, 0.2), [], made) == may_be
+
+
+def test_a_corner_is_heard_from_between_its_walls_only() -> None:
+    """A fourth place sees the point 90 degrees from the first: no corner of 70 degrees, whatever the ranges."""
+    factor = math.sin(math.radians(70))
+    heard = [(1.0, 0.0, math.pi / 2, factor), (0.0, 0.0, math.pi / 4, math.sqrt(2) * factor), (0.0, 1.0, 0.0, factor)]
+    assert not may_be_a_corner(Circle(1.1, 1.05, 0.2), [], plateaus_of(heard))
+    assert may_be_a_corner(Circle(1.1, 1.05, 0.2), [], plateaus_of(heard[:2]))
+
+
+def test_a_cylinder_that_three_places_tell_is_one() -> None:
+    assert not may_be_a_corner(CYLINDER, [], hearing(nearer_m=0.2))
+    assert not may_be_a_corner(CYLINDER, [Line(0.0, 1.5)], hearing(nearer_m=0.2))
+
+
+def test_a_corner_on_a_known_wall_may_even_be_a_little_worse() -> None:
+    """It has a parameter less than the circle. Four millimetres, at 3 mm, are no proof of a radius."""
+    made = hearing(nearer_m=0.004)
+    nearly_a_point = Circle(1.0, 1.0, 0.004)
+    assert may_be_a_corner(nearly_a_point, [Line(0.0, 1.0)], made)
+    assert not may_be_a_corner(nearly_a_point, [], made)
