@@ -174,7 +174,7 @@ def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_g
             def again() -> None:
                 publisher.put(stuck)  # a gateway that is silent for ten seconds is away
 
-            wait_for_text(watching, rerun_paths.UNITS_TABLE, "| fault: it is stuck |", again)
+            wait_for_text(watching, rerun_paths.UNITS_TABLE, ": fault: it is stuck", again)
             wait_for_text(watching, rerun_paths.unit_sheet("u1"), "### u1 — needs attention", again)
             wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab")
             token.undeclare()
