@@ -15,6 +15,7 @@ from noctule.messages_pb2 import (
     Pose,
     ServiceStatus,
     Sweep,
+    Touch,
     UnitFault,
     UnitPose,
     UnitStatus,
@@ -270,6 +271,16 @@ def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> No
         assert (bounds["x_range"], bounds["y_range"]) == ([-1.0, 3.0], [-4.0, 2.0])
 
 
+def test_plots_and_states_show_all_of_the_last_ten_minutes() -> None:
+    _, tabs = views(blueprint_of([Layout(("u1",), None)]).root_container)
+    *_, figures, states = views(tabs)
+    of_time = [view for row in views(figures) for view in views(row)] + [states]
+    assert len(of_time) == 6
+    for view in of_time:
+        (span,) = view.properties["TimeAxis"].view_range.as_arrow_array().to_pylist()
+        assert (span["start"], span["end"]) == (-600_000_000_000, 0)
+
+
 def test_no_more_than_thirty_units_get_tabs_and_the_rays_of_all_are_left_out() -> None:
     layout = blueprint_of([Layout(tuple(f"u{number}" for number in range(1, 41)), None)])
     _, tabs = views(layout.root_container)
@@ -338,6 +349,8 @@ def test_the_picture_stands_still_while_the_map_fits_and_grows_with_it() -> None
     assert map_box.shown(contour(4.3), [(2.0, 3.0)], first) == first
     assert map_box.shown(contour(2.5), [], first) == first
     assert map_box.shown(None, [], first) == first
+    touch = Contour(touches=[Touch(x_m=2.6)])
+    assert map_box.shown(touch, [(0.0, 0.0)], None) == MapBox(-2.0, -2.0, 4.6, 2.0)  # two metres around what is heard
     wider = map_box.shown(contour(8.0), [], first)
     assert wider is not None
     assert wider == MapBox(-0.48, -0.48, 12.0, 3.48)  # half of eight metres beyond, where it has grown
