@@ -139,7 +139,7 @@ def test_trouble_at_another_site_is_told_on_every_tab(site: Site) -> None:
     assert documents.worst("cellar", cellar.units(), cellar.state.heard()) == ""
     told = documents.alarms("cellar", cellar.units(), cellar.state.heard(), [worst]).splitlines()
     assert told[0].startswith("### cellar — all is well — ")
-    assert told[2] == "**Other sites: attic — no mapper maps this site**"
+    assert told[2] == "**\u26a0 Other sites: attic — no mapper maps this site**"
 
 
 def test_another_mapper_that_took_the_site_over_ends_the_alarm(site: Site) -> None:

@@ -10,6 +10,7 @@ from noctule_viewer.board.unit_health import MOST_UNITS, Health, UnitHealth
 from noctule_viewer.board.words import counted, hour, listed
 
 _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
+_SIGN = "\u26a0"
 _LONGEST_WORDS = 90
 _HEADING = (
     100  # letters of one line beside site and hour, on a page of 1280 pixels: below it there is room for one more
@@ -28,9 +29,9 @@ def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequ
     """
     now = hour(heard.now_s, heard.now_s)
     troubles = _troubles(units, heard)
-    told = f"\u26a0 {site} — {troubles[0]}" if troubles else f"{site} — all is well"
+    told = f"{_SIGN} {site} — {troubles[0]}" if troubles else f"{site} — all is well"
     heading = f"### {told} — {now} UTC"
-    others = [_line(f"Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
+    others = [_line(f"{_SIGN} Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
     rest = [f"**{each}**" for each in (*others, *troubles[1:])]
     return "\n\n".join([heading, *rest, "; ".join([_map(heard), counted(len(units), "unit"), *_lacking(heard)])])
 
