@@ -1,9 +1,15 @@
 """Labels of a map, so placed that none lies on another."""
 
+import random
 from itertools import combinations
 
+import rerun as rr
+from mapper.room import paper_path, paper_room
+
 from noctule.messages_pb2 import Contour, Cylinder, Point, Wall
+from noctule.unit_colours import Colour, unit_colour
 from noctule_mapper.rerun_view.labels import Label, labels
+from noctule_mapper.rerun_view.map import draw_labels
 
 PX_M = 1.0 / 88.0  # as the scale has it in viewer/board.png, a page of 1280 to 760 pixels with a room of 3.8 m
 
@@ -14,17 +20,17 @@ def room() -> Contour:
     return Contour(walls=walls, cylinders=[Cylinder(x_m=2.0, y_m=1.5, radius_m=0.3)])
 
 
-def overlapping(found: list[Label]) -> list[tuple[str, str]]:
+def overlapping(found: list[Label], px_m: float = PX_M) -> list[tuple[str, str]]:
     """Pairs whose boxes (seven pixels a letter and 20 high, as Rerun draws them nearly) share room."""
 
     def width_m(label: Label) -> float:
-        return PX_M * (7 * len(label.text) + 12)
+        return px_m * (7 * len(label.text) + 12)
 
     return [
         (one.text, other.text)
         for one, other in combinations(found, 2)
         if abs(one.place_m[0] - other.place_m[0]) < (width_m(one) + width_m(other)) / 2
-        and abs(one.place_m[1] - other.place_m[1]) < 20 * PX_M
+        and abs(one.place_m[1] - other.place_m[1]) < 20 * px_m
     ]
 
 
@@ -59,6 +65,33 @@ def test_no_label_lies_on_another_however_close_units_stand_to_a_walls_middle() 
     assert overlapping(found) == []
     names = [label.text for label in found if label.kind == "unit"]
     assert set(units) == {name for label in names for name in label.split(", ")}
+
+
+def test_twenty_units_in_the_papers_room_are_all_named_whoever_was_heard_first() -> None:
+    vertices = [Point(x_m=x_m, y_m=y_m) for x_m, y_m in paper_room().vertices]
+    walls = [Wall(start=start, end=end) for start, end in zip(vertices, [*vertices[1:], vertices[0]], strict=True)]
+    circles = [Cylinder(x_m=x_m, y_m=y_m, radius_m=radius_m) for x_m, y_m, radius_m in paper_room().cylinders]
+    path = paper_path()
+    units = {f"u{stop * 20 // len(path) + 1}": (x_m, y_m) for stop, (x_m, y_m, _) in enumerate(path)}
+    rng = random.Random(1)
+    for _ in range(20):
+        order = rng.sample(sorted(units), len(units))
+        found = labels(Contour(walls=walls, cylinders=circles), {unit: units[unit] for unit in order})
+        assert overlapping(found, px_m=3.73 / 340.0) == []  # the room is 3.73 m wide
+        assert sorted(label.text for label in found if label.kind == "unit") == sorted(units)
+        assert sum(label.kind == "wall" for label in found) == 5
+
+
+def test_a_units_name_has_its_colour_so_that_it_is_known_from_afar_and_a_shared_one_is_white() -> None:
+    ((_, names),) = draw_labels(Contour(), {"u1": (0.0, 0.0), "u2": (2.0, 0.0), "u3": (2.0, 0.0)})
+    assert isinstance(names, rr.Points2D) and names.labels is not None and names.colors is not None
+
+    def packed(colour: Colour) -> int:
+        red, green, blue = colour
+        return red << 24 | green << 16 | blue << 8 | 0xFF
+
+    assert names.labels.as_arrow_array().to_pylist() == ["u1", "u2, u3"]
+    assert names.colors.as_arrow_array().to_pylist() == [packed(unit_colour("u1")), packed((236, 240, 245))]
 
 
 def test_units_at_one_place_share_a_label() -> None:

@@ -71,6 +71,9 @@ def test_the_page_shows_the_room_as_units_come_and_says_when_the_mapper_is_gone(
         with second_hand(site.relay.url, SITE, IN_THE_CYLINDER_M):
             shown.wait_for(lambda: is_fresh(shown), "the page does not show the present")
         shown.wait_for(lambda: knows_its_age(shown), "the page does not know how old what it shows is")
+        assert shown.page.evaluate("window.noctuleHeap.buffer.byteLength") > 100e6, (
+            "the page does not know how large it is"
+        )
         site.sweep_as(3)
         shown.wait_for(lambda: site.shows_room(shown), "the room of three units is not shown")
         shown.wait_for(lambda: says_that_all_is_well(site, shown), "the page does not say that all is well")

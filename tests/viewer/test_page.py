@@ -163,6 +163,24 @@ def test_a_page_that_is_far_behind_loads_again_unless_somebody_looks_back(files:
             pass_time(shown)
 
 
+def test_a_page_that_has_grown_too_large_loads_again_even_if_somebody_looks_back_but_not_just_after_it_was_opened(
+    files: tuple[str, int], shown: Page
+) -> None:
+    (port,) = free_ports(1)
+    shown.clock.install()
+    with served(port, files, Relay()):
+        open_and_look(shown, port)
+        shown.evaluate(
+            "window.noctuleHeap = { buffer: { byteLength: 3.1e9 } }"
+        )  # three quarters of what a page can have
+        shown.keyboard.press(" ")
+        drawn(shown, ago_s=1_000.0)
+        wait_until(lambda: pass_time(shown) and bar(shown).startswith("You look back"), "who looks back is not told")
+        with shown.expect_event("load"):
+            for _ in range(160):  # 320 s of the page's clock
+                pass_time(shown)
+
+
 def test_a_page_that_nobody_sees_is_not_called_old_and_loads_again_when_far_behind(
     files: tuple[str, int], shown: Page
 ) -> None:

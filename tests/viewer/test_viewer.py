@@ -30,6 +30,7 @@ from noctule_mapper.rerun_view.map import draw_tile
 from noctule_viewer import memory_limit
 from noctule_viewer.board.layout import Layout, blueprint_of
 from noctule_viewer.board.map_box import MapBox
+from noctule_viewer.cli.recordings import native_viewer as native_viewer_command
 from noctule_viewer.memory_limit import MemoryLimitError
 from noctule_viewer.relay import RERUN, Relay
 
@@ -184,7 +185,7 @@ def test_a_unit_that_appears_on_a_watched_site_comes_into_alarms_and_table_and_g
             def again() -> None:
                 publisher.put(stuck)  # a gateway that is silent for ten seconds is away
 
-            wait_for_text(watching, rerun_paths.UNITS_TABLE, "| fault: it is stuck |", again)
+            wait_for_text(watching, rerun_paths.UNITS_TABLE, ": fault: it is stuck", again)
             wait_for_text(watching, rerun_paths.unit_sheet("u1"), "### u1 — needs attention", again)
             wait_until(lambda: "u1" in watching.names_in_layouts(), "no tab")
             token.undeclare()
@@ -376,6 +377,12 @@ def test_where_there_is_no_screen_what_to_do_with_a_recording_is_told(tmp_path: 
     assert (
         told.stdout == f"There is no screen here. Copy {recording} to where there is one: noctule-viewer open map.rrd\n"
     )
+
+
+def test_a_native_viewer_of_a_relay_drops_the_oldest_and_one_of_a_recording_shows_all(tmp_path: Path) -> None:
+    url = "rerun+http://127.0.0.1:4711/proxy"
+    assert native_viewer_command([], url)[1:4] == [url, "--memory-limit", "1GB"]
+    assert "--memory-limit" not in native_viewer_command([tmp_path / "map.rrd"], url)
 
 
 def run_viewer(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 import rerun.blueprint as rrb
+from rerun.encodings import TimeRange
 
 from noctule import rerun_paths
 from noctule.ending import end_with
@@ -17,7 +18,9 @@ from noctule.ending import end_with
 _WATCHED = "log_time"
 CALM = [17, 21, 28]
 _MAP_SHARE, _SIDE_SHARE = 5, 2
-_RECENT_S = 600.0
+_RECENT = TimeRange(
+    start=rrb.TimeRangeBoundary.cursor_relative(seconds=-600.0), end=rrb.TimeRangeBoundary.cursor_relative()
+)
 
 
 def blueprint() -> rrb.Blueprint:
@@ -67,7 +70,11 @@ def states_view(under: str = "") -> rrb.StateTimelineView:
     """What each unit has done over the last minutes; ``under`` as in Layout."""
     origin = f"/{under.rstrip('/')}"
     return rrb.StateTimelineView(
-        origin=origin, contents=[f"/{under}states/**"], name="States of the units", time_ranges=_recent()
+        origin=origin,
+        contents=[f"/{under}states/**"],
+        name="States of the units",
+        time_ranges=_recent(),
+        time_view=_recent_axis(),
     )
 
 
@@ -75,7 +82,9 @@ def figures_view(contents: str | Sequence[str], name: str, named: bool = True) -
     """Figures over the last minutes, their lines ``named`` if the names leave room for them."""
     paths = [contents] if isinstance(contents, str) else list(contents)
     legend = rrb.PlotLegend(visible=named)
-    return rrb.TimeSeriesView(origin="/", contents=paths, name=name, time_ranges=_recent(), plot_legend=legend)
+    return rrb.TimeSeriesView(
+        origin="/", contents=paths, name=name, time_ranges=_recent(), axis_x=_recent_axis(), plot_legend=legend
+    )
 
 
 def events_view(origin: str = f"/{rerun_paths.LOG}", name: str = "Events") -> rrb.TextLogView:
@@ -85,11 +94,12 @@ def events_view(origin: str = f"/{rerun_paths.LOG}", name: str = "Events") -> rr
 
 
 def _recent() -> rrb.VisibleTimeRange:
-    return rrb.VisibleTimeRange(
-        _WATCHED,
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-_RECENT_S),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
+    return rrb.VisibleTimeRange(_WATCHED, start=_RECENT.start, end=_RECENT.end)
+
+
+def _recent_axis() -> rrb.archetypes.TimeAxis:
+    """All of the last minutes: by itself a plot of few points shows only the half minute around the present."""
+    return rrb.archetypes.TimeAxis(view_range=_RECENT)
 
 
 def _send(url: str) -> None:

@@ -28,7 +28,7 @@ _SOURCE_TIMEOUT_S = 10.0
 _QUIET_S = 60.0  # after which a connection that asks nothing is closed
 ALIVE = "/noctule/alive"
 PAGE_MEMORY = "1GB"
-"""What a page takes at the most: beyond it the oldest is dropped. The whole of a relay's history fits in."""
+"""What of a viewer's memory drawings may take: beyond it the oldest is dropped. A relay's whole history fits in."""
 _SCRIPT = b"<script>" + Path(__file__).with_name("stale_page.js").read_bytes() + b"</script>"
 # Rerun writes twenty thousand lines to the console while it compiles its shaders, which takes seconds of the processor.
 _FIRST_SCRIPT = b"<head><script>console.debug = () => {};</script>"
@@ -39,6 +39,8 @@ _OURS_STARTS = (
     b'WebHandle({...options, theme: "dark", hide_welcome_screen: true, memory_limit: "%s",'
     b" on_viewer_event: (json) => window.noctuleEvent(json)})"
 ) % PAGE_MEMORY.encode()
+_RERUN_LOADS = b"wasm_bindgen(res)"
+_HEAP_KNOWN = b"wasm_bindgen(res).then((wasm) => (window.noctuleHeap = wasm.memory))"
 # A policy does not hold for the connections that a page opens ahead of its requests.
 _FOREIGN_LINK = re.compile(rb'<link\b[^>]*"https?://[^>]*>')
 
@@ -85,7 +87,7 @@ def _policy(relay: str) -> str:
 
 def _ours(html: bytes) -> bytes:
     """Rerun's page with our scripts and without its links to foreign hosts."""
-    html = _FOREIGN_LINK.sub(b"", html).replace(_RERUN_STARTS, _OURS_STARTS, 1)
+    html = _FOREIGN_LINK.sub(b"", html).replace(_RERUN_STARTS, _OURS_STARTS, 1).replace(_RERUN_LOADS, _HEAP_KNOWN, 1)
     return html.replace(b"<head>", _FIRST_SCRIPT, 1).replace(b"</body>", _SCRIPT + b"</body>")
 
 

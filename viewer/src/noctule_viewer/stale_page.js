@@ -1,7 +1,7 @@
 // Says so when the page shows the past: its relay is gone or frozen, the page is behind, or somebody looks back in time.
 // A red stripe and the page's title say when something is wrong at the sites now, which a page that is busy draws late.
-// A relay that was started again makes the page load again, and so does a page that is far behind: it comes back with the
-// present, and without all that it had not got round to, which no limit of memory counts.
+// A relay that was started again makes the page load again, and so does a page that is far behind or has grown too large:
+// it comes back with the present, and without all that it had not got round to, which no limit of memory counts.
 (() => {
   const LOOK_EVERY_MS = 2000;
   const SILENT_AFTER_LOOKS = 3; // counted in looks, not in time: a page that draws in software is itself held up for seconds
@@ -9,6 +9,7 @@
   const OLD_AFTER_S = 15; // a mapper draws every 10 s, where nobody watches the site
   const COMES_WITHIN_S = 40; // to load the page takes 25 s without a graphics card
   const LOADS_AGAIN_AFTER_S = 300;
+  const MOST_HEAP_BYTES = 3e9; // browsers end a page at 4 GB; beyond 2.5 GB Rerun counts all it holds, and drops the oldest
   const NS_PER_S = 1e9;
   const LEAST_TIME_NS = 1e17; // times below it are counts of a time line that has no hours
   const PAST = "#b3261e";
@@ -69,7 +70,7 @@
       drawn_s = state.drawn_s;
       ahead_ms = 1000 * state.now_s - Date.now();
       unanswered = 0;
-      if (is_far_behind()) location.reload();
+      if (is_far_behind() || is_too_large()) location.reload();
     } catch {
       unanswered += 1;
     } finally {
@@ -117,6 +118,12 @@
     if (!has_hours || looks_back || !is_drawn()) return false;
     const behind_s = shown_s === null ? Infinity : now_s() - shown_s;
     return Math.min((Date.now() - opened_ms) / 1000, behind_s) > LOADS_AGAIN_AFTER_S;
+  }
+
+  // Whoever looks back too would lose the page soon. One that is so large as soon as it is open would be again.
+  function is_too_large() {
+    const open_s = (Date.now() - opened_ms) / 1000;
+    return open_s > LOADS_AGAIN_AFTER_S && window.noctuleHeap?.buffer.byteLength > MOST_HEAP_BYTES;
   }
 
   function duration(s) {

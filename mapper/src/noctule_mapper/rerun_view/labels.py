@@ -16,6 +16,7 @@ _MAP_SIDE_PX = 340.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
 _HANGS_PX = 10.0  # Rerun draws the middle of a label so far below its place
 _FROM_A_DOT_PX = 18.0  # the middle of a label below or above what it names
+_ASIDE = 1.05  # of a label's width: one beside a unit then clears those below the units next to it
 _BESIDE = 4  # of the places around something, those that are next to it
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
 _LEAST_SIDE_M = 1.0
@@ -93,10 +94,12 @@ def _error(sigma_m: float) -> str:
 
 
 def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
-    """Below, above, and beside what is at ``place``, and a row farther below and above."""
-    up_m, aside_m, hangs_m = _FROM_A_DOT_PX * px_m, 0.7 * _width_m(text, px_m), _HANGS_PX * px_m
+    """Below, above, and beside what is at ``place``, then at its corners, and a row farther below and above."""
+    up_m, aside_m, hangs_m = _FROM_A_DOT_PX * px_m, _ASIDE * _width_m(text, px_m), _HANGS_PX * px_m
     row_m = up_m + _HEIGHT_PX * px_m
-    shifts = ((0.0, -up_m), (0.0, up_m), (aside_m, 0.0), (-aside_m, 0.0), (0.0, -row_m), (0.0, row_m))
+    beside = ((0.0, -up_m), (0.0, up_m), (aside_m, 0.0), (-aside_m, 0.0))
+    corners = ((aside_m, -up_m), (-aside_m, -up_m), (aside_m, up_m), (-aside_m, up_m))
+    shifts = (*beside, *corners, (0.0, -row_m), (0.0, row_m))
     return [Label(kind, text, (place[0] + x_m, place[1] + y_m + hangs_m)) for x_m, y_m in shifts]
 
 

@@ -90,11 +90,13 @@ def draw_contour(contour: Contour) -> Entries:
 
 
 def draw_labels(contour: Contour, units_m: Mapping[str, tuple[float, float]]) -> Entries:
-    """Lengths of walls, radii of cylinders, what touches may be, and the names of the units at ``units_m``."""
+    """Lengths of walls, radii of cylinders, what touches may be, and the names of the units at ``units_m``, each in its
+    unit's colour; one that several units share is white.
+    """
     placed = labels(contour, units_m)
     names = rr.Points2D(
         [label.place_m for label in placed],
-        colors=[_LABELS[label.kind] for label in placed],
+        colors=[unit_colour(label.text) if label.text in units_m else _LABELS[label.kind] for label in placed],
         radii=rr.Radius.ui_points(0.1),
         labels=[label.text for label in placed],
         show_labels=True,

@@ -10,7 +10,11 @@ from noctule_viewer.board.unit_health import MOST_UNITS, Health, UnitHealth
 from noctule_viewer.board.words import counted, hour, listed
 
 _SERVICE_SILENT_AFTER_S = 5.0  # statuses come each second
+_SIGN = "\u26a0"
 _LONGEST_WORDS = 90
+_HEADING = (
+    100  # letters of one line beside site and hour, on a page of 1280 pixels: below it there is room for one more
+)
 _MOST_GROUPS = 5  # of units with the same trouble
 _SHORT_WORDS = 30
 _LONGEST_TROUBLE = 600  # of one unit, on its own sheet
@@ -25,8 +29,9 @@ def alarms(site: str, units: Sequence[UnitHealth], heard: Heard, elsewhere: Sequ
     """
     now = hour(heard.now_s, heard.now_s)
     troubles = _troubles(units, heard)
-    heading = f"### {site} — {troubles[0] if troubles else 'all is well'} — {now} UTC"
-    others = [_line(f"Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
+    told = f"{_SIGN} {site} — {troubles[0]}" if troubles else f"{site} — all is well"
+    heading = f"### {told} — {now} UTC"
+    others = [_line(f"{_SIGN} Other sites: {'; '.join(elsewhere)}")] if elsewhere else []
     rest = [f"**{each}**" for each in (*others, *troubles[1:])]
     return "\n\n".join([heading, *rest, "; ".join([_map(heard), counted(len(units), "unit"), *_lacking(heard)])])
 
@@ -38,18 +43,21 @@ def worst(site: str, units: Sequence[UnitHealth], heard: Heard) -> str:
 
 
 def table(units: Sequence[UnitHealth], now_s: float) -> str:
-    """One row for each unit, those that are not well first. What is wrong comes last: a view cuts long words off."""
+    """Those that are not well, each with what is wrong in a line of its own, because a view breaks lines but cuts the
+    cells of tables off; then a row for each of the others.
+    """
     if not units:
         return "No unit has been heard of yet."
-    lines = ["| unit | health | since | last sweep | trouble |", "| --- | --- | --- | --- | --- |"]
-    for unit in _worst_first(units):
-        well = unit.health is Health.WELL
-        health, trouble = (unit.words, "") if well else (f"**{unit.health.value.upper()}**", _trouble(unit))
-        cells = (unit.unit, _cell(health), _since(unit, now_s), _swept(unit, now_s), _cell(trouble))
-        lines.append(f"| {' | '.join(cells)} |")
-    if len(units) == MOST_UNITS:
-        lines.append(f"| | No more than {MOST_UNITS} units are shown. | | | |")
-    return "\n".join(lines)
+    worst_first = sorted(units, key=lambda unit: _WORST_FIRST.index(unit.health))
+    unwell = [_unwell(unit, now_s) for unit in worst_first if unit.health is not Health.WELL]
+    well = [
+        f"| {unit.unit} | {_cell(unit.words)} | {_since(unit, now_s)} | {_swept(unit, now_s)} |"
+        for unit in units
+        if unit.health is Health.WELL
+    ]
+    head = ["| well | state | since | last sweep |", "| --- | --- | --- | --- |"] if well else []
+    more = [f"No more than {MOST_UNITS} units are shown."] if len(units) == MOST_UNITS else []
+    return "\n\n".join("\n".join(part) for part in (unwell, [*head, *well], more) if part)
 
 
 def sheet(unit: UnitHealth, now_s: float) -> str:
@@ -82,15 +90,17 @@ def _troubles(units: Sequence[UnitHealth], heard: Heard) -> list[str]:
         need = "needs" if len(unwell) == 1 else "need"
         how_many = f"{len(unwell)} of {counted(len(units), 'unit')} {need} attention"
         whole = f"{how_many}: {_named_units(unwell, lambda unit: unit.words)}"
-        # That each of them is named comes before what exactly is wrong, which the table has.
-        fits = len(whole) <= 2 * _LONGEST_WORDS
+        # That each of them is named comes before what exactly is wrong, which stands above the table.
+        fits = len(whole) <= _HEADING
         troubles.append(_line(whole if fits else f"{how_many}: {_named_units(unwell, _in_short)}"))
     told = [each for each in mappers if each.detail and heard.service_silent_s[each.name] <= _SERVICE_SILENT_AFTER_S]
     return [*troubles, *(_line(f"{_named_mapper(each)}: {each.detail}") for each in told)]
 
 
-def _worst_first(units: Sequence[UnitHealth]) -> list[UnitHealth]:
-    return sorted(units, key=lambda each: _WORST_FIRST.index(each.health))
+def _unwell(unit: UnitHealth, now_s: float) -> str:
+    since = f", since {_since(unit, now_s)}" if unit.since_s is not None else ""
+    swept = f", last sweep {_swept(unit, now_s)}" if unit.swept_s is not None else ""
+    return f"- **{unit.unit} — {unit.health.value.upper()}**{since}{swept}: {_line(_trouble(unit))}"
 
 
 def _trouble(unit: UnitHealth) -> str:

@@ -34,7 +34,7 @@ class Layout:
         of_units = map(self._unit, self.units[: self.most_tabs])
         states = blueprint.states_view(self.under)  # forty pixels a unit: beside figures there is room for three
         tabs = rrb.Tabs(self._site(), *of_units, self._figures(), states, active_tab=0)
-        return rrb.Vertical(alarms, tabs, row_shares=[2, 11], name=self.site)
+        return rrb.Vertical(alarms, tabs, row_shares=[3, 14], name=self.site)
 
     def _at(self, path: str) -> str:
         return f"/{self.under}{path}"

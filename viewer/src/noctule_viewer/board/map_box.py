@@ -46,7 +46,8 @@ def shown(contour: Contour | None, units_m: Iterable[Point], before: MapBox | No
     where there is nothing to show. The first map is fitted afresh, however well the units alone had fitted.
     """
     map_m = _points_m(contour) if contour is not None else []
-    points_m = [*units_m, *map_m]
+    touches_m = [(touch.x_m, touch.y_m) for touch in contour.touches] if contour is not None else []
+    points_m = [*units_m, *touches_m, *map_m]
     if not points_m:
         return before
     xs, ys = zip(*points_m, strict=True)

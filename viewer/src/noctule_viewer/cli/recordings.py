@@ -51,10 +51,21 @@ def open_(
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         print(_without_screen(files, url))
         return
-    from noctule_viewer.relay import RERUN, environment
+    from noctule_viewer.relay import environment
 
-    shown = [str(file.resolve()) for file in files] or [url]
-    os.execve(RERUN, [str(RERUN), *shown, "--bind", "127.0.0.1", "--port", "0"], environment())
+    rerun, *arguments = native_viewer(files, url)
+    os.execve(rerun, [rerun, *arguments], environment())
+
+
+def native_viewer(files: Sequence[Path], url: str) -> list[str]:
+    """The command that shows ``files``, or the relay at ``url`` where there are none. Of a relay it keeps as much as a
+    page does, of a recording all: by itself Rerun would take three quarters of the computer's memory.
+    """
+    from noctule_viewer.page import PAGE_MEMORY
+    from noctule_viewer.relay import RERUN
+
+    shown = [str(file.resolve()) for file in files] or [url, "--memory-limit", PAGE_MEMORY]
+    return [str(RERUN), *shown, "--bind", "127.0.0.1", "--port", "0"]
 
 
 def days(
