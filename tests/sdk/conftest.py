@@ -26,7 +26,7 @@ from noctule.messages_pb2 import (
 )
 from noctule.replay import Replay
 
-NOCTULE = (sys.executable, "-c", "from noctule.cli import program; program()")
+NOCTULE = (sys.executable, "-c", "from noctule.__main__ import program; program()")
 
 
 class Collected(list[Any]):

@@ -27,7 +27,7 @@ def test_units_shows_who_is_alive_and_how_long_its_log_is(noctule):
     code, out, err = finish(noctule("units", "room"))
     assert (code, err) == (0, "")
     row = next(line for line in out.splitlines() if "u1" in line)
-    assert "replay" in row and "sweeping" in row and "1-3" in row and time.strftime("%Y-%m-%d") in row
+    assert "replay" in row and "idle" in row and "1-3" in row and time.strftime("%Y-%m-%d") in row
 
 
 @pytest.mark.usefixtures("site")
@@ -60,7 +60,7 @@ def test_units_of_a_site_file_shows_those_that_nobody_serves(noctule, tmp_path):
     code, out, _ = finish(noctule("units", path))
     assert code == 0
     shown = next(line for line in out.splitlines() if "u1" in line)
-    assert "sweeping" in shown and re.search(r"just now|\d+ s ago", shown)  # its last sweep
+    assert "idle" in shown and re.search(r"just now|\d+ s ago", shown)  # its last sweep
     missing = next(line for line in out.splitlines() if "u7" in line)
     assert "none" in missing and "not served" in missing
 
@@ -78,7 +78,7 @@ def test_units_cuts_no_word_on_a_narrow_terminal(start):
     os.close(ours)
     assert finish(process)[0] == 0
     words = re.sub(r"\x1b\[[\d;]*m", "", shown.decode())
-    assert "sweeping" in words and "replay" in words and re.search(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", words)
+    assert "idle" in words and "replay" in words and re.search(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", words)
     assert "\u2026" not in words and max(map(len, words.splitlines())) <= 80
     assert "A wider terminal, or --json, shows also: " in words
 
@@ -150,7 +150,7 @@ def test_what_can_not_be_read_or_written_is_told_before_a_router_is_looked_for(n
 
 def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site, noctule):
     process = noctule("watch", "room")
-    line_with(process, "u1       sweeping, log at 3")
+    line_with(process, "u1       idle, log at 3")
     line_with(process, "contour  1: 2 walls (1 from one place), 0 cylinders, 1 touches, 3 sweeps")
     line_with(process, "u2       pose unknown: parallel walls")
     site.run(sweeps(1), None)
@@ -178,7 +178,7 @@ def test_watch_prints_json_lines_on_demand(noctule):
 
 FAILING = """
 import sys, threading, time
-from noctule.cli import program
+from noctule.__main__ import program
 
 def fail():
     while threading.excepthook is threading.__excepthook__:

@@ -105,12 +105,28 @@ def test_a_replayed_unit_is_alive_has_a_status_and_answers_that_it_takes_no_comm
     known(client.session, keys.rpc("room", "u1", "home"))
     known(client.session, keys.unit_status("room", "u1"))
     (status,) = client.unit_statuses()
-    assert (status.state, status.log_tail, status.log_head, status.boot) == (UnitStatus.STATE_SWEEPING, 1, 3, 4)
+    assert (status.state, status.log_tail, status.log_head, status.boot) == (UnitStatus.STATE_IDLE, 1, 3, 4)
     assert client.units() == {"u1"}
     reply = client.command("u1", "home", CommandRequest(), PATIENCE_S)
     assert not reply.done and "unit 'u1' is a replayed survey" in reply.error
     hello = client.command("u1", "hello", CommandRequest(), PATIENCE_S)
     assert hello.done and hello.status.log_id == status.log_id
+
+
+def test_a_replayed_unit_sweeps_until_its_survey_is_at_its_end(client, replay, known):
+    def state():
+        known(client.session, keys.rpc("room", "u1", "hello"))
+        return client.command("u1", "hello", CommandRequest(), PATIENCE_S).status.state
+
+    def asked_before_the_third(sweeps):
+        for number, sweep in enumerate(sweeps, start=1):
+            if number == 3:
+                meanwhile.append(state())
+            yield sweep
+
+    meanwhile = []
+    replay.run(asked_before_the_third(survey_of("u1", count=3)), None)
+    assert (meanwhile, state()) == ([UnitStatus.STATE_SWEEPING], UnitStatus.STATE_IDLE)
 
 
 def test_a_replayed_unit_refuses_a_command_to_several_units(client, replay, known):

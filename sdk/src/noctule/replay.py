@@ -36,7 +36,7 @@ class ReplayedUnit:
         self._unit = unit
         self._log_id = uuid.uuid4().hex
         self._log: list[Sweep] = []
-        self._since = Timestamp()
+        self._state, self._since = UnitStatus.STATE_IDLE, Timestamp()
         self._since.GetCurrentTime()
         self._logged = Timestamp()  # when the newest sweep was
         self._log_key = keys.log(site, unit)
@@ -59,7 +59,13 @@ class ReplayedUnit:
         logged.log_sequence = len(self._log) + 1
         self._log.append(logged)
         self._logged.GetCurrentTime()
+        self._enter(UnitStatus.STATE_SWEEPING)
         self._publisher.put(logged.SerializeToString())
+
+    def rest(self) -> None:
+        """Publish that no sweep comes for now."""
+        self._enter(UnitStatus.STATE_IDLE)
+        self.publish_status()
 
     def publish_status(self) -> None:
         """Publish where the log has got to."""
@@ -77,11 +83,16 @@ class ReplayedUnit:
         self._status.close()
         self._publisher.undeclare()
 
+    def _enter(self, state: UnitStatus.State) -> None:
+        if state != self._state:
+            self._state = state
+            self._since.GetCurrentTime()
+
     def _present(self) -> UnitStatus:
         status = UnitStatus(
             site=self._site,
             unit=self._unit,
-            state=UnitStatus.STATE_SWEEPING,
+            state=self._state,
             firmware=FIRMWARE,
             homed=True,
             log_id=self._log_id,
@@ -154,7 +165,7 @@ class Replay:
             self._unit(sweep.unit).publish(sweep)
             self._publish_statuses()
         for unit in self._units.values():
-            unit.publish_status()
+            unit.rest()
 
     def wait(self, until_s: float, over: threading.Event) -> None:
         """Wait until that time of the monotonic clock, or until ``over``, publishing statuses meanwhile."""
