@@ -3,7 +3,7 @@
 import argparse
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -50,11 +50,11 @@ def _many_sites(size: Size, seconds: float) -> None:
             return len(made.times().published_again_s(made.sites, 0.0)) == size.sites
 
         wait_until(has_contours, "a site has no contour", _START_WITHIN_S)  # which its heir can show
-        _kill_one(made, session)
-        _nothing_lost(made)
+        _nothing_lost(made, *_kill_one(made, session))
 
 
-def _kill_one(made: Fleet, session: zenoh.Session) -> None:
+def _kill_one(made: Fleet, session: zenoh.Session) -> tuple[set[str], float]:
+    """The sites that have moved, and when their mapper was killed (UTC)."""
     killed, began_s = made.names[0], time.time()
     moved = {site for site in made.sites if owner_of(site, made.names) == killed}
     before_s = made.processor_s(but=killed)
@@ -78,6 +78,7 @@ def _kill_one(made: Fleet, session: zenoh.Session) -> None:
 
     wait_until(lambda: published_again().keys() == moved, "a site of the killed mapper has no contour", _START_WITHIN_S)
     _say(max(published_again().values()) - began_s, "s until each of them had a contour published by its new mapper")
+    return moved, began_s
 
 
 def _one_gateway(size: Size, seconds: float) -> None:
@@ -117,17 +118,18 @@ def _at_cadence(made: Fleet, seconds: float) -> None:
     _say(psutil.getloadavg()[0], f"load of the machine, which has {psutil.cpu_count()} cores")
 
 
-def _nothing_lost(made: Fleet) -> None:
+def _nothing_lost(made: Fleet, moved: Collection[str] = (), after_s: float = 0.0) -> None:
+    """``moved`` and ``after_s`` as in Times.sequences()."""
     heads = made.stop_sweeps()
 
     def missing() -> int:
-        held = made.times().sequences()
+        held = made.times().sequences(moved, after_s)
         return sum(len(set(range(1, head + 1)) - held.get(unit, set())) for unit, head in heads.items())
 
     with suppress(AssertionError):  # the figure below says what is missing
         wait_until(lambda: missing() == 0, "", within_s=120, every_s=2)
     _say(sum(heads.values()), "sweeps handed over")
-    _say(missing(), "of them in no mapper's store (lost)")
+    _say(missing(), "of them not in the store of their site's mapper (lost)")
     _say(made.times().doubled(), "taken twice by one mapper (doubled)")
 
 

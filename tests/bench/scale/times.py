@@ -39,12 +39,15 @@ class Times:
         """From the last byte to a published contour that rests on the sweep."""
         return _within(self.shown_s, self.shown_start_s, span)
 
-    def sequences(self) -> dict[str, set[int]]:
-        """SITE/UNIT to what any mapper has stored."""
+    def sequences(self, moved: Collection[str] = (), after_s: float = 0.0) -> dict[str, set[int]]:
+        """SITE/UNIT to what a mapper has stored; of sites that have ``moved``, a process that began after ``after_s``
+        (UTC): what a killed mapper had is its heir's to read again.
+        """
         found: defaultdict[str, set[int]] = defaultdict(set)
-        for counted in self.stored_by.values():
-            for unit, sequence in counted:
-                found[unit].add(sequence)
+        for file, counted in self.stored_by.items():
+            if _site(file) not in moved or self._began_s(file) > after_s:
+                for unit, sequence in counted:
+                    found[unit].add(sequence)
         return found
 
     def stored_again_s(self, sites: Collection[str], after_s: float) -> dict[str, float]:
@@ -58,11 +61,14 @@ class Times:
     def _by_new_process(self, first_s: dict[str, float], sites: Collection[str], after_s: float) -> dict[str, float]:
         found = dict[str, float]()
         for file, at_s in first_s.items():
-            began_s = min(each.get(file, np.inf) for each in (self.first_stored_s, self.first_contour_s))
-            site = file.rsplit(".", 1)[0]
-            if site in sites and began_s > after_s:
+            site = _site(file)
+            if site in sites and self._began_s(file) > after_s:
                 found[site] = min(at_s, found.get(site, np.inf))
         return found
+
+    def _began_s(self, file: str) -> float:
+        """When the process of ``file`` first stored or published (UTC)."""
+        return min(first_s.get(file, np.inf) for first_s in (self.first_stored_s, self.first_contour_s))
 
     def doubled(self) -> int:
         """Sweeps that one process has stored more than once."""
@@ -74,7 +80,7 @@ def read(folder: Path) -> Times:
     stored, shown, by_file, first_s, contour_s = [], [], {}, dict[str, float](), dict[str, float]()
     sweeps, logged = list[tuple[str, int]](), dict[tuple[str, int], float]()
     for file in folder.iterdir():
-        site = file.name.rsplit(".", 1)[0]
+        site = _site(file.name)
         counted = by_file[file.name] = Counter[tuple[str, int]]()
         for line in file.read_text().splitlines():
             match line.split():
@@ -91,6 +97,10 @@ def read(folder: Path) -> Times:
                     contour_s.setdefault(file.name, int(at) * 1e-9)
     logged_s = np.array([logged.get(sweep, np.nan) for sweep in sweeps])
     return Times(*_columns(stored), logged_s, *_columns(shown), by_file, first_s, contour_s)
+
+
+def _site(file: str) -> str:
+    return file.rsplit(".", 1)[0]
 
 
 def _columns(pairs: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
