@@ -105,8 +105,8 @@ def running_routers(secured: SecuredFleet) -> Iterator[None]:
             started = closing.enter_context(programs(secured.file.parent))
             for number, name in enumerate(("one", "two")):
                 started.start(f"zenohd-{name}", ZENOHD, "-c", str(_with_files_here(secured, name)))
-                wait_until(lambda number=number: listens(secured.ports[number]), "zenohd does not listen")
-                started.check()
+                port = secured.ports[number]
+                wait_until(lambda port=port: started.check() or listens(port), "zenohd does not listen")
         else:
             for name in ("one", "two"):
                 closing.enter_context(bus.open_session(tls_folder=secured.folder(f"router.{name}.g1")))

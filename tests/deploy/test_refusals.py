@@ -1,5 +1,6 @@
 """Who is not let in, and what an operator reads then."""
 
+import itertools
 import json
 import shutil
 import time
@@ -75,29 +76,31 @@ def test_a_router_by_another_name_than_its_certificates_is_not_trusted(secured: 
 
 @pytest.mark.parametrize("generation", ["gateway.attic.g1", "gateway.attic.g2"])
 def test_both_generations_of_a_name_that_is_being_renewed_may_publish(secured: SecuredFleet, generation: str) -> None:
-    assert detail_within_ten_seconds(secured, generation, "house", "attic", wrong=False) == ""
+    assert detail_once_it_has_looked(secured, generation, "house", "attic", wrong=False) == ""
 
 
-def test_a_revoked_generation_is_told_within_ten_seconds_that_nobody_reads_it(secured: SecuredFleet) -> None:
-    told = detail_within_ten_seconds(secured, "service.alarm.g1", "house", "alarm")
+def test_a_revoked_generation_is_told_that_nobody_reads_it(secured: SecuredFleet) -> None:
+    told = detail_once_it_has_looked(secured, "service.alarm.g1", "house", "alarm")
     assert told.startswith("nobody reads what is published on noctule/@v1/house/service/alarm/status")
     assert "don't allow it to service.alarm.g1. Either this certificate was revoked" in told
-    assert detail_within_ten_seconds(secured, "service.alarm.g2", "house", "alarm", wrong=False) == ""
+    assert detail_once_it_has_looked(secured, "service.alarm.g2", "house", "alarm", wrong=False) == ""
 
 
-def detail_within_ten_seconds(secured: SecuredFleet, common_name: str, site: str, name: str, wrong: bool = True) -> str:
-    """What a service's status says after its first look at its own path, and after at most ten seconds."""
+def detail_once_it_has_looked(secured: SecuredFleet, common_name: str, site: str, name: str, wrong: bool = True) -> str:
+    """What a service's status says once it has looked at its own path."""
     with secured.join(common_name) as session:
         state = bus.StatePublisher(session, keys.service_status(site, name), ServiceStatus)
         watch = BusWatch(session, tls_folder=secured.folder(common_name))
         watch.begin(lambda: [state])
         try:
-            for second in range(10):
-                state.put(ServiceStatus(site=site, name=name, counters={"second": second}))
-                if watch.looked.wait(1.0):
-                    break
-            assert watch.looked.is_set()
-            assert bool(watch.detail()) == wrong
+            second = itertools.count()
+
+            def has_seen_it() -> bool:
+                state.put(ServiceStatus(site=site, name=name, counters={"second": next(second)}))
+                return watch.looked.is_set() and bool(watch.detail()) == wrong
+
+            # A session that a busy machine opens too late is told as trouble, and tried again.
+            wait_until(has_seen_it, "it sees it otherwise", every_s=1.0)
             return watch.detail()
         finally:
             watch.close()
@@ -121,7 +124,7 @@ def test_a_service_says_why_it_has_lost_its_router_and_when_it_is_read_again(tmp
 
         wait_until(lambda: says(""), "its way was not open", every_s=0.5)
         routers.close()
-        wait_until(lambda: says("the connection is lost: no router answers at tls/"), "not told", 10, every_s=0.5)
+        wait_until(lambda: says("the connection is lost: no router answers at tls/"), "not told", every_s=0.5)
         closing.enter_context(running_routers(own))
         wait_until(lambda: says(""), "it is not read again", every_s=0.5)
 
@@ -135,7 +138,7 @@ def test_a_router_that_does_not_tell_a_service_of_its_readers_is_found_out(tmp_p
             rule["key_exprs"] = [keys.service_status("house", "alarm")]  # of itself: the readers' wildcard is not in it
     config_file.write_text(json.dumps(config))
     with bus.open_session(tls_folder=own.folder("router.one.g1")):
-        assert "nobody reads" in detail_within_ten_seconds(own, "service.alarm.g1", "house", "alarm")
+        assert "nobody reads" in detail_once_it_has_looked(own, "service.alarm.g1", "house", "alarm")
 
 
 def test_a_certificate_that_expires_soon_stands_in_the_services_status_and_log(
@@ -143,6 +146,6 @@ def test_a_certificate_that_expires_soon_stands_in_the_services_status_and_log(
 ) -> None:
     own = rendered(tmp_path, "valid_days = 29")
     with running_routers(own):
-        told = detail_within_ten_seconds(own, "service.alarm.g1", "house", "alarm")
+        told = detail_once_it_has_looked(own, "service.alarm.g1", "house", "alarm")
     assert told.startswith("the certificate of service.alarm.g1 expires on 20")
     assert [record.getMessage() for record in caplog.records if "expires on" in record.getMessage()] == [told]

@@ -111,7 +111,7 @@ def unsigned(operator: zenoh.Session) -> str:
 
 def records(log: Path, count: int) -> list[dict]:
     """What a log of commands holds, once it has so many lines: an outcome is written after its reply is sent."""
-    wait_until(lambda: log.exists() and log.read_text().count("\n") == count, f"{log.name} has not {count} lines")
+    wait_until(lambda: log.exists() and log.read_text().count("\n") >= count, f"{log.name} has not {count} lines")
     return [json.loads(each) for each in log.read_text().splitlines()]
 
 
@@ -161,7 +161,7 @@ def test_a_gateway_serves_its_operator_its_mapper_and_its_viewers(
     assert running.end("gateway") == 0
 
 
-def test_a_gateway_of_another_site_says_within_ten_seconds_that_nobody_reads_it(
+def test_a_gateway_of_another_site_says_that_nobody_reads_it(
     secured: SecuredFleet, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with gateway(tmp_path, secured.folder("gateway.barn.g1"), u1=NOBODY):

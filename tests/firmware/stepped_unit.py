@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from system.processes import PATIENCE_S
+
 from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import (
     Ack,
@@ -54,7 +56,7 @@ class SteppedUnit:
         self._process.stdin.write(json.dumps(request) + "\n")
         self._process.stdin.flush()
         line = self._process.stdout.readline()
-        assert line, f"the simulator has ended with status {self._process.wait(10)}"
+        assert line, f"the simulator has ended with status {self._process.wait(PATIENCE_S)}"
         answer = json.loads(line)
         self.now_s = answer["now_s"]
         self.truth = answer["truth"][0]
@@ -148,4 +150,4 @@ def stepped_unit(*options: str, image: Path = IMAGE) -> Iterator[SteppedUnit]:
         yield SteppedUnit(process)
         assert process.stdin is not None
         process.stdin.close()
-        assert process.wait(10) == 0
+        assert process.wait(PATIENCE_S) == 0

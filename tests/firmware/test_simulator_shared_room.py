@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from firmware.small_rooms import FACING, range_m, refusal, room_of
 from firmware.stepped_unit import IMAGE
+from system.processes import PATIENCE_S
 
 from noctule_gateway.wire.codec import FrameReader, encode
 from noctule_gateway.wire.frames import (
@@ -45,7 +46,7 @@ class Room:
     def close(self) -> None:
         assert self.process.stdin is not None and self.process.stdout is not None
         self.process.stdin.close()
-        assert self.process.wait(10) == 0
+        assert self.process.wait(PATIENCE_S) == 0
         self.process.stdout.close()
 
 

@@ -122,7 +122,7 @@ def test_a_gateway_ends_in_time_though_its_disk_hangs(
     with running(path, tmp_path / "data", router) as gateway, Client(SITE, session=router) as client:
         client.command("u1", "stop", CommandRequest(request_id="r1"), 60)
         client.command("u1", "home", CommandRequest(request_id="r1"), 60)  # refused
-        monkeypatch.setattr(service, "_CLOSED_WITHIN_S", 0.1, raising=False)
+        monkeypatch.setattr(service, "_CLOSED_WITHIN_S", 0.1)
         if whole_disk:  # the log of sweeps too
             monkeypatch.setattr(audit_file.os, "fsync", lambda _: hanging.wait(300))
         begun_s = time.monotonic()

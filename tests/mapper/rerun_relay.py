@@ -33,7 +33,9 @@ class Relay:
         self._process = subprocess.Popen(
             [RERUN, *arguments, "--server-memory-limit", self._memory_limit], env=ENVIRONMENT
         )
-        wait_until(lambda: listens(self.port), "the relay does not listen")
+        process = self._process
+        wait_until(lambda: listens(self.port) or process.poll() is not None, "the relay does not listen")
+        assert process.poll() is None, "the relay has ended"
 
     def freeze(self) -> None:
         """Take nothing any more, and leave the line open."""

@@ -18,6 +18,7 @@ from noctule.client import Client
 from noctule.messages_pb2 import Contour, ServiceStatus
 from noctule.replay import Replay
 from noctule.systemd import SOCKET_VARIABLE, ServiceManager
+from noctule_mapper.live import service
 from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.map_process import run_map
 from noctule_mapper.live.nursery import Nursery
@@ -26,7 +27,7 @@ from noctule_mapper.sharing.last_contours import LastContours
 from noctule_mapper.sharing.service import other_mappers
 
 
-def test_it_asks_for_its_router_about_once_a_second_and_ends_at_once_when_it_is_to(tmp_path: Path, monkeypatch) -> None:
+def test_it_asks_for_its_router_about_once_a_second(tmp_path: Path, monkeypatch) -> None:
     settings = LiveSettings("room", "mapper", tmp_path, ["tcp/127.0.0.1:9"], None, LiveConfig())
     stop = threading.Event()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
@@ -41,7 +42,21 @@ def test_it_asks_for_its_router_about_once_a_second_and_ends_at_once_when_it_is_
         took_s = monotonic() - began_s
         stop.set()
         joining.join(PATIENCE_S)
-    assert took_s >= 2.0
+    assert took_s >= 2.0 and service._JOIN_EVERY_S == 1.0
+    assert not joining.is_alive()
+
+
+def test_between_two_questions_for_its_router_it_ends_at_once_when_it_is_to(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(service, "_JOIN_EVERY_S", 10 * PATIENCE_S)
+    settings = LiveSettings("room", "mapper", tmp_path, ["tcp/127.0.0.1:9"], None, LiveConfig())
+    stop, told = threading.Event(), threading.Event()
+    manager = ServiceManager()
+    monkeypatch.setattr(manager, "waiting", lambda _: told.set())
+    joining = threading.Thread(target=join, args=(settings, stop, manager))
+    joining.start()
+    assert told.wait(PATIENCE_S)
+    stop.set()
+    joining.join(PATIENCE_S)
     assert not joining.is_alive()
 
 

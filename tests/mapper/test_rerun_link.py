@@ -134,6 +134,7 @@ def test_what_stands_is_drawn_again_before_a_relay_of_little_memory_forgets_it(t
                 wait_for_drawn(line, 2 + number)
             with viewer(far_end.url, tmp_path) as watching:
                 assert watching.values("contour", "TextDocument:text")[-1] == ["five walls"]
+                wait_until(lambda: 99 in watching.values("noise", "sweep"), "the newest noise does not come")
                 frames = sum(chunk.num_rows for chunk in watching.seen()["noise"])
     assert frames < 50, "the relay has forgotten nothing, so that this shows nothing"
 

@@ -26,7 +26,7 @@ from noctule_mapper.sharing import service
 from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.site_process import SiteProcess, forking_context
 
-HANGS_AFTER_S, NEVER_S = 6.0, 1e6  # six pings
+HANGS_AFTER_S, NEVER_S = 15.0, 1e6  # fifteen pings: a disk may keep a sound one for six
 KILLED = "it is killed"
 
 

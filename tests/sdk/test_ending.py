@@ -7,8 +7,14 @@ import time
 from importlib.metadata import entry_points
 
 import pytest
+from system.processes import PATIENCE_S
+
+from noctule import ending
 
 WITHIN_S = 5.0
+BUSY_WITHIN_S = 25.0  # by the clock of a machine that does much else
+# The kernel's signal is the last resort: who is starved for 0.3 s ends by it, and not with status 1.
+PATIENT = "from noctule import ending as its\nits._KILLED_AFTER_S = 60.0\n"
 
 # A mutex that is locked twice waits for ever, in C, where no signal ends the wait. PyDLL keeps Python's lock meanwhile.
 HANG = """
@@ -32,13 +38,13 @@ print("up", flush=True)
 def ended(program: str, number: signal.Signals = signal.SIGTERM) -> tuple[int, float]:
     """The exit status of ``program`` and how long after the signal it came. Nobody reads its standard error."""
     process = subprocess.Popen(
-        [sys.executable, "-c", BEGIN + program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", PATIENT + BEGIN + program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
         assert process.stdout is not None and process.stdout.readline() == "up\n"
         process.send_signal(number)
         asked_s = time.monotonic()
-        return process.wait(30), time.monotonic() - asked_s
+        return process.wait(PATIENCE_S), time.monotonic() - asked_s
     finally:
         process.kill()
         process.communicate()
@@ -47,7 +53,7 @@ def ended(program: str, number: signal.Signals = signal.SIGTERM) -> tuple[int, f
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_one_that_closes_in_time_ends_with_its_own_status(number: signal.Signals) -> None:
     status, took_s = ended("ending.begun.wait(); sys.exit(3)", number)
-    assert status == 3 and took_s < WITHIN_S
+    assert status == 3 and took_s < BUSY_WITHIN_S
 
 
 @pytest.mark.parametrize(
@@ -68,7 +74,11 @@ def test_one_that_closes_in_time_ends_with_its_own_status(number: signal.Signals
 )
 def test_one_of_which_something_hangs_ends_with_status_1(program: str) -> None:
     status, took_s = ended(program)
-    assert status == 1 and took_s < WITHIN_S
+    assert status == 1 and took_s < BUSY_WITHIN_S
+
+
+def test_the_last_resort_comes_within_the_time_that_is_promised() -> None:
+    assert ending.CLOSE_WITHIN_S + ending._LOG_WITHIN_S < ending._KILLED_AFTER_S < WITHIN_S
 
 
 def test_what_did_not_close_is_said_in_the_log() -> None:

@@ -14,7 +14,7 @@ import pytest
 from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import generate_latest
 from prometheus_client.parser import text_string_to_metric_families
-from system.processes import wait_until
+from system.processes import PATIENCE_S, wait_until
 
 from noctule import metrics, metrics_server
 from noctule.messages_pb2 import Contour, ServiceStatus, UnitStatus
@@ -146,7 +146,9 @@ class Served:
 
 
 @pytest.fixture
-def served(caplog: pytest.LogCaptureFixture) -> Iterator[tuple[Served, int]]:
+def served(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Served, int]]:
+    """No connection is closed because it is quiet for long."""
+    monkeypatch.setattr(metrics_server._Handler, "timeout", 10 * PATIENCE_S)
     shown = Served()
     caplog.set_level("INFO")
     with metrics_server.serving("0", metrics.registry(shown.statuses)):

@@ -2,8 +2,11 @@
 
 import os
 import pty
+import select
 import subprocess
 import sys
+
+from system.processes import PATIENCE_S
 
 COMMAND = """
 import logging, sys, time
@@ -30,6 +33,7 @@ def on_a_terminal(steps: str, count: str) -> str:
         while True:
             if count in shown:
                 it.stdin.close()
+            assert select.select([main], [], [], PATIENCE_S)[0], f"nothing comes after {shown!r}"
             try:
                 part = os.read(main, 65536)
             except OSError:  # the other end is closed

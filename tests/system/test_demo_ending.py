@@ -13,12 +13,11 @@ from pathlib import Path
 
 import psutil
 import pytest
-from system.processes import ROOT, free_ports, listens, wait_until
+from system.processes import PATIENCE_S, ROOT, free_ports, listens, wait_until
 from system.site import SITE, SURVEY_SWEEPS
 
 from noctule.client import Client
 
-ALL_ENDED_WITHIN_S = 15.0
 PARTS = ("noctule-sim", "noctule-gateway", "rerun", "noctule-mapper", "truth.py")
 # -o: what the demo needs is made already. The shell outlives make, as a user's does: else the kernel hangs up on all.
 SHELL = ["sh", "-c", "make -o packages-run -o setup -o firmware demo; exec sleep 1000"]
@@ -109,7 +108,7 @@ def demo(folder: Path) -> Iterator[Demo]:
             with suppress(psutil.NoSuchProcess):
                 process.kill()
         started.close_window()
-        psutil.wait_procs(tree, ALL_ENDED_WITHIN_S)
+        psutil.wait_procs(tree, PATIENCE_S)
 
 
 WHILE_PARTS_ARE_STARTING: dict[str, Callable[[Demo], None]] = {
@@ -178,9 +177,9 @@ def test_a_reader_that_ends_after_the_first_line_ends_the_demo_without_a_word_mo
         tree = starter.children(recursive=True)
         assert starter.stdout.readline()
         starter.stdout.close()
-        assert starter.wait(ALL_ENDED_WITHIN_S) == 0
+        assert starter.wait(PATIENCE_S) == 0
         assert starter.stderr.read() == ""
-        _, alive = psutil.wait_procs(tree, ALL_ENDED_WITHIN_S)
+        _, alive = psutil.wait_procs(tree, PATIENCE_S)
         assert not alive
         assert not any(map(listens, ports.values()))
     finally:
@@ -188,13 +187,13 @@ def test_a_reader_that_ends_after_the_first_line_ends_the_demo_without_a_word_mo
         for process in [starter, *tree]:
             with suppress(psutil.NoSuchProcess):
                 process.send_signal(signal.SIGKILL)
-        psutil.wait_procs([starter, *tree], ALL_ENDED_WITHIN_S)
+        psutil.wait_procs([starter, *tree], PATIENCE_S)
 
 
 def assert_ends_all(demo: Demo, ending: Callable[[Demo], None]) -> None:
     demo.seen.update(tree := demo.tree())
     ending(demo)
-    _, alive = psutil.wait_procs(tree, ALL_ENDED_WITHIN_S)
+    _, alive = psutil.wait_procs(tree, PATIENCE_S)
     assert not alive
     assert not any(map(listens, demo.ports.values()))
 

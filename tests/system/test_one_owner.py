@@ -39,7 +39,10 @@ def mapper(data: Path, site: str = "attic") -> tuple[str, ...]:
 
 def run_until(running: Programs, name: str, command: tuple[str, ...], said: str) -> None:
     running.start(name, *command)
-    wait_until(lambda: said in running.log(name), f"{name} did not say {said!r}")
+    try:
+        wait_until(lambda: said in running.log(name), f"{name} did not say {said!r}")
+    except AssertionError as error:
+        raise AssertionError(f"{error}: {running.log(name)}") from None
 
 
 @pytest.mark.parametrize("role", ["gateway", "mapper"])

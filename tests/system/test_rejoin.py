@@ -50,7 +50,7 @@ def sessions_that_stay(router: zenoh.Session, running: Programs) -> set[str]:
         seen = seen & now
         return len(seen) == len(PROGRAMS) and time.monotonic() - since_s > STAYS_S
 
-    wait_until(stay, "not all have joined", 90)
+    wait_until(stay, "not all have joined")
     return seen
 
 

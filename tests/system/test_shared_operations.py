@@ -7,7 +7,7 @@ from pathlib import Path
 import psutil
 from system.processes import Programs, programs, wait_until
 from system.test_one_owner import gateway
-from system.test_operations import END_WITHIN_S, metrics_address, read_all, scrape, systemd, wait_for_line
+from system.test_operations import ENDED_WITHIN_S, metrics_address, read_all, scrape, systemd, wait_for_line
 
 SITES = ("attic", "hall")
 
@@ -55,8 +55,8 @@ def test_one_page_has_the_figures_of_every_site_and_a_site_that_hangs_does_not_d
             others, began_s = tree(running), time.monotonic()
             psutil.Process(running.pid("share")).terminate()
             assert running.wait("share") == 0
-            wait_until(lambda: not any(map(works, others)), "it has left processes behind", within_s=END_WITHIN_S)
-            assert time.monotonic() - began_s < END_WITHIN_S
+            wait_until(lambda: not any(map(works, others)), "it has left processes behind", within_s=ENDED_WITHIN_S)
+            assert time.monotonic() - began_s < ENDED_WITHIN_S
             wait_for_line(receiver, "STOPPING=1")
             assert running.log("share").count("does not end: it is killed; nothing stored is lost") == 1
         finally:

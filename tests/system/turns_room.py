@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware.stepped_unit import IMAGE
+from system.processes import PATIENCE_S
 
 from noctule.site import Site
 from noctule_gateway.clock.boot_clocks import BootClocks
@@ -135,4 +136,4 @@ def turns_room(room: Path, site: Site, turns: dict[str, Turn | Crowd], seed: int
         yield TurnsRoom(process, servers)
         assert process.stdin is not None
         process.stdin.close()
-        assert process.wait(10) == 0
+        assert process.wait(PATIENCE_S) == 0

@@ -49,7 +49,7 @@ def start_relay(running: Programs, *options: str, again: Relay | None = None) ->
     port, web_port = (again.port, again.web_port) if again else free_ports(2)
     relay = Relay("127.0.0.1", port, web_port, "64MB")
     running.start("viewer", "noctule-viewer", "run", "--port", str(port), "--web-port", str(web_port), *options)
-    wait_until(lambda: listens(port) and listens(web_port), "the relay does not listen")
+    wait_until(lambda: running.check() or (listens(port) and listens(web_port)), "the relay does not listen")
     return relay
 
 
@@ -60,7 +60,8 @@ def native_viewer(relay: Relay) -> Iterator[ViewerClient]:
     arguments = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", "1280x760"]
     process = subprocess.Popen([RERUN, relay.url, *arguments], env=os.environ | {"RUST_LOG": "error"})
     try:
-        wait_until(lambda: listens(port), "the viewer does not listen")
+        wait_until(lambda: listens(port) or process.poll() is not None, "the viewer does not listen")
+        assert process.poll() is None, "the viewer has ended"
         yield ViewerClient(f"rerun+http://127.0.0.1:{port}/proxy")
     finally:
         process.terminate()
