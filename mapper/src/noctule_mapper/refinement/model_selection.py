@@ -195,8 +195,9 @@ def _corner_square(made: Evidence, wall: Line | None = None) -> float:
     square, directions_rad = np.inf, heard.axis_rad
     for _ in range(_CORNER_STEPS):
         corner = Spot(*(float(c) for c in origin_m + basis @ at_m))
-        distance_m, directions_rad = corner.ranges(heard), corner.directions(heard)
-        off = weight * np.concatenate([heard.range_m - factor * distance_m, wrapped(heard.axis_rad - directions_rad)])
+        distance_m, directions_rad = corner.ranges(heard) - heard.face_offset_m, corner.directions(heard)
+        longer_m = heard.range_m - heard.face_offset_m - factor * distance_m
+        off = weight * np.concatenate([longer_m, wrapped(heard.axis_rad - directions_rad)])
         by_range = np.column_stack([factor * (corner.slopes(heard) @ basis), distance_m])
         by_turn = np.column_stack([corner.direction_slopes(heard) @ basis, np.zeros(len(heard))])
         slopes = weight[:, None] * np.concatenate([by_range, by_turn])
