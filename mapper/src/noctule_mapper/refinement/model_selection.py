@@ -259,7 +259,7 @@ def _before_feet_m(wall: Line, made: Evidence, side: int) -> np.ndarray:
     What one plateau says holds for all echoes from its place.
     """
     echoes, known = made.echoes, np.isfinite(made.direction_sigma_rad)
-    _, place = np.unique(echoes.x_m + 1j * echoes.y_m, return_inverse=True)
+    _, place = np.unique(made.stand, return_inverse=True)
     sigma_m, before_m = np.full(len(echoes), np.inf), np.zeros(len(echoes))
     np.minimum.at(sigma_m, place, made.sigma_m)
     spread_m2 = 2 * echoes.range_m * sigma_m[place]
