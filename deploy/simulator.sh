@@ -15,8 +15,8 @@ if command -v cargo >/dev/null; then
     fi
     problem="the simulator needs cargo $needed, and the one here ${version:+is }${version:-has no toolchain}"
     line="rustup update stable && rustup default stable"
-    # Debian's cargo comes without rustup.
-    command -v rustup >/dev/null || line="curl https://sh.rustup.rs -sSf | sh    # then open a new shell"
+    # Debian's cargo comes without rustup, whose installer asks about it unless it is told -y.
+    command -v rustup >/dev/null || line="curl https://sh.rustup.rs -sSf | sh -s -- -y    # then open a new shell"
 elif [ "${RUST:-}" = fetch ] || [ -x "${XDG_CACHE_HOME:-$HOME/.cache}/puccinialin/cargo/bin/cargo" ]; then
     echo build # maturin fetches a compiler for itself, or has done so
     exit

@@ -13,7 +13,7 @@ static enum { TURNING, SETTLING, PINGING, FINISHING } phase;
 static const __xdata struct plan *__xdata plan;
 static __xdata uint16_t waypoint;
 static __xdata uint32_t rested; // the tick at which the motor was found at rest
-static __xdata uint32_t settle_ticks; // of the plan, which is multiplied once a sweep
+static __xdata uint32_t settle_ticks; // of the plan; a multiplication is slow, so it is done once a sweep
 static __xdata bool decreasing;
 static __xdata bool cut_short;
 static __xdata uint8_t readings; // made by now

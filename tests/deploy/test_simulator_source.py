@@ -111,7 +111,7 @@ def test_rust_comes_before_a_wheel_and_a_wheel_before_an_old_rust(project: Path,
         cargo(without_rust, old)
         assert found() == str(wheel)
     wheel.unlink()
-    assert "    curl https://sh.rustup.rs" in found()
+    assert "    curl https://sh.rustup.rs -sSf | sh -s -- -y    #" in found()  # without -y it asks, and stops
     (Path(without_rust["PATH"]) / "rustup").symlink_to("/bin/true")
     assert "    rustup update stable && rustup default stable\n" in found()
 

@@ -76,4 +76,4 @@ def test_a_server_that_hangs_up_without_a_word_may_serve_another_program() -> No
         with line_to(server) as talker:
             for _ in range(2):
                 server.accept()[0].close()
-        assert talker.errors[0].endswith("at once: does another program have this line?")
+        assert talker.errors[0].endswith(", before a byte had come: does another program have this line?")

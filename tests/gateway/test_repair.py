@@ -180,6 +180,11 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert int(done.split()[1]) >= acknowledged
     refused = subprocess.run([*command, "--unit", "u1"], capture_output=True, text=True, check=False)
     assert (refused.returncode, "holds no log of unit 'u1'" in refused.stderr) == (1, True)
+    wrong = tmp_path / "wrong"
+    wrong.mkdir()
+    refused = subprocess.run([*command[:2], str(wrong)], capture_output=True, text=True, check=False)
+    assert (refused.returncode, refused.stdout, list(wrong.iterdir())) == (1, "", [])
+    assert "wrong holds no logs: give what noctule-gateway run has as --data" in refused.stderr
 
 
 def test_check_reads_a_log_under_a_running_gateway_and_names_what_is_damaged(tmp_path: Path) -> None:

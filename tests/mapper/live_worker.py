@@ -11,7 +11,7 @@ from system.processes import PATIENCE_S
 from mapper import room
 from noctule.messages_pb2 import Contour, Sweep
 from noctule_mapper.live.config import LiveConfig, Pace
-from noctule_mapper.live.fit_turn import FreeTurn
+from noctule_mapper.live.fit_turn import FreeTurn, Turn
 from noctule_mapper.live.map_messages import MapState
 from noctule_mapper.live.map_worker import MapWorker
 from noctule_mapper.live.troubles import Troubles
@@ -24,7 +24,7 @@ def made_worker(
     config: LiveConfig | None = None,
     set_aside: Callable[[SweepReadings, Exception], None] = lambda *_: None,
     troubles: Troubles | None = None,
-    turn: FreeTurn | None = None,
+    turn: Turn | None = None,
 ) -> MapWorker:
     """A worker for the paper's room."""
     told = troubles or Troubles(NoLog().show_event)

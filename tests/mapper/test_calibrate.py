@@ -276,6 +276,11 @@ def test_fit_takes_the_file_that_out_names(file, tmp_path):
     assert sensor.range_bias_m == pytest.approx(MEAN_M, abs=0.0005)
 
 
+def test_a_wrong_folder_is_told_before_the_survey_is_read(tmp_path):
+    result = noctule_mapper("calibrate", tmp_path / "none.jsonl", "--out", tmp_path / "none" / "sensor.toml")
+    assert result.exit_code == 1 and "there is no folder" in result.complaint
+
+
 def test_a_survey_of_several_units_asks_which(tmp_path):
     both = write(tmp_path / "both.jsonl", sweeps(ranges_m(1)) + sweeps(ranges_m(2), unit="u2"))
     result = noctule_mapper("calibrate", both)

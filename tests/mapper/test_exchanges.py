@@ -109,7 +109,7 @@ def test_a_corner_nobody_heard_is_made_where_no_wall_can_lie_between(south_ends_
 def test_an_open_end_is_stated_as_far_as_the_wall_surely_goes() -> None:
     # Two feet 2 m apart, heard from 0.5 and 2.5 m with 3.2 mm: sqrt(2 R sigma) is 5.7 and 12.6 cm.
     data = one_plateau(-np.pi / 2, 2.5).take(np.array([0, 0]))
-    data.echoes.x_m[1], data.echoes.y_m[1], data.echoes.range_m[1] = 3.0, 0.5, 0.5
+    data.echoes.x_m[1], data.echoes.y_m[1], data.echoes.range_m[1], data.stand[1] = 3.0, 0.5, 0.5, 1
     data.range_sigma_m[:] = 0.0032
     sure = sure_stretch(Line(-np.pi / 2, 0.0, 1.0, 3.0), data)
     assert (sure.low_m, sure.high_m) == pytest.approx((1.126, 2.943), abs=0.002)
@@ -120,7 +120,7 @@ def test_an_open_end_is_stated_as_far_in_as_the_direction_of_its_last_foot_says(
     (t / sigma_t)^2 + 1 = 12.11 with R = 2.5 m and sigma = 3.2 mm: at 0.235 m the left side is 11.99.
     """
     data = one_plateau(-np.pi / 2, 2.5).take(np.array([0, 0]))
-    data.echoes.x_m[1], data.echoes.y_m[1], data.echoes.range_m[1] = 3.0, 0.5, 0.5
+    data.echoes.x_m[1], data.echoes.y_m[1], data.echoes.range_m[1], data.stand[1] = 3.0, 0.5, 0.5, 1
     data.range_sigma_m[:], data.direction_sigma_rad[:] = 0.0032, np.radians(1.5)
     wall = Line(-np.pi / 2, 0.0, 1.0, 3.0)
     data.echoes.axis_rad[0] += np.radians(5)  # to higher x: the wall goes from 1 to 3 m

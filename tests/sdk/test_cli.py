@@ -146,6 +146,8 @@ def test_what_can_not_be_read_or_written_is_told_before_a_router_is_looked_for(n
     assert code == 2 and "is neither .jsonl nor .mcap" in err
     code, _, err = finish(noctule("record", "room", tmp_path / "none" / "sweeps.jsonl"))
     assert code == 1 and "there is no folder" in err
+    code, _, err = finish(noctule("unit-report", "room", "u1", "--output", tmp_path / "none" / "u1.txt"))
+    assert code == 1 and "there is no folder" in err
 
 
 def test_watch_shows_statuses_contours_and_sweeps_until_it_is_told_to_stop(site, noctule):

@@ -9,6 +9,7 @@ import pytest
 from noctule import survey
 
 NOCTULE = Path(sys.executable).with_name("noctule")
+CM = ("--angle", "1", "--range", "2", "--units", "cm")
 # What the best-known Arduino radar writes: "angle,distance." without a line's end, cut off where the log was stopped.
 RADAR = "".join(f"{angle},{120 + angle % 7}." for angle in [*range(15, 166), *range(165, 14, -1)]) + "15,1"
 
@@ -62,7 +63,8 @@ def test_a_survey_goes_into_mcap_by_its_name(radar: Path) -> None:
         (("nowhere.csv", "--angle", "1", "--range", "2", "--units", "m"), "nowhere.csv: can't be read: No such file"),
         (("radar.txt", "--angle", "1", "--range", "7", "--units", "cm"), "no figures in the columns asked for"),
         (("radar.txt", "--angle", "1", "--range", "2", "--units", "cm", "--out", "radar.txt"), "is the scan itself"),
-        (("radar.txt", "--angle", "1", "--range", "2", "--units", "cm", "--out", "no/where.jsonl"), "can't be written"),
+        (("radar.txt", *CM, "--out", 246 * "n" + ".jsonl"), "can't be written"),  # it is 258 long until it is whole
+        (("nowhere.csv", "--angle", "1", "--range", "2", "--out", "no/where.jsonl"), "there is no folder"),
     ],
 )
 def test_what_can_not_be_imported_is_told_in_one_line_and_leaves_nothing(radar: Path, arguments, complaint) -> None:

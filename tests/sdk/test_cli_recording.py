@@ -4,7 +4,7 @@ import signal
 import time
 
 import pytest
-from sdk.conftest import finish, sweeps
+from sdk.conftest import Collected, finish, sweeps
 
 from noctule import Client, bus, keys, survey
 from noctule.messages_pb2 import (
@@ -58,6 +58,13 @@ def test_replay_refuses_a_speed_that_is_none(noctule, survey_file, speed):
 
 
 @pytest.mark.usefixtures("site")
-def test_replay_refuses_a_unit_that_somebody_serves(noctule, survey_file):
-    code, _, err = finish(noctule("replay", survey_file, "--site", "room"))
+def test_replay_refuses_a_unit_that_somebody_serves_before_it_publishes_another(far, noctule, tmp_path):
+    first, second = sweeps(2)
+    first.unit = "u9"
+    with (tmp_path / "both.jsonl").open("w") as stream:
+        survey.write([first, second], stream)
+    published = Collected()
+    with far.session.declare_subscriber(keys.sweep("room", "u9"), published.add):
+        code, _, err = finish(noctule("replay", tmp_path / "both.jsonl", "--site", "room"))
     assert code == 1 and "unit 'u1' of site 'room' is served already: replay it as another site" in err
+    assert published == []

@@ -67,8 +67,8 @@ class Ending:
 def end_with(program: Callable[[], object]) -> NoReturn:
     """Run ``program`` and end the process with the status that Python would give it, 130 after Ctrl-C.
 
-    What Python does at its end is done, but the end of the interpreter
-    and the wait for threads: what a program has begun it closes itself.
+    Functions registered with atexit are called. Threads are not waited for, and the interpreter is not shut down, so
+    ``program`` has to close what it has opened.
     """
     status = _status_of(program)
     atexit._run_exitfuncs()

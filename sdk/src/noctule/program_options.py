@@ -13,7 +13,7 @@ from noctule.wanted import wanted
 
 
 class Commands(TyperGroup):
-    """The commands of a program. Of a value that can't be they say what it may be, where typer has no such words."""
+    """The commands of a program. Where a value is wrong, they say what it may be, also where typer's words do not."""
 
     def invoke(self, ctx: typer.Context) -> Any:
         try:
@@ -82,7 +82,7 @@ Format = Annotated[
 
 
 def check_folders(*files: Path | None) -> None:
-    """Before anything is computed: a file can only be written into a folder that is there. Raises NoctuleError."""
+    """Call it before anything is computed. Raises NoctuleError if the folder of one of ``files`` does not exist."""
     for file in files:
         if file is not None and not file.absolute().parent.is_dir():
             raise NoctuleError(f"there is no folder {file.absolute().parent}: make it, or name another")

@@ -1,4 +1,4 @@
-"""How a command of Noctule starts: until its modules are loaded, Ctrl-C ends it at once, and it prints nothing."""
+"""How a command of Noctule starts: while its modules are loaded, Ctrl-C ends it at once and without a traceback."""
 
 import signal
 from importlib import import_module
@@ -6,9 +6,9 @@ from typing import NoReturn
 
 
 def start(module: str, function: str) -> NoReturn:
-    """The whole process of a command: load ``function`` of ``module`` and end with its status.
+    """Run a command: load ``function`` of ``module``, call it, and end the process with its status.
 
-    What loads the program must import no more than this, because Python answers Ctrl-C with a traceback until then.
+    The script that calls this should import nothing else first: until this runs, Ctrl-C prints a traceback.
     """
     handler = signal.getsignal(signal.SIGINT)
     if handler is signal.default_int_handler:  # else whoever started us has Ctrl-C ignored

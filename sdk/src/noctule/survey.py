@@ -3,6 +3,7 @@
 import json
 import logging
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -38,6 +39,14 @@ def read(survey: Path | IO[str]) -> Iterator[Sweep]:
 def read_whole(survey: Path) -> Iterator[Sweep]:
     """As read(), but a cut is an error too. Raises SurveyError."""
     yield from _sound(_read_records(survey))
+
+
+def read_units(survey: Path) -> Iterator[str]:
+    """The unit of each sweep of a file that can be read, in their order. Raises SurveyError where the file can't be."""
+    with suppress(SurveyCutError):
+        for record in _read_records(survey):
+            if isinstance(record.sweep, Sweep):
+                yield record.sweep.unit
 
 
 def read_records(survey: Path | IO[str]) -> Iterator[Record]:

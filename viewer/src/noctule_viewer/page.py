@@ -28,7 +28,9 @@ _SOURCE_TIMEOUT_S = 10.0
 _QUIET_S = 60.0  # after which a connection that asks nothing is closed
 ALIVE = "/noctule/alive"
 PAGE_MEMORY = "1GB"
-"""What of a viewer's memory drawings may take: beyond it the oldest is dropped. A relay's whole history fits in."""
+"""What of a viewer's memory drawings may take: beyond it the oldest is dropped. The history of a relay with the
+default --memory-limit fits in.
+"""
 _SCRIPT = b"<script>" + Path(__file__).with_name("stale_page.js").read_bytes() + b"</script>"
 # Rerun writes twenty thousand lines to the console while it compiles its shaders, which takes seconds of the processor.
 _FIRST_SCRIPT = b"<head><script>console.debug = () => {};</script>"

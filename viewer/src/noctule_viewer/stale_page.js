@@ -120,7 +120,8 @@
     return Math.min((Date.now() - opened_ms) / 1000, behind_s) > LOADS_AGAIN_AFTER_S;
   }
 
-  // Whoever looks back too would lose the page soon. One that is so large as soon as it is open would be again.
+  // Even while somebody looks back: the browser would soon end the page. Not in its first minutes: a page that is too
+  // large as soon as it opens would load again for ever.
   function is_too_large() {
     const open_s = (Date.now() - opened_ms) / 1000;
     return open_s > LOADS_AGAIN_AFTER_S && window.noctuleHeap?.buffer.byteLength > MOST_HEAP_BYTES;

@@ -21,7 +21,7 @@ def elsewhere_nats(sweep: Readings, past: Past) -> list[float]:
 
     That a bearing is silent as before tells nothing: the next ones are too, here as anywhere.
     """
-    share = sum(past.heard_share) / len(past.heard_share)
+    share = past.mean_heard_share
     nats = [
         math.log(likelihood_anywhere(share, range_m) / likelihood(past, n, range_m))
         for n, range_m in enumerate(sweep.range_m)
@@ -30,8 +30,8 @@ def elsewhere_nats(sweep: Readings, past: Past) -> list[float]:
 
 
 def arc_nats(sweeps: Sequence[Readings], past: Past) -> float:
-    """How much likelier the sweeps are than under the past if, from one of them on, what is heard in one arc is as in
-    another place. Of all arcs and first sweeps the likeliest.
+    """By how many nats the likeliest arc, changed from one of ``sweeps`` on, explains them better than the past; 0 or
+    more.
     """
     by_bearing, best = [0.0] * len(past.bearing_rad), 0.0
     for sweep in reversed(sweeps):
@@ -41,7 +41,7 @@ def arc_nats(sweeps: Sequence[Readings], past: Past) -> float:
 
 
 def _likeliest(nats: Sequence[float], bearing_rad: Sequence[float]) -> float:
-    """Of the arcs up to the widest: the sum of the nats up to its end less that up to its begin."""
+    """The largest sum of ``nats`` over neighbouring bearings that span at most _WIDEST_RAD; 0 if none is positive."""
     sums, first, best = list(accumulate(nats, initial=0.0)), 0, 0.0
     for last, end_rad in enumerate(bearing_rad):
         while end_rad - bearing_rad[first] > _WIDEST_RAD:

@@ -43,6 +43,11 @@ class Past:
         """It may be asked."""
         return len(self.rows) >= ENOUGH
 
+    @property
+    def mean_heard_share(self) -> float:
+        """Of all bearings."""
+        return sum(self.heard_share) / len(self.heard_share)
+
     def fits_plan(self, sweep: Readings) -> bool:
         """The sweep was made at the same bearings, and its air measured or assumed alike."""
         return sweep.air_measured == self.air_measured and _same_bearings(sweep.bearing_rad, self.bearing_rad)

@@ -1,9 +1,9 @@
 """Whether a fixed unit still stands and points as it did: turned, slipped, with play, moved, or only too noisy to tell.
 
 The last sweeps are asked together how much likelier they are under each of these than under the past; the likeliest is
-named once it leads by enough, over a room too that has changed in one arc. A sweep is looked at closely only where it,
-or the last three, fit the past worse than usual, or where its marks show a shift by far. What explains the sweeps must
-then fit about as well as usual, which no change of the room does.
+named once it leads by enough, and not where a change in one arc of the room explains them better. A sweep is looked at
+closely only where it, or the last three, fit the past worse than usual, or where its marks show a shift by far. What
+explains the sweeps must then fit about as well as usual, which no change of the room does.
 """
 
 import math
@@ -100,7 +100,7 @@ class PoseWatch:
             if seen.table is None:
                 return None
             tables.append(seen.table)
-        off = bearings_off(tables, usual_fit(past), sum(past.heard_share) / len(past.heard_share))
+        off = bearings_off(tables, usual_fit(past), past.mean_heard_share)
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
             return None
         if off.gain < arc_nats([seen.sweep for seen in self._last], past) - _ARC_FREEDOM:
@@ -167,7 +167,9 @@ class PoseWatch:
         return [Suspicion(kind, shift.gain, words)]
 
     def _elsewhere(self, sweep: Readings, past: Past) -> list[Suspicion]:
-        """Nothing fits the sweep, nor one of the two before, and it repeats that one."""
+        """Nothing fits the sweep, nor one of the two before, and it repeats that one; not where a change in one arc
+        explains it better.
+        """
         if self._last[-1].fit >= -_FOREIGN:
             return []
         if arc_nats([sweep], past) > sum(elsewhere_nats(sweep, past)) + _ARC_LEADS:

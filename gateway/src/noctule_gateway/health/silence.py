@@ -90,7 +90,7 @@ def _arc(sweep: Readings, past: Past, listened: Sequence[int]) -> list[Suspicion
 
 def _elsewhere_nats(sweep: Readings, past: Past, beside: Iterable[int]) -> float:
     """How much likelier the readings ``beside`` an arc are in another place that answers as often as this one."""
-    share = sum(past.heard_share) / len(past.heard_share)
+    share = past.mean_heard_share
     return sum(
         math.log(likelihood_anywhere(share, sweep.range_m[n]) / likelihood(past, n, sweep.range_m[n])) for n in beside
     )

@@ -93,7 +93,7 @@ class Line:
                 if time.monotonic() - opened_s >= OF_USE_S:
                     retry_s = FIRST_RETRY_S
                 elif self._port is not None and not self._heard and "://" in self._address:
-                    error = LineError(f"{error} at once: does another program have this line?")
+                    error = LineError(f"{error}, before a byte had come: does another program have this line?")
                 self._hang_up()
                 self._talker.closed(error, time.monotonic())
                 self._wait(retry_s)

@@ -34,11 +34,14 @@ class Repair:
 def repair(data: Path, units: list[str]) -> list[Repair]:
     """Set aside the logs of ``units``, sound or not; without ``units``, those of ``data`` whose file is damaged.
 
-    Raises FolderError while a gateway holds the folder, LogError: no such log, or its files can't be moved.
+    Raises FolderError while a gateway holds the folder, LogError: no such log, no log at all, or its files can't be
+    moved.
     """
     owner = owner_of(data)
     if not data.is_dir() or (owner is not None and owner.role != "gateway"):
         raise LogError(f"{data} is no gateway's data folder: give what noctule-gateway run has as --data")
+    if not units and not units_in(data):  # before the lock, whose file would stay in a folder that is no gateway's
+        raise LogError(f"{data} holds no logs: give what noctule-gateway run has as --data")
     with FolderLock(data, Owner("gateway", owner.site if owner else "", "repair")):
         known = units_in(data)
         for unit in units:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from noctule.program_options import check_folders
+
 if TYPE_CHECKING:
     from noctule.messages_pb2 import Sweep
     from noctule_mapper.readings.sweep import SweepReadings
@@ -34,6 +36,7 @@ def calibrate(
     from noctule_mapper.calibration.table import calibration_table
     from noctule_mapper.config import GridConfig, SensorConfig
 
+    check_folders(out)
     messages = _of_one_unit(survey.read(sweeps), unit)
     facing_rad = None if facing_deg is None else math.radians(facing_deg)
     calibration = calibrate_sensor([_unbiased(message) for message in messages], wall_distance, facing_rad)

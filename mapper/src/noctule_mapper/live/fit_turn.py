@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep
 from types import TracebackType
+from typing import Protocol
 
 PAUSE_S = 5.0
 _PAUSE = "fit-pause"
@@ -27,11 +28,11 @@ def pause(folder: Path, seconds: float = PAUSE_S) -> None:
         new.replace(folder / _PAUSE)
 
 
-class FreeTurn:
-    """The turn of a map that shares its host with no other: it never waits."""
+class Turn(Protocol):
+    """A fit is done within it."""
 
     def __enter__(self) -> None:
-        """Begin a fit."""
+        """Wait until a fit may begin."""
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         """The fit is done."""
@@ -40,9 +41,22 @@ class FreeTurn:
         """Wait until there is no pause."""
 
 
-class FitTurn(FreeTurn):
-    """A turn that waits until no other process holds the lock on ``path``, and there is no pause; with a killed
-    process its lock has gone.
+class FreeTurn:
+    """The turn of a map that shares its host with no other: it never waits."""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        pass
+
+    def wait_out_pause(self) -> None:
+        pass
+
+
+class FitTurn:
+    """Waits until no other process holds the lock on ``path``, and there is no pause; with a killed process its lock
+    has gone.
     """
 
     def __init__(self, path: Path) -> None:

@@ -7,7 +7,7 @@ from time import monotonic
 from typing import Protocol
 
 from noctule_mapper.live.config import LiveConfig
-from noctule_mapper.live.fit_turn import FreeTurn
+from noctule_mapper.live.fit_turn import Turn
 from noctule_mapper.live.looks import STUCK_AFTER, Looks
 from noctule_mapper.live.map_messages import MapState
 from noctule_mapper.live.waiting import Waiting
@@ -43,7 +43,7 @@ class MapWorker:
         show: Callable[[MapState], None],
         set_aside: Callable[[SweepReadings, Exception], None],
         troubles: HearsTroubles,
-        turn: FreeTurn,
+        turn: Turn,
     ) -> None:
         """``show`` is called with each new state and ``set_aside`` with each sweep that broke the map, on the worker's
         thread; a fit that fails, or whose state can't be shown, is among the ``troubles`` until one succeeds. Fits are

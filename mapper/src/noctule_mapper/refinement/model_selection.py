@@ -195,8 +195,9 @@ def _corner_square(made: Evidence, wall: Line | None = None) -> float:
     square, directions_rad = np.inf, heard.axis_rad
     for _ in range(_CORNER_STEPS):
         corner = Spot(*(float(c) for c in origin_m + basis @ at_m))
-        distance_m, directions_rad = corner.ranges(heard), corner.directions(heard)
-        off = weight * np.concatenate([heard.range_m - factor * distance_m, wrapped(heard.axis_rad - directions_rad)])
+        distance_m, directions_rad = corner.ranges(heard) - heard.face_offset_m, corner.directions(heard)
+        longer_m = heard.range_m - heard.face_offset_m - factor * distance_m
+        off = weight * np.concatenate([longer_m, wrapped(heard.axis_rad - directions_rad)])
         by_range = np.column_stack([factor * (corner.slopes(heard) @ basis), distance_m])
         by_turn = np.column_stack([corner.direction_slopes(heard) @ basis, np.zeros(len(heard))])
         slopes = weight[:, None] * np.concatenate([by_range, by_turn])
@@ -258,7 +259,7 @@ def _before_feet_m(wall: Line, made: Evidence, side: int) -> np.ndarray:
     What one plateau says holds for all echoes from its place.
     """
     echoes, known = made.echoes, np.isfinite(made.direction_sigma_rad)
-    _, place = np.unique(echoes.x_m + 1j * echoes.y_m, return_inverse=True)
+    _, place = np.unique(made.stand, return_inverse=True)
     sigma_m, before_m = np.full(len(echoes), np.inf), np.zeros(len(echoes))
     np.minimum.at(sigma_m, place, made.sigma_m)
     spread_m2 = 2 * echoes.range_m * sigma_m[place]

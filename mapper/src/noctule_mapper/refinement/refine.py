@@ -79,7 +79,7 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
 
 
 def _surely_cylinders(cylinders: Sequence[Cylinder], final: Final, config: MapperConfig) -> tuple[Cylinder, ...]:
-    """Those that fine sweeps do not as well take for an acute corner of a wall."""
+    """The cylinders whose plateaus an acute corner does not explain as well (`may_be_a_corner`)."""
     walls = [one for one in final.last.fit.objects if isinstance(one, Line)]
     flat = final.plateaus.take(np.isfinite(final.plateaus.direction_sigma_rad))
     sure = []

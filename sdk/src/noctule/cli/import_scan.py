@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.program_options import NAME
+from noctule.program_options import NAME, check_folders
 from noctule.scans.options import AIR_TEMPERATURE_C, STATED_SIGMA_DEG, STATED_SIGMA_M, Columns, ScanOptions
 
 
@@ -108,6 +108,7 @@ def import_(
         unit=unit,
     )
     target = target_of(scan, out, force)
+    check_folders(target)
     imported = import_scan(scan, options)
     write(imported, target)
     for note in imported.notes:

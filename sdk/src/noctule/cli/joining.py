@@ -13,7 +13,7 @@ SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
 _MOST_NAMED = 20
 
 
-def there_is(client: Client) -> str:
+def what_there_is(client: Client) -> str:
     """For one who has mistyped a name: which units the site has, and which other sites there are."""
     units = sorted(client.units())
     if len(units) > _MOST_NAMED:
@@ -26,7 +26,7 @@ def there_is(client: Client) -> str:
 def nothing_found(client: Client, tls_folder: Path | None) -> str:
     """The same for one who finds nothing of a site; and that routers hide what one may not read."""
     identity = tls.chosen(tls_folder)
-    told = there_is(client)
+    told = what_there_is(client)
     return told if identity is None else f"{told} May {identity.common_name} read this site?"
 
 
@@ -43,7 +43,7 @@ def joined(site: str, connect: list[str], tls_folder: Path | None) -> Iterator[C
         try:
             yield client
         except NotServedError as error:
-            raise NotServedError(f"{error}.{there_is(client)}") from error
+            raise NotServedError(f"{error}.{what_there_is(client)}") from error
 
 
 @contextmanager

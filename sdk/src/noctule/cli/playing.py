@@ -45,7 +45,8 @@ def play(
         schemas = bus.declare_schemas(client.session)
         playing = Replay(client.session, site)
         try:
-            playing.run(_counted(file, shown, client), None if speed == math.inf else speed, over)
+            _check_that_nobody_serves_it(file, shown, client, over)
+            playing.run(_counted(file, shown), None if speed == math.inf else speed, over)
             if over.is_set():
                 return
             typer.echo(f"{file} has been published", err=True)
@@ -59,15 +60,24 @@ def play(
             schemas.undeclare()
 
 
-def _counted(file: Path, shown: Progress, client: Client) -> Iterator[Sweep]:
-    """Its sweeps. Raises BusError at one of a unit that somebody serves: the two would mix."""
+def _check_that_nobody_serves_it(file: Path, shown: Progress, client: Client, over: Event) -> None:
+    """Raises BusError where somebody serves a unit of ``file``: the two would mix."""
     served = client.units()
-    for number, sweep in enumerate(survey.read(file)):
-        if sweep.unit in served:
+    if not served:
+        return
+    for number, unit in enumerate(survey.read_units(file)):
+        if over.is_set():
+            return
+        if unit in served:
             raise BusError(
-                f"unit {sweep.unit!r} of site {client.site!r} is served already: replay it as another site,"
+                f"unit {unit!r} of site {client.site!r} is served already: replay it as another site,"
                 " or end the program that serves it"
             )
+        shown.at("looking for units that are served", number)
+
+
+def _counted(file: Path, shown: Progress) -> Iterator[Sweep]:
+    for number, sweep in enumerate(survey.read(file)):
         shown.at("publishing sweeps", number)
         yield sweep
 

@@ -8,7 +8,7 @@ import typer
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
 from noctule.errors import ReportError
 from noctule.plain_text import plain
-from noctule.program_options import Tls
+from noctule.program_options import Tls, check_folders
 
 
 def unit_report(
@@ -24,6 +24,7 @@ def unit_report(
     from noctule.cli.joining import joined
     from noctule.cli.report_lines import report_lines, summary_of
 
+    check_folders(output)
     with joined(site, connect, tls) as client:
         summary = summary_of(client, unit, sweeps)
     text = summary.to_json() if json else "\n".join(map(plain, report_lines(site, summary)))

@@ -59,7 +59,7 @@ def open_(
 
 def native_viewer(files: Sequence[Path], url: str) -> list[str]:
     """The command that shows ``files``, or the relay at ``url`` where there are none. Of a relay it keeps as much as a
-    page does, of a recording all: by itself Rerun would take three quarters of the computer's memory.
+    page does. Of recordings it keeps what fits in three quarters of the computer's memory, which is Rerun's default.
     """
     from noctule_viewer.page import PAGE_MEMORY
     from noctule_viewer.relay import RERUN
