@@ -170,7 +170,8 @@ def endpoint(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 def test_the_units_of_a_site_are_shown_each_second_those_in_trouble_first_until_ctrl_c(
     tmp_path: Path, endpoint: str
 ) -> None:
-    (tmp_path / "attic.toml").write_text(SITE)
+    replayed = SITE.partition("\n")[2].replace("zz", paper_survey()[0].unit).replace("99", "1").replace("USB0", "USB1")
+    (tmp_path / "attic.toml").write_text(SITE + replayed)
     shown = OnTerminal(tmp_path, "noctule", "units", "attic.toml", "--watch", "--connect", endpoint)
     try:
         wait_until(lambda: shown.shown().count("idle") >= 3, "the unit, three times")
