@@ -14,6 +14,7 @@ from mapper.live_site import paper_survey
 from noctule import survey
 
 _ROUNDS = 10
+_HELP_LIMIT, _FIT_LIMIT = 2.5, 6.0  # requirements
 _NUMPY = (sys.executable, "-c", "import numpy")
 
 
@@ -26,9 +27,12 @@ def rows() -> list[tuple[str, float]]:
         room = ("noctule-mapper", "fit", str(source))
         programs = ("noctule-mapper", "noctule", "noctule-gateway", "noctule-viewer", "noctule-deploy")
         return [
-            *((f"{each} --help, against import numpy", _against_numpy((each, "--help"))) for each in programs),
+            *(
+                (f"{each} --help, against import numpy; {_HELP_LIMIT:g} at most", _against_numpy((each, "--help")))
+                for each in programs
+            ),
             (
-                "noctule-mapper fit of the paper's room, against import numpy",
+                f"noctule-mapper fit of the paper's room, against import numpy; {_FIT_LIMIT:g} at most",
                 _against_numpy((*room, "--contour", f"{folder}/contour.json")),
             ),
         ]

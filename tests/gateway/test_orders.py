@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from noctule.messages_pb2 import Calibration, CommandRequest, SweepPlan
+from noctule.site import FixedPose, Pose2, WaypointPath
 from noctule_gateway.errors import CommandError
 from noctule_gateway.unit.plans import OWN_PLAN
-from noctule_gateway.wire import frames, orders, settings_message
+from noctule_gateway.wire import frames, limits, orders, settings_message
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import NO_WAYPOINT, Calibrate, HomeKind, Settings
 
@@ -126,6 +127,17 @@ def test_settings_that_do_not_fit_the_wire_are_refused_before_they_are_sent(
 def test_what_does_not_fit_the_wire_is_refused_before_it_is_sent(name: str, request_: CommandRequest) -> None:
     with pytest.raises(CommandError):
         orders.order(name, request_)
+
+
+def test_a_waypoint_beyond_the_units_path_is_refused() -> None:
+    here = Pose2(0.0, 0.0, 0.0)
+    path = limits.waypoints_of(WaypointPath((here,) * 44))
+    last = CommandRequest(waypoint=43)
+    assert orders.order("set_waypoint", last, path) == frames.SetWaypoint(0, 43)
+    assert orders.order("set_waypoint", CommandRequest(), path) == frames.SetWaypoint(0, NO_WAYPOINT)
+    with pytest.raises(CommandError, match=r"^out of range: waypoint is 999: give 0 to 43$"):
+        orders.order("set_waypoint", CommandRequest(waypoint=999), path)
+    assert orders.order("set_waypoint", CommandRequest(waypoint=999), limits.waypoints_of(FixedPose(here)))
 
 
 @pytest.mark.parametrize(

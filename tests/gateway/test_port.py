@@ -5,10 +5,13 @@ import os
 import pty
 import resource
 import socket
+import subprocess
+import sys
 import threading
 import time
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 
 import psutil
 import pytest
@@ -99,12 +102,21 @@ def test_the_lines_of_a_site_of_hundreds_of_units_work_like_the_first_ones() -> 
             assert read(port, 256) == ALL_BYTES
 
 
-def test_a_device_is_held_by_one_gateway_only() -> None:
+def test_a_device_that_a_program_holds_is_not_opened_and_the_program_is_named() -> None:
     far, near = pty.openpty()
-    with line(os.ttyname(near)), pytest.raises(LineError, match="lock"):
-        open_port(os.ttyname(near))
+    device = os.ttyname(near)
+    hold = f"import serial; held = serial.Serial({device!r}, exclusive=True); print(flush=True); input()"
+    with subprocess.Popen(
+        [sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None and other.stdout.readline()
+        os.close(near)  # this process has it open else
+        name = Path(f"/proc/{other.pid}/comm").read_text().strip()
+        with pytest.raises(LineError) as refused:
+            open_port(device)
+        assert str(refused.value) == f"can't open {device}: in use by {name} (process {other.pid}): stop that program"
+        other.communicate("\n")
     os.close(far)
-    os.close(near)
 
 
 def test_a_socket_carries_every_byte_both_ways_and_says_when_it_is_closed() -> None:

@@ -358,6 +358,14 @@ def test_the_ghosts_of_a_gateway_that_is_killed_or_hangs_are_gone_within_the_lea
         assert client.unit_statuses() == []
 
 
+def test_a_waypoint_that_is_not_of_the_units_path_is_refused_in_words(tmp_path: Path, router: zenoh.Session) -> None:
+    two = "path = { waypoints = [[0, 0, 0], [1, 0, 0]] }"
+    path = site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", two))
+    with running(path, tmp_path, router), Client(SITE, session=router) as client:
+        reply = client.command("u1", "set_waypoint", CommandRequest(waypoint=2), timeout_s=PATIENCE_S)
+    assert (reply.done, reply.error) == (False, "out of range: waypoint is 2: give 0 to 1")
+
+
 def test_sweeps_of_a_unit_whose_log_was_deleted_wait_in_it_until_they_are_in_a_new_one(tmp_path: Path) -> None:
     (port,) = free_ports(1)
     unit = ModelUnit(7, born_s=time.monotonic())

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from noctule.messages_pb2 import Cursor, ServiceStatus, UnitStatus
+from noctule.messages_pb2 import Cursor, ServiceStatus, UnitFault, UnitStatus
 from noctule.site import Site, load
-from noctule.unit_list import NO_STATUS, rows
+from noctule.unit_list import NO_STATUS, is_well, rows
 
 SITE = """
 site = "room"
@@ -81,3 +81,18 @@ def test_a_status_says_since_when_the_unit_answers() -> None:
     told.since.FromSeconds(5)
     (row,) = rows({"u1"}, [told], [], None)
     assert row.since_ns == 5 * 10**9
+
+
+@pytest.mark.parametrize("state", UnitStatus.State.values())
+def test_a_unit_is_well_that_works_and_of_which_nothing_is_told(state: UnitStatus.State) -> None:
+    works = UnitStatus(unit="u1", state=state)
+    told = UnitStatus(unit="u1", state=state, detail="the log is full")
+    faulty = UnitStatus(unit="u1", state=state, faults=[UnitFault()])
+    unwell = ("UNSPECIFIED", "DISCONNECTED", "WAITING", "FAULT", "LOADER")
+    expected = UnitStatus.State.Name(state).removeprefix("STATE_") not in unwell
+    assert [is_well(row) for status in (works, told, faulty) for row in rows({"u1"}, [status], [], None)] == [
+        expected,
+        False,
+        False,
+    ]
+    assert [is_well(row) for row in rows({"u1"}, [], [], None)] == [False]

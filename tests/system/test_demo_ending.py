@@ -20,7 +20,7 @@ from noctule.client import Client
 
 PARTS = ("noctule-sim", "noctule-gateway", "rerun", "noctule-mapper", "truth.py")
 # -o: what the demo needs is made already. The shell outlives make, as a user's does: else the kernel hangs up on all.
-SHELL = ["sh", "-c", "make -o packages-run -o setup -o firmware demo; exec sleep 1000"]
+SHELL = ["sh", "-c", "make -o packages-run -o setup-demo -o firmware-demo demo; exec sleep 1000"]
 
 
 class Demo:

@@ -41,13 +41,16 @@ def fit(
     config: MapperConfig | None = None,
     sensor: SensorConfig | None = None,
     window: Window | None = None,
+    progress: Progress | None = None,
 ) -> messages_pb2.Contour:
     """The contour of one site's survey; ``sensor`` stands in for what the sweeps do not say of theirs.
 
     Raises SurveyError where the sweeps are of several sites, SweepError where none can be mapped.
     """
     records = (Record("survey", number, sweep) for number, sweep in enumerate(sweeps, start=1))
-    surveyed = map_survey(records, config, sensor, window)
+    progress = progress or Progress()
+    surveyed = map_survey(records, config, sensor, window, progress)
+    progress.at("looking for walls and cylinders")
     return contour_message(surveyed.mapper.contour(), site=surveyed.site)
 
 

@@ -9,6 +9,15 @@ from noctule.site import Site
 
 NO_STATUS = "its gateway gives no status: it hangs, or has just been started"
 NO_GATEWAY = "no gateway serves it"
+_UNWELL = frozenset(
+    {
+        UnitStatus.STATE_UNSPECIFIED,
+        UnitStatus.STATE_DISCONNECTED,
+        UnitStatus.STATE_WAITING,
+        UnitStatus.STATE_FAULT,
+        UnitStatus.STATE_LOADER,
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,12 @@ def rows(
             found = [_without_status(name, name in alive, read.get(name), bool(named) and not stranger)]
         result += [_and_told(row, stranger) for row in found]
     return result
+
+
+def is_well(row: UnitRow) -> bool:
+    """Its gateway says that it works, and has nothing to tell about it: nobody needs to look."""
+    status = row.status
+    return status is not None and status.state not in _UNWELL and not status.faults and not row.detail
 
 
 def _natural(name: str) -> list[str | int]:

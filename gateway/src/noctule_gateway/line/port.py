@@ -12,11 +12,13 @@ import selectors
 import socket
 import termios
 import time
+from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
 
 import serial
 
+from noctule.doctor.host import Host
 from noctule_gateway.errors import LineError
 from noctule_gateway.line.keepalive import watch_far_end
 from noctule_gateway.line.rfc2217_port import Rfc2217Port
@@ -58,7 +60,15 @@ def open_port(address: str) -> Port:
             return Rfc2217Port(address, BAUD)
         return _DescriptorPort(address, serial.Serial(address, baudrate=BAUD, exclusive=True))
     except (serial.SerialException, termios.error, OSError, ValueError) as error:  # termios: pulled out meanwhile
-        raise LineError(f"can't open {address}: {error}") from error
+        held = isinstance(error, OSError) and error.errno in (errno.EWOULDBLOCK, errno.EBUSY)
+        raise LineError(f"can't open {address}: {_in_use(Path(address)) if held else error}") from error
+
+
+def _in_use(device: Path) -> str:
+    holders = ", ".join(f"{name} (process {pid})" for pid, name in Host().holders(device))
+    return (
+        f"in use by {holders}: stop that program" if holders else "in use: sudo noctule doctor SITE.toml says by whom"
+    )
 
 
 def _host_and_port(address: str) -> tuple[str, int]:

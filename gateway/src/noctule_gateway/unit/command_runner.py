@@ -9,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 
+from noctule.bounds import Number
 from noctule.messages_pb2 import CommandReply, CommandRequest, UnitStatus
 from noctule_gateway.errors import CommandError, GatewayError, UnderWayError
 from noctule_gateway.link.events import OrderSettled
@@ -18,7 +19,7 @@ from noctule_gateway.measure.measuring import Measuring
 from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Ending, describe
-from noctule_gateway.wire import orders, settings_message
+from noctule_gateway.wire import limits, orders, settings_message
 from noctule_gateway.wire.frames import Mechanics, Settings, Status
 
 AT_ONCE = ("hello", "status")
@@ -42,7 +43,8 @@ class CommandRunner:
     ``accept_room`` has what the unit used to hear forgotten, and then calls what it is given, with an error if the disk
     does not keep that.
 
-    ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already.
+    ``update`` gets the image, if ``admission`` admits it, and whether to send one that the unit has already. The unit
+    may be told to be at ``waypoints``.
     """
 
     def __init__(
@@ -52,9 +54,10 @@ class CommandRunner:
         update: Callable[[Image, bool], None],
         admission: Admission,
         accept_room: Callable[[Callable[[CommandError | None], None]], None],
+        waypoints: Number = limits.WAYPOINT,
     ) -> None:
         self._link, self._status, self._update, self._admission = link, status, update, admission
-        self._accept_room = accept_room
+        self._accept_room, self._waypoints = accept_room, waypoints
         self._updating: _Command | None = None
         self._measuring = Measuring(link, status)
         self._ordered: dict[int, _Command] = {}
@@ -79,7 +82,7 @@ class CommandRunner:
             else:
                 if name == STOP:
                     self._measuring.give_up(CommandError("it was stopped"))
-                self._ordered[self._link.order(orders.order(name, request))] = command
+                self._ordered[self._link.order(orders.order(name, request, self._waypoints))] = command
         except GatewayError as error:
             self._end(command, error)
 

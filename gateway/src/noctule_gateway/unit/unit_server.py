@@ -38,7 +38,7 @@ from noctule_gateway.update.admission import Admission
 from noctule_gateway.update.image import Image
 from noctule_gateway.update.outcome import Current, Ending, describe
 from noctule_gateway.update.updater import Updater
-from noctule_gateway.wire import orders, settings_message
+from noctule_gateway.wire import limits, orders, settings_message
 from noctule_gateway.wire.frames import MAX_REQUEST, Loader, Start
 
 REPORT_EVERY_S = 1.0
@@ -73,7 +73,10 @@ class UnitServer:
         self._intake = SweepIntake(served, self._link, publish, self._line.call)
         self._state = UnitState()
         self._unit_report = UnitReport(served, self._link, self._intake)
-        self._commands = CommandRunner(self._link, self._status, self._begin_update, admission, self._accept_room)
+        waypoints = limits.waypoints_of(unit.pose)
+        self._commands = CommandRunner(
+            self._link, self._status, self._begin_update, admission, self._accept_room, waypoints
+        )
         self._updater: Updater | None = None  # has the line in place of the link
         self._line_is_open = self._is_over = False
         self._report_due_s = 0.0

@@ -8,7 +8,7 @@ from math import degrees, radians
 
 from noctule.bounds import UNIT_PAUSE_S, UNIT_PLAN, Number
 from noctule.messages_pb2 import Calibration, SweepPlan
-from noctule.site import PINGS
+from noctule.site import PINGS, PoseSource, WaypointPath
 from noctule_gateway.errors import CommandError
 from noctule_gateway.wire.frames import Configure
 from noctule_gateway.wire.units import PER_RADIAN
@@ -41,6 +41,11 @@ def check(field: str, value: float, bound: Number) -> None:
         named = f"{field.removesuffix('_rad')}_deg is {degrees(value):.6g}"
         raise CommandError(f"out of range: {named}: {bound.allowed(degrees(1), 'degrees')}")
     raise CommandError(f"out of range: {field} is {value:.6g}: {bound.allowed()}")
+
+
+def waypoints_of(source: PoseSource) -> Number:
+    """The waypoints that the unit may be told to be at: those of its path, where it has one."""
+    return Number(0, len(source.poses) - 1) if isinstance(source, WaypointPath) else WAYPOINT
 
 
 def check_fields(message: SweepPlan | Calibration, bounds: dict[str, Number]) -> None:

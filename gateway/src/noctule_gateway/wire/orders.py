@@ -74,10 +74,10 @@ def start(pause_s: float) -> Start:
     return _fitting(Start(0, _integer("pause_s", pause_s, PER_SECOND)))
 
 
-def _set_waypoint(request: CommandRequest) -> SetWaypoint:
+def _set_waypoint(request: CommandRequest, waypoints: Number) -> SetWaypoint:
     if not request.HasField("waypoint"):
         return SetWaypoint(0, NO_WAYPOINT)
-    limits.check("waypoint", request.waypoint, limits.WAYPOINT)
+    limits.check("waypoint", request.waypoint, waypoints)
     return SetWaypoint(0, request.waypoint)
 
 
@@ -90,16 +90,16 @@ def _trim_temperature(request: CommandRequest) -> TrimTemperature:
     return _fitting(TrimTemperature(0, _needed(request, "temperature_c", PER_KELVIN, limits.TRIM_AIR_C)))
 
 
-_SIMPLE: dict[str, Callable[[CommandRequest], Order]] = {
-    "start": lambda request: start(request.pause_s),
-    "stop": lambda _: Stop(0),
-    "single": lambda _: Single(0),
-    "home": lambda _: Home(0),
+_SIMPLE: dict[str, Callable[[CommandRequest, Number], Order]] = {
+    "start": lambda request, _: start(request.pause_s),
+    "stop": lambda *_: Stop(0),
+    "single": lambda *_: Single(0),
+    "home": lambda *_: Home(0),
     "set_waypoint": _set_waypoint,
-    "go_to": _go_to,
-    "trim_temperature": _trim_temperature,
-    "store": lambda _: Store(0),
-    "reset": lambda _: Reset(0),
+    "go_to": lambda request, _: _go_to(request),
+    "trim_temperature": lambda request, _: _trim_temperature(request),
+    "store": lambda *_: Store(0),
+    "reset": lambda *_: Reset(0),
 }
 # What changes a part of the unit's settings needs the rest of them.
 _OVER_PRESENT: dict[str, Callable[[CommandRequest, Settings], Order]] = {
@@ -113,12 +113,14 @@ def needs_settings(name: str) -> bool:
     return name in _OVER_PRESENT
 
 
-def order(name: str, request: CommandRequest) -> Order:
-    """The order that the command ``name`` means. Raises CommandError if it makes no sense."""
+def order(name: str, request: CommandRequest, waypoints: Number = limits.WAYPOINT) -> Order:
+    """The order that the command ``name`` means to a unit that may be at ``waypoints``. Raises CommandError if it makes
+    no sense.
+    """
     if name not in _SIMPLE:
         known = ", ".join(sorted([*_SIMPLE, *_OVER_PRESENT]))
         raise CommandError(f"there is no command {name!r}: there are {known}")
-    return _SIMPLE[name](request)
+    return _SIMPLE[name](request, waypoints)
 
 
 def order_over(name: str, request: CommandRequest, present: Settings) -> Order:

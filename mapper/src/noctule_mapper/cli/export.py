@@ -31,12 +31,15 @@ def export(
     ] = None,
 ) -> None:
     """Export a contour to GeoJSON, DXF or a ROS map."""
+    from noctule.progress import progress
     from noctule_mapper.export.files import export_file
     from noctule_mapper.live.config import in_force
 
     check_folders(out)
     parameters = in_force(config, method, rule, sensor) if method or rule or sensor or config else None
-    exported = export_file(source, out, parameters.mapper if parameters else None, parameters and parameters.window)
+    mapper, window = (parameters.mapper, parameters.window) if parameters else (None, None)
+    with progress() as shown:
+        exported = export_file(source, out, mapper, window, shown)
     contour = exported.contour
     print(
         f"{out}: walls {len(contour.walls)}, corners {len(contour.corners)}, cylinders {len(contour.cylinders)}; "

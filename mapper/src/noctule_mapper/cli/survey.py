@@ -61,10 +61,12 @@ def survey(
 
 def _fitted(sweeps: Path, sensor: Path | None) -> "Contour":
     from noctule import survey as survey_file
+    from noctule.progress import progress
     from noctule_mapper.live.config import load_sensor
     from noctule_mapper.survey_fit import fit
 
-    return fit(survey_file.read(sweeps), sensor=load_sensor(sensor) if sensor else None)
+    with progress() as shown:
+        return fit(survey_file.read(sweeps), sensor=load_sensor(sensor) if sensor else None, progress=shown)
 
 
 def _running(name: str, connect: list[str] | None, tls: Path | None) -> "Contour":

@@ -12,6 +12,7 @@ from google.protobuf import json_format
 from noctule import bounds, poses, survey
 from noctule.errors import BoundsError, NoctuleError
 from noctule.messages_pb2 import Contour
+from noctule.progress import Progress
 from noctule_mapper.config import MapperConfig, Window
 from noctule_mapper.export.atomic_write import write_whole
 from noctule_mapper.export.ros_map import OccupancyMap, occupancy_map, outline_map, pgm, yaml
@@ -42,18 +43,27 @@ def check_suffix(out: Path) -> None:
         raise ExportError(f"{out} has the suffix {out.suffix!r}: name it by its format, {', '.join(_SUFFIXES)}")
 
 
-def export_file(source: Path, out: Path, config: MapperConfig | None = None, window: Window | None = None) -> Exported:
+def export_file(
+    source: Path,
+    out: Path,
+    config: MapperConfig | None = None,
+    window: Window | None = None,
+    progress: Progress | None = None,
+) -> Exported:
     """Write ``source`` to ``out`` in the format that its suffix names.
 
     Raises ExportError where the suffix is of no format, or where a contour comes with what only a survey is fitted by.
     """
     check_suffix(out)
+    progress = progress or Progress()
     contour, left_out = _contour(source), ()
     if contour is None:
-        surveyed = map_survey(survey.read_records(source), config, window=window)
+        surveyed = map_survey(survey.read_records(source), config, window=window, progress=progress)
         mapper, left_out = surveyed.mapper, surveyed.left_out
         if out.suffix in _ROS_SUFFIXES:
+            progress.at("drawing the grid")
             mapper.draw_grid()  # before the contour, whose note says for how many sweeps it has no room
+        progress.at("looking for walls and cylinders")
         contour = contour_message(mapper.contour(), site=surveyed.site)
         stated = [sweep for sweep in mapper.sweeps() if not sweep.pose_is_unknown]
         found = [pose for pose in contour.poses if poses.is_placed(pose)]

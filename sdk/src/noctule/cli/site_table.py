@@ -24,7 +24,7 @@ from noctule.cli.joining import joined, nothing_found
 from noctule.cli.replies import state
 from noctule.client import Client
 from noctule.errors import BusError
-from noctule.messages_pb2 import ServiceStatus, UnitStatus
+from noctule.messages_pb2 import ServiceStatus
 from noctule.plain_text import plain
 from noctule.site import Site, load
 from noctule.unit_list import UnitRow
@@ -47,7 +47,6 @@ _COLUMNS: tuple[str, ...] = (
 _NEEDED_LEAST: tuple[str, ...] = ("boot", "serial", "clock error", "firmware", "log", "gateway", "since", "last sweep")
 _LEAST_DETAIL = 23
 _LOOK_EVERY_S = 1.0
-_UNWELL = frozenset({UnitStatus.STATE_UNSPECIFIED, UnitStatus.STATE_DISCONNECTED, UnitStatus.STATE_FAULT})
 
 
 def show_site(site: str, connect: list[str], tls: Path | None, json: bool, goes_on: bool) -> None:
@@ -90,7 +89,7 @@ class _Seen:
 
     def unwell_first(self) -> "_Seen":
         """A terminal that is too small cuts off the end."""
-        return _Seen(sorted(self.rows, key=_is_well), self.services)
+        return _Seen(sorted(self.rows, key=unit_list.is_well), self.services)
 
     def shown(self, width: int) -> Group:
         """The table of units, and that of services where there are any, in ``width`` columns of a terminal."""
@@ -105,10 +104,6 @@ def _told(ask: Callable[[], list[M]]) -> list[M]:
         return []
 
 
-def _is_well(row: UnitRow) -> bool:
-    return row.status is not None and row.status.state not in _UNWELL and not row.status.faults
-
-
 def _unit_table(rows: list[UnitRow], width: int) -> list[Table | str]:
     """The table, and a line that names the columns for which ``width`` has no room: words are not cut."""
     cells = [dict(zip(_COLUMNS, map(plain, (row.unit, *_cells(row), row.detail)), strict=True)) for row in rows]
@@ -117,7 +112,7 @@ def _unit_table(rows: list[UnitRow], width: int) -> list[Table | str]:
     for column in columns:
         table.add_column(column, no_wrap=column != _COLUMNS[-1], overflow="fold")
     for row, words in zip(rows, cells, strict=True):
-        style = "" if _is_well(row) else "red"
+        style = "" if unit_list.is_well(row) else "red"
         table.add_row(*(Text(words[column], style=style) for column in columns))
     missing = [column for column in _COLUMNS if column not in columns]
     return [table, f"A wider terminal, or --json, shows also: {', '.join(missing)}"] if missing else [table]

@@ -12,12 +12,6 @@ from noctule_viewer.board.site_state import Heard
 
 SILENT_AFTER_S = 10.0  # statuses come each second
 MOST_UNITS = 300  # strangers may name more; a table of so many takes 6 kB/s of the relay's history
-_NEEDS_ATTENTION = (
-    UnitStatus.STATE_UNSPECIFIED,
-    UnitStatus.STATE_WAITING,
-    UnitStatus.STATE_FAULT,
-    UnitStatus.STATE_LOADER,
-)
 
 
 class Health(Enum):
@@ -109,8 +103,7 @@ def _judged(row: UnitRow, heard: Heard) -> tuple[Health, str]:
         return Health.AWAY, told
     if (wrong := _wrong_pose(row.unit, heard)) and not row.detail:
         return Health.ATTENTION, f"{name}: {wrong}"
-    unwell = status.state in _NEEDS_ATTENTION or bool(row.detail)
-    return (Health.ATTENTION if unwell else Health.WELL), told
+    return (Health.WELL if unit_list.is_well(row) else Health.ATTENTION), told
 
 
 def _wrong_pose(unit: str, heard: Heard) -> str:
