@@ -28,7 +28,7 @@ from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_board import SiteBoard
 from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import SiteState
-from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
+from noctule_viewer.board.unit_health import LONGEST_SWEEP_S, Health, UnitHealth, UnitsHealth
 
 BEGAN_S = 1_800_000_000.0
 
@@ -45,9 +45,11 @@ class Site:
     def mapper(self, detail: str = "") -> None:
         self.state.note_service(ServiceStatus(name="mapper", role="mapper", detail=detail))
 
-    def unit(self, unit: str, state: "UnitStatus.State" = UnitStatus.STATE_SWEEPING, detail: str = "") -> None:
+    def unit(
+        self, unit: str, state: "UnitStatus.State" = UnitStatus.STATE_SWEEPING, detail: str = "", log_head: int = 0
+    ) -> None:
         self.state.note_alive(unit, True)
-        status = UnitStatus(unit=unit, gateway="g1", state=state, detail=detail)
+        status = UnitStatus(unit=unit, gateway="g1", state=state, detail=detail, log_head=log_head)
         status.since.FromNanoseconds(round((BEGAN_S - 3_600) * 1e9))
         self.state.note_unit(status)
 
@@ -245,6 +247,29 @@ def test_a_unit_at_a_wrong_place_needs_attention(site: Site) -> None:
     site.state.note_contour(Contour(poses=[UnitPose(unit="u1", stated=Pose(x_m=1.0), state=POSE_STATE_WRONG)]))
     (unit,) = site.units()
     assert (unit.health, unit.words) == (Health.ATTENTION, "sweeping: its stated pose is wrong")
+
+
+def test_a_unit_that_says_it_sweeps_and_makes_no_sweep_needs_attention_until_the_next_one(site: Site) -> None:
+    # firmware/README.md, CONFIGURE: 64 readings of 5 pings a second apart, with ramps and rests of a second; and twice
+    # 296 degrees of 4400 half steps a turn, at 50 half steps/s.
+    longest_s = 64 * (5 + 1 + 1) + 2 * (4400 * 296 / 360) / 50
+    assert pytest.approx(longest_s) == LONGEST_SWEEP_S
+
+    def after(passed_s: float, *of_status: Any) -> tuple[Health, str]:
+        site.passed_s += passed_s
+        site.unit("u1", *of_status)
+        (unit,) = site.units()
+        return unit.health, unit.words
+
+    sweeping, paused = UnitStatus.STATE_SWEEPING, UnitStatus.STATE_PAUSED
+    assert after(0.0, sweeping, "", 7)[0] is Health.WELL  # whatever it did before anybody looked
+    assert after(longest_s - 1.0, sweeping, "", 7)[0] is Health.WELL
+    assert after(61.0, sweeping, "", 7) == (Health.ATTENTION, "sweeping: no sweep has come for 10 min")
+    assert documents.table(site.units(), BEGAN_S).endswith("10 min") and "no sweep has come" in site.alarms()
+    assert after(1.0, sweeping, "", 8)[0] is Health.WELL
+    assert after(longest_s - 1.0, paused, "", 8)[0] is Health.WELL
+    assert after(longest_s + 1.0, sweeping, "", 8)[0] is Health.WELL  # it has just begun
+    assert after(longest_s + 1.0, sweeping, "the line is bad", 8)[1] == "sweeping: the line is bad"
 
 
 def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Site) -> None:
