@@ -234,6 +234,19 @@ def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Si
     assert [row.split("|")[-2].strip() for row in rows] == ["2 min ago", "none heard"]
 
 
+def test_a_units_sheet_has_its_counters_clock_error_and_temperature(site: Site) -> None:
+    site.state.note_alive("u1", True)
+    status = UnitStatus(unit="u1", gateway="g1", state=UnitStatus.STATE_IDLE, clock_error_s=0.00123, clock_drift=42e-6)
+    status.counters.update({"frames_bad": 3, "late_ms": 17})
+    site.state.note_unit(status)
+    sheet = documents.sheet(site.units()[0], BEGAN_S)
+    assert sheet.startswith("### u1 — well: idle\n\n| since | ")
+    for row in ("clock error | 1.23 ms", "clock drift | 42 ppm", "chip | not known", "frames bad | 3", "late ms | 17"):
+        assert f"| {row} |" in sheet
+    status.chip_temperature_c = 31.26
+    assert "| chip | 31.3 °C |" in documents.sheet(site.units()[0], BEGAN_S)
+
+
 def test_a_sweep_that_is_dated_in_the_future_is_the_last_one_only_until_the_next(site: Site) -> None:
     for made_s in (BEGAN_S - 5.0, BEGAN_S + 9_000.0, BEGAN_S - 1.0):
         sweep = Sweep(unit="u1")
@@ -278,6 +291,26 @@ def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Si
     site.state.note_sweep(Sweep(unit="u3", pose=Pose(sigma_position_m=100.0)))
     site.state.note_contour(Contour(poses=[UnitPose(unit="u2", x_m=3.0, y_m=4.0)]))
     assert site.state.heard().stands_m == {"u1": (1.0, 2.0), "u2": (3.0, 4.0)}
+
+
+def test_the_map_has_an_orange_spot_under_a_unit_that_needs_attention_and_a_red_one_where_one_is_away(
+    site: Site,
+) -> None:
+    for number, state in enumerate((UnitStatus.STATE_IDLE, UnitStatus.STATE_FAULT, UnitStatus.STATE_DISCONNECTED)):
+        site.unit(f"u{number}", state)
+        site.state.note_sweep(Sweep(unit=f"u{number}", pose=Pose(x_m=float(number), y_m=5.0)))
+    site.unit("u3", UnitStatus.STATE_FAULT)  # nobody knows where it stands
+
+    def spots() -> dict[tuple[float, ...], tuple[int, ...]]:
+        drawn = components(drawing.draw_units(site.units(), site.state.heard()), rerun_paths.HEALTH)
+        colours = [tuple(colour.to_bytes(4, "big")[:3]) for colour in drawn["Points2D:colors"]]
+        return dict(zip(map(tuple, drawn["Points2D:positions"]), colours, strict=True))
+
+    orange, red = (255, 176, 32), (235, 64, 64)  # as viewer/README.md names them
+    assert spots() == {(1.0, 5.0): orange, (2.0, 5.0): red}
+    for number in (1, 2):
+        site.unit(f"u{number}")
+    assert spots() == {}, "they are well again"
 
 
 def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:
