@@ -3,6 +3,8 @@
 import random
 from itertools import combinations
 
+import numpy as np
+import pytest
 import rerun as rr
 from mapper.room import paper_path, paper_room
 
@@ -111,8 +113,16 @@ def test_nothing_has_no_labels() -> None:
     assert labels(Contour(), {}) == []
 
 
-def test_a_units_name_keeps_off_a_cylinder_below_it() -> None:
-    units = {"u1": (2.0, 1.5 + 0.3 + 18 * PX_M)}  # its name would hang on the circle's upper edge
-    (name,) = [label for label in labels(room(), units) if label.kind == "unit"]
-    lowest_m = name.place_m[1] - (10 + 10) * PX_M  # Rerun draws a label ten pixels below its place, and half as high
-    assert lowest_m > 1.5 + 0.3 or abs(name.place_m[0] - 2.0) > 0.3
+@pytest.mark.parametrize("degrees", [40, 90, 125])
+def test_a_units_name_keeps_off_a_cylinder_below_it_and_near_its_unit(degrees: float) -> None:
+    centre_m, radius_m = (2.0, 1.5), 0.3
+    at_rad = np.radians(degrees)
+    under_m = (centre_m[0] + radius_m * np.cos(at_rad), centre_m[1] + radius_m * np.sin(at_rad))
+    unit_m = (under_m[0], under_m[1] + 18 * PX_M)  # its name would hang on the ring
+    (name,) = [label for label in labels(room(), {"u1": unit_m}) if label.kind == "unit"]
+    middle_m = (name.place_m[0], name.place_m[1] - 10 * PX_M)  # Rerun draws a label ten pixels below its place
+    half_m = (13 * PX_M, 10 * PX_M)
+    off_m = np.abs(np.subtract(middle_m, centre_m))
+    nearest_m, farthest_m = np.hypot(*np.maximum(off_m - half_m, 0.0)), np.hypot(*(off_m + half_m))
+    assert not nearest_m <= radius_m <= farthest_m, "it lies on the ring"
+    assert np.hypot(*np.subtract(middle_m, unit_m)) < 30 * PX_M, "above or beside the unit"

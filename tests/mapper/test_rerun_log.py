@@ -12,6 +12,7 @@ import pytest
 from mapper.rerun_relay import Viewer, relay, viewer
 from PIL import Image
 from system.processes import wait_until
+from viewer.test_unit_pictures import components
 
 from noctule import rerun_paths
 from noctule.messages_pb2 import (
@@ -31,6 +32,7 @@ from noctule.messages_pb2 import (
 )
 from noctule_mapper.readings.sweep import SweepReadings
 from noctule_mapper.rerun_view.log import RerunLog
+from noctule_mapper.rerun_view.map import draw_sweep
 
 QUARTER_RAD = np.pi / 2
 
@@ -147,6 +149,19 @@ def test_rays_reach_their_echoes_and_are_short_where_nothing_was_heard(shown: tu
         [[0.5, 0.0], pytest.approx([0.5, 1.5])],
         [[0.5, 0.0], pytest.approx([0.25, 0.0], abs=1e-6)],
     ]
+
+
+def test_a_unit_has_an_arrow_where_it_looks_and_the_outline_of_its_beam_about_it() -> None:
+    seen = replace(readings(1, x_m=0.5), heading_rad=2.0)  # with a beam 0.4 rad wide
+    drawn = components(draw_sweep(seen, []), rerun_paths.unit_pose("u1"))
+    assert drawn["Points2D:positions"] == drawn["Arrows2D:origins"] == [[0.5, 0.0]]
+    ((x_m, y_m),) = drawn["Arrows2D:vectors"]
+    assert np.arctan2(y_m, x_m) == pytest.approx(2.0)
+    (outline,) = drawn["LineStrips2D:strips"]
+    assert outline[0] == outline[-1] == [0.5, 0.0]
+    rim_m = np.subtract(outline[1:-1], outline[0])
+    assert np.hypot(*rim_m.T) == pytest.approx(np.hypot(*rim_m[0]))
+    assert np.arctan2(rim_m[[0, -1], 1], rim_m[[0, -1], 0]) == pytest.approx([1.8, 2.2])
 
 
 def test_a_unit_leaves_a_trail_that_outlives_a_restart(shown: tuple[RerunLog, Viewer]) -> None:

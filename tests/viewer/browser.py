@@ -35,14 +35,16 @@ class Screen:
         """What is shown now, (height, width, 3) bytes."""
         return np.array(Image.open(io.BytesIO(self.page.screenshot())).convert("RGB"))
 
-    def wait_for(self, condition: Callable[[], bool], what: str, every_s: float = 1.0) -> None:
+    def wait_for(
+        self, condition: Callable[[], bool], what: str, every_s: float = 1.0, within_s: float = SHOWN_WITHIN_S
+    ) -> None:
         """Call ``condition`` until it is true; fail with ``what`` when time is up.
 
         Each request of the page waits for this thread to let it go (``_refuse``), so this thread must not sleep.
         """
-        deadline_s = monotonic() + SHOWN_WITHIN_S
+        deadline_s = monotonic() + within_s
         while not condition():
-            assert monotonic() < deadline_s, f"{what} (waited {SHOWN_WITHIN_S:g} s)"
+            assert monotonic() < deadline_s, f"{what} (waited {within_s:g} s)"
             self.page.wait_for_timeout(1e3 * every_s)
 
     def complaints(self) -> list[str]:

@@ -8,9 +8,13 @@ writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
 import re
 import sys
 import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from mapper.live_site import SITE
 from mapper.room import paper_room
 from PIL import Image
 from playwright.sync_api import Browser
@@ -19,10 +23,20 @@ from viewer.browser import Screen, chromium, screen
 from viewer.room_in_picture import says_all_is_well, shown_share
 from viewer.watched_site import ALL_OF_IT, watched_site
 
+from noctule import bus, keys
+from noctule.messages_pb2 import UnitStatus
+
 SIZE_PX = (1280, 760)
 MOST_BYTES = 300_000
 WITHIN_S = 900.0  # a loaded machine without a graphics card takes its time
 LOOK_EVERY_S, SAME_LOOKS = 5.0, 3  # rays and labels come after the walls
+# As the gateway says it (noctule_gateway/status).
+TROUBLES = {
+    "u7": (UnitStatus.STATE_FAULT, "no home switch found within a turn: check the switch and the motor's wiring"),
+    "u14": (UnitStatus.STATE_DISCONNECTED, "no answer on /dev/serial/by-path/noctule-u14"),
+}
+SPOTS = ((255, 176, 32), (235, 64, 64))  # under units that are not well, the darker towards the rim
+BAR = (20, 5)  # row and column: red in a bar that says that the page is old
 MAP = (slice(120, 720), slice(0, 700))  # of the picture: what stands still once all has come
 
 
@@ -43,19 +57,43 @@ def demo(browser: Browser, folder: Path, path: Path) -> None:
         (address,) = wait_until(lambda: re.findall(r"Watch the map at (\S+)", running.log("demo")), "no address")
         with screen(browser, size_px=SIZE_PX) as shown:
             shown.open(address)
-            wait_until(lambda: shows_room(shown, running), "the room is not shown", within_s=WITHIN_S, every_s=2.0)
-            save(shown, path)
+            shown.wait_for(lambda: shows_room(shown, running), "the room is not shown", 2.0, WITHIN_S)
+            save(shown, path, says_all_is_well)
         running.end("demo")
 
 
 def board(browser: Browser, folder: Path, path: Path) -> None:
-    """Twenty units at one site."""
+    """Twenty units at one site, two of which are not well."""
     with watched_site(folder) as site, screen(browser, size_px=SIZE_PX) as shown:
         site.sweep_as(20)
-        with site.heard():
+        with heard(site.live.endpoint, site.live.client.unit_statuses()):
             shown.open(site.relay.page)
-            wait_until(lambda: shows_room(shown, site.live.running), "no room", within_s=WITHIN_S, every_s=2.0)
-            save(shown, path)
+            shown.wait_for(lambda: shows_room(shown, site.live.running), "no room", 2.0, WITHIN_S)
+            save(shown, path, shows_troubles)
+
+
+@contextmanager
+def heard(endpoint: str, statuses: Sequence[UnitStatus]) -> Iterator[None]:
+    """Within the block these statuses, with TROUBLES, come each second, as a gateway sends them."""
+    for status in statuses:
+        if status.unit in TROUBLES:
+            status.state, status.detail = TROUBLES[status.unit]
+    ended = threading.Event()
+    with bus.open_session(connect=[endpoint]) as session:
+        publishers = [bus.StatePublisher(session, keys.unit_status(SITE, each.unit), UnitStatus) for each in statuses]
+
+        def go_on() -> None:
+            while not ended.wait(1.0):
+                for publisher, status in zip(publishers, statuses, strict=True):
+                    publisher.put(status)
+
+        telling = threading.Thread(target=go_on)
+        telling.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            telling.join()
 
 
 def shows_room(shown: Screen, running: Programs) -> bool:
@@ -63,23 +101,31 @@ def shows_room(shown: Screen, running: Programs) -> bool:
     return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
 
 
-def still(shown: Screen) -> np.ndarray:
-    """The picture once its map has been the same for a while, and all is well."""
+def shows_troubles(picture: np.ndarray) -> bool:
+    """Whether the map has the spots of TROUBLES, and the page is not old."""
+    bright = picture[MAP][picture[MAP].max(axis=-1) > 100].astype(float)
+    hue = bright / bright.sum(axis=-1, keepdims=True)
+    seen = [(np.abs(hue - np.divide(spot, sum(spot))).max(axis=-1) < 0.02).sum() > 20 for spot in SPOTS]
+    return all(seen) and picture[BAR].max() < 100
+
+
+def still(shown: Screen, complete: Callable[[np.ndarray], bool]) -> np.ndarray:
+    """The picture once its map has been the same for a while, and it is ``complete``."""
     pictures = [shown.picture()]
 
     def is_still() -> bool:
         pictures.append(shown.picture())
         last = pictures[-SAME_LOOKS:]
         same = len(last) == SAME_LOOKS and all(np.array_equal(each[MAP], last[0][MAP]) for each in last)
-        return same and says_all_is_well(last[-1])
+        return same and complete(last[-1])
 
-    wait_until(is_still, "the map does not stand still", within_s=WITHIN_S, every_s=LOOK_EVERY_S)
+    shown.wait_for(is_still, "the map does not stand still", LOOK_EVERY_S, WITHIN_S)
     return pictures[-1]
 
 
-def save(shown: Screen, path: Path) -> None:
+def save(shown: Screen, path: Path, complete: Callable[[np.ndarray], bool]) -> None:
     """The picture in 256 colours, which is small and looks the same."""
-    Image.fromarray(still(shown)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.fromarray(still(shown, complete)).quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
     size = path.stat().st_size
     assert size < MOST_BYTES, f"{path.name} has {size} bytes"
     print(f"{path.relative_to(ROOT)}: {size / 1e3:.0f} kB")

@@ -28,7 +28,7 @@ from noctule_viewer.board.map_box import MapBox
 from noctule_viewer.board.site_board import SiteBoard
 from noctule_viewer.board.site_plan import SitePlan
 from noctule_viewer.board.site_state import SiteState
-from noctule_viewer.board.unit_health import Health, UnitHealth, UnitsHealth
+from noctule_viewer.board.unit_health import LONGEST_SWEEP_S, Health, UnitHealth, UnitsHealth
 
 BEGAN_S = 1_800_000_000.0
 
@@ -45,9 +45,11 @@ class Site:
     def mapper(self, detail: str = "") -> None:
         self.state.note_service(ServiceStatus(name="mapper", role="mapper", detail=detail))
 
-    def unit(self, unit: str, state: "UnitStatus.State" = UnitStatus.STATE_SWEEPING, detail: str = "") -> None:
+    def unit(
+        self, unit: str, state: "UnitStatus.State" = UnitStatus.STATE_SWEEPING, detail: str = "", log_head: int = 0
+    ) -> None:
         self.state.note_alive(unit, True)
-        status = UnitStatus(unit=unit, gateway="g1", state=state, detail=detail)
+        status = UnitStatus(unit=unit, gateway="g1", state=state, detail=detail, log_head=log_head)
         status.since.FromNanoseconds(round((BEGAN_S - 3_600) * 1e9))
         self.state.note_unit(status)
 
@@ -232,6 +234,19 @@ def test_the_table_has_units_that_are_not_well_first_then_u2_before_u10(site: Si
     assert [row.split("|")[-2].strip() for row in rows] == ["2 min ago", "none heard"]
 
 
+def test_a_units_sheet_has_its_counters_clock_error_and_temperature(site: Site) -> None:
+    site.state.note_alive("u1", True)
+    status = UnitStatus(unit="u1", gateway="g1", state=UnitStatus.STATE_IDLE, clock_error_s=0.00123, clock_drift=42e-6)
+    status.counters.update({"frames_bad": 3, "late_ms": 17})
+    site.state.note_unit(status)
+    sheet = documents.sheet(site.units()[0], BEGAN_S)
+    assert sheet.startswith("### u1 — well: idle\n\n| since | ")
+    for row in ("clock error | 1.23 ms", "clock drift | 42 ppm", "chip | not known", "frames bad | 3", "late ms | 17"):
+        assert f"| {row} |" in sheet
+    status.chip_temperature_c = 31.26
+    assert "| chip | 31.3 °C |" in documents.sheet(site.units()[0], BEGAN_S)
+
+
 def test_a_sweep_that_is_dated_in_the_future_is_the_last_one_only_until_the_next(site: Site) -> None:
     for made_s in (BEGAN_S - 5.0, BEGAN_S + 9_000.0, BEGAN_S - 1.0):
         sweep = Sweep(unit="u1")
@@ -247,12 +262,55 @@ def test_a_unit_at_a_wrong_place_needs_attention(site: Site) -> None:
     assert (unit.health, unit.words) == (Health.ATTENTION, "sweeping: its stated pose is wrong")
 
 
+def test_a_unit_that_says_it_sweeps_and_makes_no_sweep_needs_attention_until_the_next_one(site: Site) -> None:
+    # firmware/README.md, CONFIGURE: 64 readings of 5 pings a second apart, with ramps and rests of a second; and twice
+    # 296 degrees of 4400 half steps a turn, at 50 half steps/s.
+    longest_s = 64 * (5 + 1 + 1) + 2 * (4400 * 296 / 360) / 50
+    assert pytest.approx(longest_s) == LONGEST_SWEEP_S
+
+    def after(passed_s: float, *of_status: Any) -> tuple[Health, str]:
+        site.passed_s += passed_s
+        site.unit("u1", *of_status)
+        (unit,) = site.units()
+        return unit.health, unit.words
+
+    sweeping, paused = UnitStatus.STATE_SWEEPING, UnitStatus.STATE_PAUSED
+    assert after(0.0, sweeping, "", 7)[0] is Health.WELL  # whatever it did before anybody looked
+    assert after(longest_s - 1.0, sweeping, "", 7)[0] is Health.WELL
+    assert after(61.0, sweeping, "", 7) == (Health.ATTENTION, "sweeping: no sweep has come for 10 min")
+    assert documents.table(site.units(), BEGAN_S).endswith("10 min") and "no sweep has come" in site.alarms()
+    assert after(1.0, sweeping, "", 8)[0] is Health.WELL
+    assert after(longest_s - 1.0, paused, "", 8)[0] is Health.WELL
+    assert after(longest_s + 1.0, sweeping, "", 8)[0] is Health.WELL  # it has just begun
+    assert after(longest_s + 1.0, sweeping, "the line is bad", 8)[1] == "sweeping: the line is bad"
+
+
 def test_a_unit_stands_where_the_contour_has_it_or_where_its_sweep_says(site: Site) -> None:
     site.state.note_sweep(Sweep(unit="u1", pose=Pose(x_m=1.0, y_m=2.0)))
     site.state.note_sweep(Sweep(unit="u2", pose=Pose(x_m=5.0, y_m=5.0)))
     site.state.note_sweep(Sweep(unit="u3", pose=Pose(sigma_position_m=100.0)))
     site.state.note_contour(Contour(poses=[UnitPose(unit="u2", x_m=3.0, y_m=4.0)]))
     assert site.state.heard().stands_m == {"u1": (1.0, 2.0), "u2": (3.0, 4.0)}
+
+
+def test_the_map_has_an_orange_spot_under_a_unit_that_needs_attention_and_a_red_one_where_one_is_away(
+    site: Site,
+) -> None:
+    for number, state in enumerate((UnitStatus.STATE_IDLE, UnitStatus.STATE_FAULT, UnitStatus.STATE_DISCONNECTED)):
+        site.unit(f"u{number}", state)
+        site.state.note_sweep(Sweep(unit=f"u{number}", pose=Pose(x_m=float(number), y_m=5.0)))
+    site.unit("u3", UnitStatus.STATE_FAULT)  # nobody knows where it stands
+
+    def spots() -> dict[tuple[float, ...], tuple[int, ...]]:
+        drawn = components(drawing.draw_units(site.units(), site.state.heard()), rerun_paths.HEALTH)
+        colours = [tuple(colour.to_bytes(4, "big")[:3]) for colour in drawn["Points2D:colors"]]
+        return dict(zip(map(tuple, drawn["Points2D:positions"]), colours, strict=True))
+
+    orange, red = (255, 176, 32), (235, 64, 64)  # as viewer/README.md names them
+    assert spots() == {(1.0, 5.0): orange, (2.0, 5.0): red}
+    for number in (1, 2):
+        site.unit(f"u{number}")
+    assert spots() == {}, "they are well again"
 
 
 def test_each_unit_has_a_tab_and_all_maps_show_the_same_part_of_the_site() -> None:

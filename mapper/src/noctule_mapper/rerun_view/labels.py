@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, hypot, sqrt
+from math import ceil, cos, hypot, sin, sqrt, tau
 
 from noctule import walls
-from noctule.messages_pb2 import Contour, Wall
+from noctule.messages_pb2 import Contour, Cylinder, Wall
 from noctule_mapper.contour import touch_marks
 
 Place = tuple[float, float]
@@ -19,6 +19,7 @@ _FROM_A_DOT_PX = 18.0  # the middle of a label below or above what it names
 _ASIDE = 1.05  # of a label's width: one beside a unit then clears those below the units next to it
 _BESIDE = 4  # of the places around something, those that are next to it
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
+_CHORDS = 16  # of a circle: no farther from it than a fiftieth of its radius
 _LEAST_SIDE_M = 1.0
 _TOLD_FROM_M = 0.01
 
@@ -104,20 +105,27 @@ def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
 
 
 def _clearest(choices: Sequence[Label], contour: Contour | None, units_m: Sequence[Place], px_m: float) -> list[Label]:
-    """``choices``, those first that cover the fewest of ``units_m`` and of the walls and cylinders of ``contour``."""
+    """``choices``, those first that cover the fewest of ``units_m`` and of the walls and cylinders of ``contour``.
+    Of those that cover as few the order stays.
+    """
     walls_m = contour.walls if contour is not None else ()
-    lines = [((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m)) for each in walls_m]
-    lines += [(place, place) for place in units_m]
-    for circle in contour.cylinders if contour is not None else ():
-        x_m, y_m, radius_m = circle.x_m, circle.y_m, circle.radius_m
-        lines += [((x_m - radius_m, y_m), (x_m + radius_m, y_m)), ((x_m, y_m - radius_m), (x_m, y_m + radius_m))]
+    drawn = [[((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m))] for each in walls_m]
+    drawn += [[(place, place)] for place in units_m]
+    drawn += [_ring_m(circle) for circle in (contour.cylinders if contour is not None else ())]
 
     def covered(label: Label) -> int:
         centre_m = (label.place_m[0], label.place_m[1] - _HANGS_PX * px_m)
         half_m = (_width_m(label.text, px_m) / 2, _HEIGHT_PX * px_m / 2)
-        return sum(_touches_box(line, centre_m, half_m) for line in lines)
+        return sum(any(_touches_box(line, centre_m, half_m) for line in lines) for lines in drawn)
 
     return sorted(choices, key=covered)
+
+
+def _ring_m(circle: Cylinder) -> list[tuple[Place, Place]]:
+    """The chords that a circle is drawn as here."""
+    angles_rad = [tau * number / _CHORDS for number in range(_CHORDS)]
+    rim_m = [(circle.x_m + circle.radius_m * cos(at), circle.y_m + circle.radius_m * sin(at)) for at in angles_rad]
+    return list(zip(rim_m, [*rim_m[1:], rim_m[0]], strict=True))
 
 
 def _touches_box(line: tuple[Place, Place], centre_m: Place, half_m: Place) -> bool:

@@ -20,6 +20,7 @@ class Heard:
     alive: frozenset[str] = frozenset()
     units: dict[tuple[str, str], UnitStatus] = field(default_factory=dict)  # by unit and gateway
     unit_silent_s: dict[tuple[str, str], float] = field(default_factory=dict)  # in the same way
+    sweepless_s: dict[tuple[str, str], float] = field(default_factory=dict)  # so long sweeping, and none was logged
     services: dict[str, ServiceStatus] = field(default_factory=dict)
     service_silent_s: dict[str, float] = field(default_factory=dict)
     swept_s: dict[str, float] = field(default_factory=dict)  # UTC: when the last sweep was made
@@ -38,6 +39,7 @@ class SiteState:
         self._alive: set[str] = set()
         self._units: dict[tuple[str, str], UnitStatus] = {}
         self._unit_heard_s: dict[tuple[str, str], float] = {}
+        self._sweepless_since_s: dict[tuple[str, str], float] = {}
         self._services: dict[str, ServiceStatus] = {}
         self._service_heard_s: dict[str, float] = {}
         self._swept_s: dict[str, float] = {}
@@ -59,6 +61,8 @@ class SiteState:
         key = (status.unit, status.gateway)
         with self._lock:
             if key in self._units or len(self._units) < _MOST_UNITS:
+                if status.state != UnitStatus.STATE_SWEEPING or _done(status) != _done(self._units.get(key)):
+                    self._sweepless_since_s[key] = self._now()
                 self._units[key] = status
                 self._unit_heard_s[key] = self._now()
 
@@ -99,6 +103,7 @@ class SiteState:
                 alive=frozenset(self._alive),
                 units=dict(self._units),
                 unit_silent_s={key: now_s - heard_s for key, heard_s in self._unit_heard_s.items()},
+                sweepless_s={key: now_s - since_s for key, since_s in self._sweepless_since_s.items()},
                 services=dict(self._services),
                 service_silent_s={name: now_s - heard_s for name, heard_s in self._service_heard_s.items()},
                 swept_s=dict(self._swept_s),
@@ -113,6 +118,11 @@ class SiteState:
             before_s = self._swept_s.get(unit, 0.0)
             ahead = before_s > self._utc() + AHEAD_S  # a clock was wrong, or still is
             self._swept_s[unit] = swept_s if ahead else max(swept_s, before_s)
+
+
+def _done(status: UnitStatus | None) -> tuple[int, str, int] | None:
+    """What the unit does, and where its log has got to."""
+    return (status.state, status.log_id, status.log_head) if status is not None else None
 
 
 def _placed_m(contour: Contour | None) -> dict[str, tuple[float, float]]:

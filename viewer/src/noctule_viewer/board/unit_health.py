@@ -3,15 +3,25 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from math import tau
 
 from noctule import unit_list
 from noctule.ages import duration
+from noctule.bounds import MAX_READINGS, UNIT_PLAN
 from noctule.messages_pb2 import POSE_STATE_WRONG, UnitStatus
+from noctule.site import PINGS
 from noctule.unit_list import UnitRow
 from noctule_viewer.board.site_state import Heard
 
 SILENT_AFTER_S = 10.0  # statuses come each second
 MOST_UNITS = 300  # strangers may name more; a table of so many takes 6 kB/s of the relay's history
+# The longest sweep that a plan allows (firmware/README.md, CONFIGURE and CALIBRATE), some ten minutes: each reading
+# with all its pings, the slowest ramp and the longest rest, and the slowest way from end to end and back. Only such a
+# plan can take longer, where its pings wait for turns.
+_END_TO_END_HALF_STEPS = 4400 * 2 * UNIT_PLAN["first_bearing_rad"].most / tau
+_END_TO_END_S = _END_TO_END_HALF_STEPS / UNIT_PLAN["top_speed_half_steps_s"].least
+_READING_S = PINGS[-1] * UNIT_PLAN["ping_interval_s"].most + UNIT_PLAN["ramp_s"].most + UNIT_PLAN["settle_s"].most
+LONGEST_SWEEP_S = MAX_READINGS * _READING_S + 2 * _END_TO_END_S
 
 
 class Health(Enum):
@@ -101,7 +111,7 @@ def _judged(row: UnitRow, heard: Heard) -> tuple[Health, str]:
     told = f"{name}: {row.detail}" if row.detail else name
     if status.state == UnitStatus.STATE_DISCONNECTED:
         return Health.AWAY, told
-    if (wrong := _wrong_pose(row.unit, heard)) and not row.detail:
+    if (wrong := _wrong_pose(row.unit, heard) or _no_sweep(status, heard)) and not row.detail:
         return Health.ATTENTION, f"{name}: {wrong}"
     return (Health.WELL if unit_list.is_well(row) else Health.ATTENTION), told
 
@@ -109,3 +119,8 @@ def _judged(row: UnitRow, heard: Heard) -> tuple[Health, str]:
 def _wrong_pose(unit: str, heard: Heard) -> str:
     poses = heard.contour.poses if heard.contour is not None else []
     return next(("its stated pose is wrong" for p in poses if p.unit == unit and p.state == POSE_STATE_WRONG), "")
+
+
+def _no_sweep(status: UnitStatus, heard: Heard) -> str:
+    sweepless_s = heard.sweepless_s.get((status.unit, status.gateway), 0.0)
+    return f"no sweep has come for {duration(sweepless_s)}" if sweepless_s > LONGEST_SWEEP_S else ""
