@@ -20,6 +20,7 @@ from noctule_mapper.config import Window
 from noctule_mapper.live import newest_commit
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
+from noctule_mapper.readings.faulty import Suspect
 
 
 @pytest.fixture
@@ -62,6 +63,77 @@ def test_a_damaged_sweep_is_not_mapped_and_is_read_again_from_its_log(path: Path
     assert sequences(reopened) == [1, 2, 3]
     reopened.close()
     assert SweepStore(path, Window()).damage == ""
+
+
+SWEEP_2 = "DELETE FROM sweep WHERE log_sequence = 2"
+
+
+@pytest.mark.parametrize(
+    ("table", "statements", "left"),
+    [
+        ("sweep", [SWEEP_2], [1]),
+        ("sweep", ["DELETE FROM sweep"], []),
+        ("sweep", [SWEEP_2, "INSERT INTO sweep SELECT * FROM other.sweep WHERE log_sequence = 2"], [1, 2]),
+        ("sweep", [SWEEP_2, "INSERT INTO sweep SELECT * FROM other.sweep WHERE log_sequence = 4"], [1, 4]),
+        ("sweep", ["INSERT INTO sweep SELECT * FROM other.sweep WHERE log_sequence = 4"], [1, 2, 4]),
+        ("set_aside", ["DELETE FROM set_aside"], [1, 2]),
+        ("cursor", ["DELETE FROM cursor"], [1, 2]),
+        ("cursor", ["UPDATE cursor SET (log_sequence, checksum) = (SELECT 4, checksum FROM other.cursor)"], [1, 2]),
+    ],
+)
+def test_a_missing_row_and_a_sound_one_that_was_never_committed_are_found_by_the_chain(
+    path: Path, tmp_path: Path, table: str, statements: list[str], left: list[int]
+) -> None:
+    other = tmp_path / "other.sqlite3"
+    elsewhere, store = SweepStore(other, Window()), SweepStore(path, Window())
+    elsewhere.commit([sweep(2, x_m=7.0), sweep(4)], [cursor(4)])
+    elsewhere.close()
+    store.commit([sweep(1), sweep(2), sweep(3)], [cursor(2)])
+    store.commit([], [cursor(3)])
+    store.set_aside((LOG, 3), "a bug")
+    store.close()
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("ATTACH ? AS other", (str(other),))
+        with database:
+            for statement in statements:
+                database.execute(statement)
+    reopened = SweepStore(path, Window())
+    assert f"damaged (the rows of its table {table} are not those that were committed)" in reopened.damage
+    assert (sequences(reopened), reopened.cursors()) == (left, {})  # all is read again from the logs
+    reopened.close()
+    assert SweepStore(path, Window()).damage == ""
+
+
+def test_the_chain_holds_over_all_that_takes_sweeps_out_and_over_a_commit_that_fails(path: Path) -> None:
+    store = SweepStore(path, Window(max_sweeps=20, sweeps_per_place=2))
+    store.commit([sweep(number, x_m=number // 4) for number in range(1, 60)], [cursor(59)])
+    store.set_aside((LOG, 58), "a bug")
+    store.commit([sweep(59), sweep(60)], [cursor(60)], [Suspect(LOG, 50, 53, "the sensor is stuck")])
+    store.commit([sweep(61, start_s=1e7)], [cursor(61)])  # all others are too old
+    with pytest.raises(AttributeError):
+        store.commit([sweep(62), None], [cursor(62)])  # pyright: ignore[reportArgumentType]
+    assert sequences(store) == [61]
+    store.close()
+    with closing(sqlite3.connect(path)) as database:
+        held = database.execute("SELECT of_table, held FROM chain ORDER BY of_table").fetchall()
+    assert held == [("cursor", 1), ("set_aside", 1), ("sweep", 1)]
+    assert SweepStore(path, Window()).damage == ""
+
+
+def test_a_store_of_the_version_without_a_chain_keeps_all_it_has_and_is_chained_from_then_on(path: Path) -> None:
+    store = SweepStore(path, Window())
+    store.commit([sweep(1), sweep(2)], [cursor(2)])
+    store.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("DROP TABLE chain")
+        database.execute("PRAGMA user_version = 4")
+    reopened = SweepStore(path, Window())
+    assert (reopened.damage, sequences(reopened), reopened.cursors()) == ("", [1, 2], {"u1": cursor(2)})
+    reopened.close()
+    with closing(sqlite3.connect(path)) as database, database:
+        assert database.execute("PRAGMA user_version").fetchone() == (5,)
+        database.execute(SWEEP_2)
+    assert "its table sweep are not those that were committed" in SweepStore(path, Window()).damage
 
 
 @pytest.mark.parametrize("table", ["cursor", "contour", "set_aside"])
@@ -241,9 +313,9 @@ def test_a_store_of_a_later_version_is_refused_and_left_as_it_is(path: Path, cha
     store.close()
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(change)
-        database.execute("PRAGMA user_version = 5")
+        database.execute("PRAGMA user_version = 6")
     before = path.read_bytes()
-    with pytest.raises(StoreError, match="has format 5, this mapper reads 4"):
+    with pytest.raises(StoreError, match="has format 6, this mapper reads 5"):
         SweepStore(path, Window())
     assert path.read_bytes() == before
     assert not (path.parent / "set-aside").exists()
@@ -372,8 +444,11 @@ def test_no_sweep_waits_for_the_disk_and_the_number_of_a_contour_does(path: Path
     assert syncs["contour"] > 0
 
 
-def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    store, out = SweepStore(path, Window()), path.parent / "out"
+def test_check_and_backup_of_a_running_mapper_say_what_is_sound(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "data" / "paper-room.sqlite3", tmp_path / "out"
+    store = SweepStore(path, Window())
     store.commit([sweep(1), sweep(2)], [cursor(2)])
     main_of(["backup", str(path.parent), str(out)], status=0)
     assert capsys.readouterr().out == "paper-room.sqlite3: 2 sweeps, all is sound\n"
@@ -383,9 +458,9 @@ def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, caps
     main_of(["check", str(path.parent)], status=1)
     damaged = "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
     assert capsys.readouterr().out == damaged
-    main_of(["backup", str(path.parent), str(path.parent / "damaged")], status=1)
+    main_of(["backup", str(path.parent), str(tmp_path / "damaged")], status=1)
     assert capsys.readouterr().out == damaged
-    assert (path.parent / "damaged" / path.name).exists()  # nothing better can be had
+    assert (tmp_path / "damaged" / path.name).exists()  # nothing better can be had
     restored = SweepStore(out / path.name, Window())
     assert (sequences(restored), restored.damage) == ([1, 2], "")
     restored.close()
