@@ -10,6 +10,7 @@ import pytest
 from mapper.live_site import SITE, LiveSite, live_site, message, paper_survey
 from mapper.rerun_relay import relay
 from system.processes import wait_until
+from system.test_operations import end_in_time
 
 from mapper import room
 from noctule import keys
@@ -205,7 +206,7 @@ def test_mapping_goes_on_when_the_relay_dies_and_ends_without_waiting_for_it(sit
     site.play(survey[6:])
     site.contour_of(12)
     wait_until(lambda: "went away" in site.running.log("mapper"), "the relay is not missed")
-    assert site.running.end("mapper") == 0
+    assert end_in_time(site.running, "mapper") == 0
 
 
 def test_a_mapper_ends_though_its_relay_does_not_take_what_it_draws(site: LiveSite) -> None:
@@ -220,7 +221,7 @@ def test_a_mapper_ends_though_its_relay_does_not_take_what_it_draws(site: LiveSi
         for first in range(6, 44, 4):
             site.play(survey[first : first + 4])
             site.contour_of(min(first + 4, 44))
-        assert site.running.end("mapper") == 0
+        assert end_in_time(site.running, "mapper") == 0
 
 
 def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSite, tmp_path: Path) -> None:
@@ -228,7 +229,7 @@ def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSi
     where = ("--site", SITE, "--data", str(tmp_path), "--connect", nobody)
     site.running.start("mapper", "noctule-mapper", "run", *where)
     wait_until(lambda: "no router answers" in site.running.log("mapper"), "it does not say that it waits")
-    assert site.running.end("mapper") == 0
+    assert end_in_time(site.running, "mapper") == 0
 
 
 def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: LiveSite, tmp_path: Path) -> None:
