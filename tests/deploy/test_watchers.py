@@ -1,4 +1,4 @@
-"""Viewers and recorders see within ten seconds that a router drops what they publish, or hides what they read."""
+"""Viewers and readers see within ten seconds that a router drops what they publish, or hides what they read."""
 
 import logging
 import time
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from deploy.secured_fleet import SecuredFleet
-from system.processes import programs, wait_until
+from system.processes import programs, wait_until, within_pauses
 
 from noctule import bus, keys
 from noctule.client import Client
@@ -16,6 +16,8 @@ from noctule.messages_pb2 import LogRecords, ServiceStatus
 from noctule.read_watch import ReadWatch
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.presence import Presence
+
+WITHIN_S = 10.0
 
 
 @contextmanager
@@ -46,7 +48,7 @@ def test_a_viewer_of_another_site_says_within_ten_seconds_that_nobody_reads_it(
             presence.put(ServiceStatus(role="viewer", counters={"put": time.monotonic_ns()}))
             return "nobody reads what is published on noctule/@v1/farm/service/screen/status" in caplog.text
 
-        wait_until(told, "the viewer did not see it")
+        within_pauses(told, "the viewer did not see it", WITHIN_S)
         assert "don't allow it to viewer.screen.g1. Either this certificate was revoked" in caplog.text
 
 
@@ -76,7 +78,7 @@ def reading(secured: SecuredFleet, name: str) -> Iterator[ReadWatch]:
 
 def test_a_reader_that_may_read_nothing_says_so_within_ten_seconds(secured: SecuredFleet) -> None:
     with unit_at(secured), reading(secured, "service.alarm.g1") as revoked:
-        wait_until(lambda: revoked.trouble, "the reader did not see it")
+        within_pauses(lambda: revoked.trouble, "the reader did not see it", WITHIN_S)
         assert revoked.trouble.startswith(
             "no unit of site 'house' is seen: either no gateway of it is up, or the rules"
         )
@@ -96,7 +98,7 @@ def test_a_reader_says_when_its_site_can_be_read_again(secured: SecuredFleet, ca
             wait_until(lambda: "site 'house' is read again" in caplog.text, "it was not told")
 
 
-def test_a_recording_says_within_ten_seconds_that_its_site_is_hidden(secured: SecuredFleet, tmp_path: Path) -> None:
+def test_a_recording_says_that_its_site_is_hidden(secured: SecuredFleet, tmp_path: Path) -> None:
     with programs(tmp_path) as running:
         folder = str(secured.folder("service.alarm.g1"))
         running.start("record", "noctule", "record", "house", str(tmp_path / "sweeps.jsonl"), "--tls", folder)
