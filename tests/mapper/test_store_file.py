@@ -10,9 +10,11 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 import pytest
 from mapper.stored_sweeps import LOG, cursor, sequences, sweep
+from system.processes import two_processes
 
 from noctule.elapsed import Instant
 from noctule_mapper.cli import main
@@ -20,7 +22,6 @@ from noctule_mapper.config import Window
 from noctule_mapper.live import newest_commit
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
-from noctule_mapper.readings.faulty import Suspect
 
 
 @pytest.fixture
@@ -65,77 +66,6 @@ def test_a_damaged_sweep_is_not_mapped_and_is_read_again_from_its_log(path: Path
     assert SweepStore(path, Window()).damage == ""
 
 
-SWEEP_2 = "DELETE FROM sweep WHERE log_sequence = 2"
-
-
-@pytest.mark.parametrize(
-    ("table", "statements", "left"),
-    [
-        ("sweep", [SWEEP_2], [1]),
-        ("sweep", ["DELETE FROM sweep"], []),
-        ("sweep", [SWEEP_2, "INSERT INTO sweep SELECT * FROM other.sweep WHERE log_sequence = 2"], [1, 2]),
-        ("sweep", [SWEEP_2, "INSERT INTO sweep SELECT * FROM other.sweep WHERE log_sequence = 4"], [1, 4]),
-        ("sweep", ["INSERT INTO sweep SELECT * FROM other.sweep WHERE log_sequence = 4"], [1, 2, 4]),
-        ("set_aside", ["DELETE FROM set_aside"], [1, 2]),
-        ("cursor", ["DELETE FROM cursor"], [1, 2]),
-        ("cursor", ["UPDATE cursor SET (log_sequence, checksum) = (SELECT 4, checksum FROM other.cursor)"], [1, 2]),
-    ],
-)
-def test_a_missing_row_and_a_sound_one_that_was_never_committed_are_found_by_the_chain(
-    path: Path, tmp_path: Path, table: str, statements: list[str], left: list[int]
-) -> None:
-    other = tmp_path / "other.sqlite3"
-    elsewhere, store = SweepStore(other, Window()), SweepStore(path, Window())
-    elsewhere.commit([sweep(2, x_m=7.0), sweep(4)], [cursor(4)])
-    elsewhere.close()
-    store.commit([sweep(1), sweep(2), sweep(3)], [cursor(2)])
-    store.commit([], [cursor(3)])
-    store.set_aside((LOG, 3), "a bug")
-    store.close()
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("ATTACH ? AS other", (str(other),))
-        with database:
-            for statement in statements:
-                database.execute(statement)
-    reopened = SweepStore(path, Window())
-    assert f"damaged (the rows of its table {table} are not those that were committed)" in reopened.damage
-    assert (sequences(reopened), reopened.cursors()) == (left, {})  # all is read again from the logs
-    reopened.close()
-    assert SweepStore(path, Window()).damage == ""
-
-
-def test_the_chain_holds_over_all_that_takes_sweeps_out_and_over_a_commit_that_fails(path: Path) -> None:
-    store = SweepStore(path, Window(max_sweeps=20, sweeps_per_place=2))
-    store.commit([sweep(number, x_m=number // 4) for number in range(1, 60)], [cursor(59)])
-    store.set_aside((LOG, 58), "a bug")
-    store.commit([sweep(59), sweep(60)], [cursor(60)], [Suspect(LOG, 50, 53, "the sensor is stuck")])
-    store.commit([sweep(61, start_s=1e7)], [cursor(61)])  # all others are too old
-    with pytest.raises(AttributeError):
-        store.commit([sweep(62), None], [cursor(62)])  # pyright: ignore[reportArgumentType]
-    assert sequences(store) == [61]
-    store.close()
-    with closing(sqlite3.connect(path)) as database:
-        held = database.execute("SELECT of_table, held FROM chain ORDER BY of_table").fetchall()
-    assert held == [("cursor", 1), ("set_aside", 1), ("sweep", 1)]
-    assert SweepStore(path, Window()).damage == ""
-
-
-def test_a_store_of_the_version_without_a_chain_keeps_all_it_has_and_is_chained_from_then_on(path: Path) -> None:
-    store = SweepStore(path, Window())
-    store.commit([sweep(1), sweep(2)], [cursor(2)])
-    store.close()
-    with closing(sqlite3.connect(path)) as database, database:
-        database.execute("DROP TABLE chain")
-        database.execute("PRAGMA user_version = 4")
-    reopened = SweepStore(path, Window())
-    assert (reopened.damage, sequences(reopened), reopened.cursors()) == ("", [1, 2], {"u1": cursor(2)})
-    reopened.close()
-    with closing(sqlite3.connect(path)) as database, database:
-        assert database.execute("PRAGMA user_version").fetchone() == (5,)
-        database.execute(SWEEP_2)
-    assert "its table sweep are not those that were committed" in SweepStore(path, Window()).damage
-
-
 @pytest.mark.parametrize("table", ["cursor", "contour", "set_aside"])
 def test_a_damaged_row_beside_the_sweeps_loses_no_sweep(path: Path, table: str) -> None:
     store = SweepStore(path, Window())
@@ -165,27 +95,45 @@ def flipped_or_cut(folder: Path, random: Random) -> str:
     return f"{file.name} at {place}"
 
 
-def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_mapper(tmp_path: Path) -> None:
-    running, left = tmp_path / "running", tmp_path / "left"
-    store = SweepStore(running / "store.sqlite3", Window())
-    for number in range(1, 41):
-        store.commit([sweep(number)], [cursor(number)])
-    shutil.copytree(running, left)  # as a kill leaves it: all is in the -wal
-    store.close()
-    shutil.copytree(running, tmp_path / "closed")
-    for seed in range(60):
-        folder = tmp_path / "trial"
-        shutil.copytree(left if seed % 2 else tmp_path / "closed", folder)
-        done = flipped_or_cut(folder, Random(seed))
-        spoiled = SweepStore(folder / "store.sqlite3", Window())
-        held = spoiled.sweeps()
-        assert all(one == sweep(one.log_sequence) for one in held), done
-        reached = spoiled.cursors()["u1"].log_sequence if spoiled.cursors() else 0
-        assert {one.log_sequence for one in held} >= set(range(1, reached + 1)), done  # the rest is read again
-        spoiled.commit([sweep(number) for number in range(reached + 1, 42)], [cursor(41)])
-        assert sequences(spoiled) == list(range(1, 42)), done
-        spoiled.close()
-        shutil.rmtree(folder)
+def flips_and_cuts(seeds: range) -> int:
+    """How many of the stores that were spoiled so were read and went on as they must."""
+    right = 0
+    with TemporaryDirectory() as made:
+        tmp_path = Path(made)
+        running, left = tmp_path / "running", tmp_path / "left"
+        store = SweepStore(running / "store.sqlite3", Window())
+        for number in range(1, 41):
+            store.commit([sweep(number)], [cursor(number)])
+        shutil.copytree(running, left)  # as a kill leaves it: all is in the -wal
+        store.close()
+        shutil.copytree(running, tmp_path / "closed")
+        for seed in seeds:
+            folder = tmp_path / "trial"
+            shutil.copytree(left if seed % 2 else tmp_path / "closed", folder)
+            done = flipped_or_cut(folder, Random(seed))
+            spoiled = SweepStore(folder / "store.sqlite3", Window())
+            held = spoiled.sweeps()
+            assert all(one == sweep(one.log_sequence) for one in held), (seed, done)
+            reached = spoiled.cursors()["u1"].log_sequence if spoiled.cursors() else 0
+            read = {one.log_sequence for one in held}
+            assert read >= set(range(1, reached + 1)), (seed, done)  # the rest is read again
+            spoiled.commit([sweep(number) for number in range(reached + 1, 42)], [cursor(41)])
+            assert sequences(spoiled) == list(range(1, 42)), (seed, done)
+            spoiled.close()
+            shutil.rmtree(folder)
+            right += 1
+    return right
+
+
+def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_mapper() -> None:
+    assert flips_and_cuts(range(60)) == 60
+
+
+@pytest.mark.soak
+def test_five_thousand_flips_and_cuts_alter_no_sweep_of_the_store_and_end_no_mapper() -> None:
+    with two_processes() as pool:
+        parts = pool.map(flips_and_cuts, (range(10_000 * part, 10_000 * part + 1250) for part in range(1, 5)))
+        assert sum(parts) == 5000
 
 
 def test_a_store_without_its_newest_commits_is_not_sound_and_is_rebuilt(
