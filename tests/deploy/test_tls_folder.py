@@ -10,6 +10,7 @@ from deploy.secured_fleet import SecuredFleet, rendered
 
 from noctule import tls
 from noctule.errors import TlsError
+from noctule.expiry_watch import ExpiryWatch
 
 MADE = datetime(2026, 3, 1, 12, tzinfo=UTC)
 NAME = "gateway.attic.g1"
@@ -102,6 +103,18 @@ def test_expiry_is_an_alarm_from_thirty_days_before(folder: Path, days_left: flo
     alarm = identity.expiry_alarm(identity.expires - timedelta(days=days_left))
     assert bool(alarm) == bool(told)
     assert told in alarm
+
+
+def test_the_log_says_each_day_that_a_certificate_expires_soon(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
+    identity = tls.load(folder, MADE)
+    watch, told = ExpiryWatch(identity), list[int]()
+    for hour in range(24 * 100):
+        watch.look(MADE + timedelta(hours=hour))
+        told.append(len(caplog.messages))
+    assert told[24 * 70 - 1] == 0  # it is valid for 100 days
+    assert told[24 * 70 + 1] == 1
+    assert told[-1] == 31  # MADE is at noon
+    assert ExpiryWatch(None).look(MADE) == ""
 
 
 def test_the_folder_that_the_environment_names_is_used_where_none_is_given(

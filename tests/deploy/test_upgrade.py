@@ -42,7 +42,7 @@ def test_an_upgrade_keeps_log_store_and_map_and_a_later_versions_data_are_left_a
             refused = "has schema 4, this gateway knows 3; run its own version"
             wait_until(lambda: refused in running.log("gateway"), "the gateway does not refuse a later version's log")
             assert running.wait("mapper") == 1
-            assert f"{store} has format 5, this mapper reads 4" in running.log("mapper")
+            assert f"{store} has format 6, this mapper reads 5" in running.log("mapper")
             assert running.end("gateway") == 0
             assert (log.read_bytes(), store.read_bytes()) == untouched
 

@@ -3,6 +3,7 @@
 import sys
 import time
 from contextlib import ExitStack
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from deploy.secured_fleet import rendered
@@ -10,10 +11,12 @@ from gateway.model_unit import ModelUnit
 from gateway.serving import FIXED, SITE, running, site_file
 from gateway.tcp_unit import TcpUnit, tcp_unit
 from system.processes import Programs, free_ports, programs, wait_until
+from system.test_operations import metrics_address, scrape
 
 from noctule import bus
 from noctule.client import Client
 
+SCRAPED = ("--metrics", "127.0.0.1:0", "--log-format", "json")
 # A name of 65,536 characters and more makes Zenoh panic, in whichever session is asked for it.
 PANICKING = """
 import sys, threading, time
@@ -103,3 +106,22 @@ def test_the_folder_of_a_client_makes_no_router(tmp_path: Path) -> None:
         assert "viewer.screen.g1 is a client's and no router's: give --listen, or the folder of a router" in (
             started.log("router")
         )
+
+
+def test_a_router_and_a_recording_say_that_their_certificates_expire_soon_and_the_router_is_scraped(
+    tmp_path: Path,
+) -> None:
+    begun = datetime.now(UTC) - timedelta(days=85)
+    made = rendered(tmp_path, "valid_days = 100", begun)
+    router, reader = (str(made.folder(name)) for name in ("router.one.g1", "service.alarm.g1"))
+    with programs(tmp_path) as started:
+        started.start("router", "noctule-gateway", "router", "--tls", router, *SCRAPED)
+        record = ("noctule", "record", "house", str(tmp_path / "sweeps.jsonl"))
+        started.start("record", *record, "--tls", reader)
+        for name, whose in (("router", "router.one.g1"), ("record", "service.alarm.g1")):
+            told = f"the certificate of {whose} expires on {begun + timedelta(days=100):%Y-%m-%d}"
+            wait_until(lambda name=name, told=told: told in started.log(name), f"{name} does not say it")
+        address = metrics_address(started, "router")
+        one_member = ({"site": "", "service": "one"}, 1.0)  # the recording
+        wait_until(lambda: scrape(address)["noctule_router_members"] == [one_member], "the members are not counted")
+        assert started.end("router") == 0

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from socket import gethostname
 
 import numpy as np
 import psutil
@@ -10,9 +11,10 @@ import pytest
 from mapper.live_site import SITE, LiveSite, live_site, message, paper_survey
 from mapper.rerun_relay import relay
 from system.processes import wait_until
+from system.test_operations import end_in_time
 
 from mapper import room
-from noctule import keys
+from noctule import bus, keys
 from noctule.messages_pb2 import Contour, Features, GridTile, ServiceStatus, Sweep
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
@@ -205,7 +207,7 @@ def test_mapping_goes_on_when_the_relay_dies_and_ends_without_waiting_for_it(sit
     site.play(survey[6:])
     site.contour_of(12)
     wait_until(lambda: "went away" in site.running.log("mapper"), "the relay is not missed")
-    assert site.running.end("mapper") == 0
+    assert end_in_time(site.running, "mapper") == 0
 
 
 def test_a_mapper_ends_though_its_relay_does_not_take_what_it_draws(site: LiveSite) -> None:
@@ -220,7 +222,28 @@ def test_a_mapper_ends_though_its_relay_does_not_take_what_it_draws(site: LiveSi
         for first in range(6, 44, 4):
             site.play(survey[first : first + 4])
             site.contour_of(min(first + 4, 44))
-        assert site.running.end("mapper") == 0
+        assert end_in_time(site.running, "mapper") == 0
+
+
+def test_a_second_mapper_of_the_site_stands_in_the_first_ones_status_until_it_is_gone(site: LiveSite) -> None:
+    site.start_mapper()
+
+    def detail() -> str | None:
+        statuses = {status.name: status for status in site.client.service_statuses()}
+        return statuses["mapper"].detail if "mapper" in statuses else None
+
+    wait_until(lambda: detail() is not None, "there is no mapper")
+    with bus.open_session([site.endpoint]) as session:
+        second = bus.StatePublisher(session, keys.service_status(SITE, "second"), ServiceStatus)
+        told = f"another mapper maps this site too (second on {gethostname()}): stop one of them"
+
+        def is_told() -> bool:
+            second.put(ServiceStatus(site=SITE, name="second", role="mapper"))
+            return told in (detail() or "")
+
+        wait_until(is_told, "the first does not say it")
+        second.close()
+    wait_until(lambda: told not in (detail() or told), "it is still told")
 
 
 def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSite, tmp_path: Path) -> None:
@@ -228,7 +251,7 @@ def test_a_mapper_that_waits_for_its_router_ends_when_it_is_told_to(site: LiveSi
     where = ("--site", SITE, "--data", str(tmp_path), "--connect", nobody)
     site.running.start("mapper", "noctule-mapper", "run", *where)
     wait_until(lambda: "no router answers" in site.running.log("mapper"), "it does not say that it waits")
-    assert site.running.end("mapper") == 0
+    assert end_in_time(site.running, "mapper") == 0
 
 
 def test_a_mapper_that_is_set_up_wrongly_says_so_and_ends_with_an_error(site: LiveSite, tmp_path: Path) -> None:

@@ -10,9 +10,11 @@ import sys
 from contextlib import closing
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 import pytest
 from mapper.stored_sweeps import LOG, cursor, sequences, sweep
+from system.processes import two_processes
 
 from noctule.elapsed import Instant
 from noctule_mapper.cli import main
@@ -93,27 +95,45 @@ def flipped_or_cut(folder: Path, random: Random) -> str:
     return f"{file.name} at {place}"
 
 
-def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_mapper(tmp_path: Path) -> None:
-    running, left = tmp_path / "running", tmp_path / "left"
-    store = SweepStore(running / "store.sqlite3", Window())
-    for number in range(1, 41):
-        store.commit([sweep(number)], [cursor(number)])
-    shutil.copytree(running, left)  # as a kill leaves it: all is in the -wal
-    store.close()
-    shutil.copytree(running, tmp_path / "closed")
-    for seed in range(60):
-        folder = tmp_path / "trial"
-        shutil.copytree(left if seed % 2 else tmp_path / "closed", folder)
-        done = flipped_or_cut(folder, Random(seed))
-        spoiled = SweepStore(folder / "store.sqlite3", Window())
-        held = spoiled.sweeps()
-        assert all(one == sweep(one.log_sequence) for one in held), done
-        reached = spoiled.cursors()["u1"].log_sequence if spoiled.cursors() else 0
-        assert {one.log_sequence for one in held} >= set(range(1, reached + 1)), done  # the rest is read again
-        spoiled.commit([sweep(number) for number in range(reached + 1, 42)], [cursor(41)])
-        assert sequences(spoiled) == list(range(1, 42)), done
-        spoiled.close()
-        shutil.rmtree(folder)
+def flips_and_cuts(seeds: range) -> int:
+    """How many of the stores that were spoiled so were read and went on as they must."""
+    right = 0
+    with TemporaryDirectory() as made:
+        tmp_path = Path(made)
+        running, left = tmp_path / "running", tmp_path / "left"
+        store = SweepStore(running / "store.sqlite3", Window())
+        for number in range(1, 41):
+            store.commit([sweep(number)], [cursor(number)])
+        shutil.copytree(running, left)  # as a kill leaves it: all is in the -wal
+        store.close()
+        shutil.copytree(running, tmp_path / "closed")
+        for seed in seeds:
+            folder = tmp_path / "trial"
+            shutil.copytree(left if seed % 2 else tmp_path / "closed", folder)
+            done = flipped_or_cut(folder, Random(seed))
+            spoiled = SweepStore(folder / "store.sqlite3", Window())
+            held = spoiled.sweeps()
+            assert all(one == sweep(one.log_sequence) for one in held), (seed, done)
+            reached = spoiled.cursors()["u1"].log_sequence if spoiled.cursors() else 0
+            read = {one.log_sequence for one in held}
+            assert read >= set(range(1, reached + 1)), (seed, done)  # the rest is read again
+            spoiled.commit([sweep(number) for number in range(reached + 1, 42)], [cursor(41)])
+            assert sequences(spoiled) == list(range(1, 42)), (seed, done)
+            spoiled.close()
+            shutil.rmtree(folder)
+            right += 1
+    return right
+
+
+def test_flips_and_cuts_at_seeded_places_alter_no_sweep_of_the_store_and_end_no_mapper() -> None:
+    assert flips_and_cuts(range(60)) == 60
+
+
+@pytest.mark.soak
+def test_five_thousand_flips_and_cuts_alter_no_sweep_of_the_store_and_end_no_mapper() -> None:
+    with two_processes() as pool:
+        parts = pool.map(flips_and_cuts, (range(10_000 * part, 10_000 * part + 1250) for part in range(1, 5)))
+        assert sum(parts) == 5000
 
 
 def test_a_store_without_its_newest_commits_is_not_sound_and_is_rebuilt(
@@ -241,9 +261,9 @@ def test_a_store_of_a_later_version_is_refused_and_left_as_it_is(path: Path, cha
     store.close()
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(change)
-        database.execute("PRAGMA user_version = 5")
+        database.execute("PRAGMA user_version = 6")
     before = path.read_bytes()
-    with pytest.raises(StoreError, match="has format 5, this mapper reads 4"):
+    with pytest.raises(StoreError, match="has format 6, this mapper reads 5"):
         SweepStore(path, Window())
     assert path.read_bytes() == before
     assert not (path.parent / "set-aside").exists()
@@ -372,8 +392,11 @@ def test_no_sweep_waits_for_the_disk_and_the_number_of_a_contour_does(path: Path
     assert syncs["contour"] > 0
 
 
-def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    store, out = SweepStore(path, Window()), path.parent / "out"
+def test_check_and_backup_of_a_running_mapper_say_what_is_sound(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "data" / "paper-room.sqlite3", tmp_path / "out"
+    store = SweepStore(path, Window())
     store.commit([sweep(1), sweep(2)], [cursor(2)])
     main_of(["backup", str(path.parent), str(out)], status=0)
     assert capsys.readouterr().out == "paper-room.sqlite3: 2 sweeps, all is sound\n"
@@ -383,9 +406,9 @@ def test_check_and_backup_of_a_running_mapper_say_what_is_sound(path: Path, caps
     main_of(["check", str(path.parent)], status=1)
     damaged = "paper-room.sqlite3: 2 rows of its table sweep do not fit\n"
     assert capsys.readouterr().out == damaged
-    main_of(["backup", str(path.parent), str(path.parent / "damaged")], status=1)
+    main_of(["backup", str(path.parent), str(tmp_path / "damaged")], status=1)
     assert capsys.readouterr().out == damaged
-    assert (path.parent / "damaged" / path.name).exists()  # nothing better can be had
+    assert (tmp_path / "damaged" / path.name).exists()  # nothing better can be had
     restored = SweepStore(out / path.name, Window())
     assert (sequences(restored), restored.damage) == ([1, 2], "")
     restored.close()

@@ -1,6 +1,7 @@
 """Sessions, states and schemas on a real router."""
 
 import contextlib
+import json
 import os
 import re
 import socket
@@ -15,9 +16,10 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.descriptor_pool import DescriptorPool
 from sdk.conftest import PATIENCE_S, Router, until_matching
 
-from noctule import bus, bus_config, keys
+from noctule import bus, bus_config, keys, metrics_server
 from noctule.errors import BusConfigError, BusError
 from noctule.messages_pb2 import Contour, GridTile, Sweep
+from noctule_gateway.cli.options import DEFAULT_LISTEN
 
 
 def test_an_encoding_names_its_message():
@@ -98,6 +100,27 @@ def test_a_configuration_file_gives_what_the_endpoints_do_not(endpoint, tmp_path
     made = bus_config.config([], [endpoint], None)
     assert made.get_json("metadata") == '{"name":"from the file"}'
     assert made.get_json("mode") == '"router"'
+
+
+@pytest.mark.parametrize(("connect", "listen"), [([], []), ([], [DEFAULT_LISTEN]), ([bus.DEFAULT_ROUTER], [])])
+def test_nobody_is_looked_for_by_multicast_or_gossip_though_a_configuration_file_says_so(
+    connect, listen, tmp_path, monkeypatch
+):
+    config = tmp_path / "zenoh.json5"
+    config.write_text("{ scouting: { multicast: { enabled: true }, gossip: { enabled: true } } }")
+    monkeypatch.setenv(bus.CONFIG_VARIABLE, str(config))
+    made = bus_config.config(connect, listen, None)
+    assert made.get_json("scouting/multicast/enabled") == "false"
+    assert made.get_json("scouting/gossip/enabled") == "false"
+
+
+def test_where_nothing_is_named_a_session_connects_to_loopback_and_listens_nowhere_and_a_router_on_loopback():
+    client, router = bus_config.config([], [], None), bus_config.config([], [DEFAULT_LISTEN], None)
+    assert (json.loads(client.get_json("mode")), bus_config.endpoints_of(client, "listen")) == ("client", [])
+    assert bus_config.endpoints_of(client, "connect") == ["tcp/127.0.0.1:7447"]
+    assert bus_config.endpoints_of(router, "listen") == ["tcp/127.0.0.1:7447"]
+    assert bus_config.open_to_all(router) == ""
+    assert metrics_server.address("9464") == ("127.0.0.1", 9464)
 
 
 def test_a_session_is_given_up_after_its_lease_or_after_zenohs_10_s(endpoint):

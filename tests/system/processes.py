@@ -25,6 +25,7 @@ T = TypeVar("T")
 PATIENCE_S = 240.0
 """How long a test waits for what a loaded machine may take its time over. It is no promise of the product."""
 END_WITHIN_S = 20.0
+_PAUSE_S = 0.1
 
 
 class Forked(psutil.Process):
@@ -158,6 +159,17 @@ def wait_until(condition: Callable[[], T | None], what: str, within_s: float = P
         assert time.monotonic() < deadline_s, f"{what} (waited {within_s:g} s)"
         time.sleep(every_s)
     return value
+
+
+def within_pauses(condition: Callable[[], T | None], what: str, within_s: float) -> T:
+    """As wait_until(), for what the product promises: ``within_s`` is the sum of the pauses between two looks, and not
+    the clock's. On a loaded machine a pause takes longer, as those of the program under test do.
+    """
+    for _ in range(round(within_s / _PAUSE_S)):
+        if value := condition():
+            return value
+        time.sleep(_PAUSE_S)
+    raise AssertionError(f"{what} (after pauses of {within_s:g} s)")
 
 
 def two_processes() -> ProcessPoolExecutor:

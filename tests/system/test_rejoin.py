@@ -7,6 +7,7 @@ from threading import Event
 import zenoh
 from system.processes import Programs, free_ports, programs, wait_until
 from system.test_one_owner import gateway, mapper
+from system.test_operations import viewer
 
 from noctule import bus
 from noctule.client import Client
@@ -15,7 +16,7 @@ SITE = "attic"
 OUTAGE_S = 5.0  # by then every program waits as long between two attempts as it ever does
 WITHIN_S = 10.0
 STAYS_S = 8.0  # longer than the sessions that services open to read what they publish
-PROGRAMS = ("gateway", "mapper", "replay", "record", "watch")
+PROGRAMS = ("gateway", "mapper", "replay", "record", "watch", "viewer")
 
 
 def start_all(running: Programs, folder: Path, endpoint: str) -> None:
@@ -28,6 +29,7 @@ def start_all(running: Programs, folder: Path, endpoint: str) -> None:
     running.start("mapper", *mapper(folder / "mapper", SITE)[:-4], *connect, "--rerun", "none")
     running.start("record", "noctule", "record", SITE, str(folder / "record.jsonl"), *connect)
     running.start("watch", "noctule", "watch", SITE, "--json", *connect)
+    running.start("viewer", *viewer(), "--site", SITE, *connect)
     assert running.wait("import") == 0, running.log("import")
     running.start("replay", "noctule", "replay", str(folder / "wall.jsonl"), "--site", SITE, "--speed", "max", *connect)
 

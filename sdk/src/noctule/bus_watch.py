@@ -18,6 +18,7 @@ from noctule import bus, bus_config, endpoints, keys, reachability, tls
 from noctule.bus import StatePublisher
 from noctule.endpoint_watch import EndpointWatch
 from noctule.errors import BusError
+from noctule.expiry_watch import ExpiryWatch
 
 LOOK_EVERY_S = 0.5
 # Looks are counted and not timed: a process that is held up by its own work has not waited.
@@ -54,7 +55,8 @@ class BusWatch:
         self._endpoints = EndpointWatch(self._routers, listen_on, self._is_router)
         self._open_to_all = bus_config.open_to_all(config) if self._is_router else ""
         self._publishers: Callable[[], Sequence[StatePublisher]] = tuple
-        self._trouble = self._expiry = ""
+        self._expiry = ExpiryWatch(self._identity)
+        self._trouble = ""
         self._said: set[str] = set()  # all that it was since all was well
         self.looked = threading.Event()  # set once the way was looked at
         self._closed = threading.Event()
@@ -71,10 +73,7 @@ class BusWatch:
         """What is wrong, a router that is open to all, and a certificate that expires soon, in words; empty while all
         is well.
         """
-        alarm = self._identity.expiry_alarm(datetime.now(UTC)) if self._identity else ""
-        if alarm and alarm != self._expiry:
-            _log.warning("%s", alarm)
-        self._expiry = alarm
+        alarm = self._expiry.look(datetime.now(UTC))
         return "; ".join(filter(None, (self._trouble, self._endpoints.detail(), self._open_to_all, alarm)))
 
     def close(self) -> None:

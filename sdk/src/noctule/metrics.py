@@ -17,6 +17,7 @@ Labels = Mapping[str, str]
 # A status calls all its numbers counters. These rise and fall, as does what is a size or a duration.
 _LEVELS = frozenset(
     {
+        "members",
         "sites",
         "sites_mapped",
         "sites_unshared",

@@ -6,6 +6,7 @@ Zenoh says nothing of it: a forbidden subscription just stays empty, and so does
 import logging
 import threading
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 
 import zenoh
@@ -13,6 +14,7 @@ import zenoh
 from noctule import bus_config, endpoints, reachability, tls
 from noctule.client import Client
 from noctule.errors import BusError
+from noctule.expiry_watch import ExpiryWatch
 
 LOOK_EVERY_S = 2.0
 _LOOKS = 3  # that find something wrong, before it is said: a gateway may just be starting
@@ -22,7 +24,8 @@ _log = logging.getLogger(__name__)
 
 
 class ReadWatch:
-    """Looks every 2 s whether a site's logs can be read, from begin() to close(), and logs it when that changes.
+    """Looks every 2 s whether a site's logs can be read, from begin() to close(), and logs it when that changes; and
+    each day that the certificate expires soon.
 
     ``connect`` and ``tls_folder`` are what the client's session was opened with.
     """
@@ -48,8 +51,9 @@ class ReadWatch:
             self._thread.join(LOOK_EVERY_S)  # a gateway may not answer
 
     def _run(self) -> None:
-        in_a_row = 0
+        in_a_row, expiry = 0, ExpiryWatch(self._identity)
         while not self._closed.wait(LOOK_EVERY_S):
+            expiry.look(datetime.now(UTC))
             try:
                 found = self._look()
             except (BusError, zenoh.ZError):

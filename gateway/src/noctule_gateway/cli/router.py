@@ -8,7 +8,7 @@ import typer
 from noctule import tls
 from noctule.errors import NoctuleError
 from noctule.logs import LogFormat
-from noctule.program_options import ENDPOINT, Format, Tls
+from noctule.program_options import ENDPOINT, Format, Metrics, Tls
 from noctule_gateway.cli.options import DEFAULT_LISTEN
 
 _log = logging.getLogger(__name__)
@@ -27,6 +27,7 @@ def router(
         list[str] | None, typer.Option(metavar="ENDPOINT", callback=ENDPOINT, help="Another router to link with.")
     ] = None,
     tls_folder: Tls = None,
+    metrics: Metrics = None,
     log_format: Format = LogFormat.TEXT,
 ) -> None:
     """Be the router alone, for gateways with --connect, until SIGTERM or Ctrl-C."""
@@ -35,7 +36,8 @@ def router(
 
     ending = begin(log_format)
     try:
-        serve(listen or ([] if tls.chosen(tls_folder) else [DEFAULT_LISTEN]), connect or [], tls_folder, ending)
+        default = [] if tls.chosen(tls_folder) else [DEFAULT_LISTEN]
+        serve(listen or default, connect or [], tls_folder, metrics, ending)
     except (NoctuleError, OSError) as error:
         _log.error("%s", error)
         raise typer.Exit(1) from error

@@ -1,4 +1,5 @@
-"""The file of the mapper's store: its tables, a checksum in every row, and what becomes of a damaged one.
+"""The file of the mapper's store: its tables, a checksum in every row, a chain over the rows, and what becomes of a
+damaged one.
 
 The gateways' logs hold nearly all that a store does. So a damaged store is set aside whole, what is sound in it goes
 into a fresh one without the cursors, and the logs are read again from their tails: a sweep that is held already changes
@@ -10,7 +11,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import astuple
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from noctule_mapper.window import SCHEMA as WINDOW_SCHEMA
 # SQLite's words for a commit that waits for the disk, and for one that leaves it to the system. A power cut can undo
 # the newest of the latter, all from some moment on, so that cursors go back with the sweeps.
 SYNCED, UNSYNCED = "FULL", "NORMAL"
-VERSION = 4  # 3 had checksums and no elapsed time, 2 neither
+VERSION = 5  # 4 had no chain, 3 checksums and no elapsed time, 2 none of these
 _SCHEMA = (
     *WINDOW_SCHEMA,
     """CREATE TABLE IF NOT EXISTS cursor (
@@ -37,9 +38,20 @@ _SCHEMA = (
     "CREATE TABLE IF NOT EXISTS contour (version INTEGER NOT NULL, checksum BLOB NOT NULL)",
     """CREATE TABLE IF NOT EXISTS elapsed (
         seconds REAL NOT NULL, kernel_boot TEXT NOT NULL, since_boot_s REAL NOT NULL, checksum BLOB NOT NULL)""",
+    # Of each table whose rows come and go: how many there are, and the XOR of their checksums.
+    """CREATE TABLE IF NOT EXISTS chain (
+        of_table TEXT PRIMARY KEY, held INTEGER NOT NULL, xored BLOB NOT NULL, checksum BLOB NOT NULL)""",
 )
-_BEFORE_4 = ("sweep", "set_aside", "cursor", "contour")
-_TABLES = (*_BEFORE_4, "elapsed")
+_CHAINED = ("sweep", "set_aside", "cursor")
+# They stand in the mapper's own connection and not in the file: every statement of it counts, and no other change does.
+_TRIGGER = """
+CREATE TEMP TRIGGER chain_{event}_{table} AFTER {event} ON main.{table} BEGIN
+    UPDATE chain SET held = held + {change}, xored = xored(xored, {row}.checksum),
+        checksum = checksum(of_table, held + {change}, xored(xored, {row}.checksum)) WHERE of_table = '{table}';
+END
+"""
+_BEFORE_4 = (*_CHAINED, "contour")
+_TABLES = {2: _BEFORE_4, 3: _BEFORE_4, 4: (*_BEFORE_4, "elapsed"), VERSION: (*_BEFORE_4, "elapsed", "chain")}
 _OF_ONE_ROW = ("contour", "elapsed")
 _NOTHING_COUNTED = Elapsed(0.0, "", 0.0)
 _SUFFIXES = ("-shm", "-wal", "")
@@ -101,12 +113,50 @@ def _fault(database: sqlite3.Connection, path: Path, newest: Newest | None) -> s
         return "all its commits are gone"
     if version in (0, 2):
         return ""
-    tables = _TABLES if version == VERSION else _BEFORE_4
+    tables = _TABLES[version]
     damaged = {table: sum(row is None for row in _rows(database, table)) for table in tables}
     named = [f"{count} rows of its table {table} do not fit" for table, count in damaged.items() if count]
     empty = [table for table in _OF_ONE_ROW if table in tables and len(list(_rows(database, table))) != 1]
-    found = "; ".join(named or [f"its table {table} is empty" for table in empty])
-    return found or (_lacking(database, newest) if newest and version == VERSION else "")
+    unchained = _unchained(database) if "chain" in tables and not named else []
+    found = "; ".join(named or [f"its table {table} is empty" for table in empty] or unchained)
+    return found or (_lacking(database, newest) if newest and "elapsed" in tables else "")
+
+
+def _unchained(database: sqlite3.Connection) -> list[str]:
+    """Of which tables a row is missing, or stands there that was not committed, in words; every row is sound."""
+    committed = {table: (held, xored) for table, held, xored, _ in database.execute("SELECT * FROM chain")}
+    return [
+        f"the rows of its table {table} are not those that were committed"
+        for table in _CHAINED
+        if committed.get(table) != _links(database, table)
+    ]
+
+
+def _links(database: sqlite3.Connection, table: str) -> tuple[int, bytes]:
+    """How many rows a sound table has, and the XOR of their checksums."""
+    links = [link for (link,) in database.execute(f"SELECT checksum FROM {table} NOT INDEXED")]
+    return len(links), reduce(_xored, links, bytes(16))
+
+
+def _xored(one: bytes, other: bytes) -> bytes:
+    return bytes(a ^ b for a, b in zip(one, other, strict=True))
+
+
+def _begin_chain(database: sqlite3.Connection) -> None:
+    """Chain the rows that a sound store has, where they are not chained yet."""
+    if database.execute("SELECT 1 FROM chain").fetchone() is None:
+        rows = [sealed((table, *_links(database, table))) for table in _CHAINED]
+        database.executemany("INSERT INTO chain VALUES (?, ?, ?, ?)", rows)
+
+
+def _keep_chain(database: sqlite3.Connection) -> None:
+    """Chain what this connection inserts and deletes, in the same transaction."""
+    database.execute("PRAGMA recursive_triggers = ON")  # else a row that is replaced stays in the chain
+    database.create_function("xored", 2, _xored, deterministic=True)
+    database.create_function("checksum", -1, checksum, deterministic=True)
+    for table in _CHAINED:
+        database.execute(_TRIGGER.format(table=table, event="INSERT", change=1, row="new"))
+        database.execute(_TRIGGER.format(table=table, event="DELETE", change=-1, row="old"))
 
 
 def _lacking(database: sqlite3.Connection, newest: Newest) -> str:
@@ -146,6 +196,8 @@ def _connected(path: Path, now: Instant, contours: int) -> sqlite3.Connection:
         _note_contours_at_least(database, contours)
         if database.execute("SELECT * FROM elapsed").fetchone() is None:
             database.execute("INSERT INTO elapsed VALUES (?, ?, ?, ?)", sealed(astuple(_NOTHING_COUNTED.at(now))))
+        _begin_chain(database)
+    _keep_chain(database)
     return database
 
 
@@ -173,7 +225,7 @@ def _create(database: sqlite3.Connection) -> None:
 
 
 def _version(database: sqlite3.Connection, path: Path) -> int:
-    """2 to 4, or 0 of a file whose first opening was cut off. Raises StoreError and sqlite3.Error."""
+    """2 to 5, or 0 of a file whose first opening was cut off. Raises StoreError and sqlite3.Error."""
     (version,) = database.execute("PRAGMA user_version").fetchone()
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     made = _version_of_tables(database, tables)
@@ -210,7 +262,7 @@ def _version_of_tables(database: sqlite3.Connection, tables: set[str]) -> int | 
         return None if tables else 0
     columns = {name for _, name, *_ in database.execute("PRAGMA table_info(sweep)")}
     if "entered_elapsed_s" in columns:
-        return VERSION if set(_TABLES) <= tables else None
+        return next((version for version in (VERSION, 4) if set(_TABLES[version]) <= tables), None)
     return 3 if "checksum" in columns else 2
 
 
@@ -293,6 +345,7 @@ def _copy(path: Path, target: sqlite3.Connection, now: Instant, contours: int, r
         _insert(target, "contour", list(_sound(path, "contour"))[:1] or [(far_above,)])
         _note_contours_at_least(target, contours)
         _insert(target, "elapsed", list(_sound(path, "elapsed"))[:1] or [astuple(_counted_at_least(target).at(now))])
+        _begin_chain(target)
     return taken
 
 
