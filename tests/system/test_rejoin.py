@@ -5,7 +5,7 @@ from pathlib import Path
 from threading import Event
 
 import zenoh
-from system.processes import Programs, free_ports, programs, wait_until
+from system.processes import Programs, free_ports, programs, wait_until, within_pauses
 from system.test_one_owner import gateway, mapper
 from system.test_operations import viewer
 
@@ -72,5 +72,5 @@ def test_every_program_is_back_within_ten_seconds_of_the_routers_return(tmp_path
                 watched = len(running.log("watch").splitlines()) - printed
                 return joined <= sessions(router) and client.units() == {"u1", "scanner"} and watched > 1
 
-            wait_until(is_back, "not all are back", WITHIN_S)
+            within_pauses(is_back, "not all are back", WITHIN_S)
             print(f"all are back after {time.monotonic() - began_s:.1f} s")
