@@ -3,6 +3,8 @@
 import math
 import resource
 import shutil
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,10 @@ from mapper.stored_sweeps import LOG, cursor, sequences, sweep
 from sdk.host_clocks import Host
 
 from noctule.elapsed import Instant
-from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, Pose, Sweep
+from noctule.folder_lock import FolderLock, Owner, owner_of
+from noctule.messages_pb2 import FAULT_KIND_TURNED, Cursor, LogRecords, Pose, Sweep
+from noctule.unit_reader import UnitReader
+from noctule_mapper.cli import main
 from noctule_mapper.config import Window
 from noctule_mapper.live.store import SweepStore
 from noctule_mapper.live.store_file import StoreError
@@ -56,6 +61,44 @@ def test_sweeps_and_cursors_outlive_the_process(path: Path) -> None:
     assert reopened.sweeps() == [sweep(1), sweep(2)]
     assert reopened.cursors() == {"u1": cursor(2)}
     reopened.close()
+
+
+def test_a_unit_that_is_forgotten_is_read_again_from_its_log_and_no_other_is(
+    path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Sweeps 3 and 4 of u1 are a stranger's, and its log ends at 3."""
+    own = [sweep(number) for number in (1, 2, 3)]
+    store = SweepStore(path, Window())
+    store.commit([*own[:2], sweep(3, x_m=70.0), sweep(4)], [cursor(4)])
+    store.set_aside((LOG, 2), "IndexError: 64")
+    store.commit([stop(1, 5.0, unit="u2", log="b")], [Cursor(unit="u2", log_id="b", log_sequence=1)])
+    store.close()
+    repair = ["repair", str(path.parent), "--site", "paper-room", "--unit"]
+    owner = Owner("mapper of several sites", "", "m1")
+    with FolderLock(path.parent, owner):
+        assert "is in use by mapper of several sites 'm1'" in str(told_by([*repair, "u1"]))
+    assert not told_by([*repair, "u1"])
+    assert capsys.readouterr().out == "paper-room.sqlite3: 3 sweeps of u1 and its cursor are forgotten\n"
+    assert owner_of(path.parent) == owner
+    assert "paper-room.sqlite3 holds nothing of unit 'u1'" in str(told_by([*repair, "u1"]))
+    assert "holds no store of site yard" in str(told_by([*repair[:3], "yard", "--unit", "u1"]))
+    store = SweepStore(path, Window())
+    assert ([held.unit for held in store.sweeps()], list(store.cursors())) == (["u2"], ["u2"])
+
+    def deliver(sweeps: Sequence[Sweep]) -> None:
+        store.commit(sweeps, [cursor(sweeps[-1].log_sequence)])
+
+    assert not UnitReader("u1", None, deliver, Counter()).read(LogRecords(log_id=LOG, head=3, tail=1, sweeps=own))
+    assert store.sweeps()[1:] == own
+    assert store.cursors()["u1"] == cursor(3)
+    store.close()
+
+
+def told_by(arguments: list[str]) -> str | int | None:
+    """What the command says at its end, or its exit status."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    return ended.value.code
 
 
 def test_a_sweep_that_is_set_aside_never_comes_back(path: Path) -> None:

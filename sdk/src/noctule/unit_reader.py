@@ -87,7 +87,8 @@ class UnitReader:
             raise BusError(
                 f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to "
                 f"{asked.log_sequence}: was it restored from a copy? Begin a new one: "
-                f"noctule-gateway repair DATA --unit {self.unit}"
+                f"noctule-gateway repair DATA --unit {self.unit}; if the log is right, reset what read it: "
+                f"noctule-mapper repair DATA --site SITE --unit {self.unit}"
             )
         self._turns = 0
         self._count_taken_before()

@@ -17,11 +17,11 @@ from noctule_mapper.cli.fit import fit
 from noctule_mapper.cli.reproduce import reproduce
 from noctule_mapper.cli.run import run
 from noctule_mapper.cli.share import share
-from noctule_mapper.cli.store import backup, check
+from noctule_mapper.cli.store import backup, check, repair
 from noctule_mapper.cli.survey import survey
 
 app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
-for _command in (run, share, fit, calibrate, survey, export, reproduce, check, backup):
+for _command in (run, share, fit, calibrate, survey, export, reproduce, repair, check, backup):
     app.command()(_command)
 
 

@@ -1,11 +1,38 @@
-"""The commands ``check`` and ``backup``: the mapper's store by hand."""
+"""The commands ``repair``, ``check`` and ``backup``: the mapper's store by hand."""
 
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from noctule.program_options import NAME
+
 Data = Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a mapper, which may be running.")]
+
+
+def repair(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help="The data folder of a mapper that is stopped.")],
+    site: Annotated[str, typer.Option(callback=NAME, help="The site whose store it is.")],
+    unit: Annotated[list[str], typer.Option(metavar="UNIT", help="Forget this unit; give more for several.")],
+) -> None:
+    """Forget a unit's sweeps and how far its log was read; the mapper then reads the log from its oldest sweep on."""
+    from noctule.folder_lock import FolderLock, Owner, owner_of
+    from noctule_mapper.config import Window
+    from noctule_mapper.live.store import SweepStore
+    from noctule_mapper.live.store_file import StoreError
+
+    path = data / f"{site}.sqlite3"
+    if not path.is_file():
+        raise StoreError(f"{data} holds no store of site {site}: give what noctule-mapper run has as --data and --site")
+    with (
+        FolderLock(data, owner_of(data) or Owner("mapper", site, "repair")),
+        closing(SweepStore(path, Window())) as store,
+    ):
+        if store.damage:
+            typer.echo(store.damage)
+        for name in dict.fromkeys(unit):
+            typer.echo(f"{path.name}: {store.forget(name)} sweeps of {name} and its cursor are forgotten")
 
 
 def check(data: Data) -> None:

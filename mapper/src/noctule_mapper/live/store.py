@@ -145,6 +145,21 @@ class SweepStore:
             rows = database.execute("SELECT unit, log_id, log_sequence FROM cursor").fetchall()
         return {unit: Cursor(unit=unit, log_id=log_id, log_sequence=sequence) for unit, log_id, sequence in rows}
 
+    def forget(self, unit: str) -> int:
+        """Forget a unit's sweeps and cursor, so that its log is read again from its tail; how many sweeps.
+
+        Raises StoreError where there is nothing of that unit.
+        """
+        with self._transaction() as database:
+            sweeps, aside, cursors = (
+                database.execute(f"DELETE FROM {table} WHERE unit = ?", (unit,)).rowcount
+                for table in ("sweep", "set_aside", "cursor")
+            )
+            self._rows.recount()
+        if not sweeps + aside + cursors:
+            raise StoreError(f"{self._path} holds nothing of unit {unit!r}")
+        return sweeps
+
     def next_contour_version(self) -> int:
         """A number that no contour of this store has borne yet, greater than all before it. For one thread."""
         if self._version == self._reserved:
