@@ -16,6 +16,8 @@ NO_ALARMS = {
     "none of its sweeps is lost",
     # Of a unit that is away: who has seen it last.
     "; ... has read its log to ...",
+    # Of a command: noctule-mapper repair.
+    "... holds nothing of unit ...",
 }
 ENTRIES = re.findall(r"^\| `([^`]+)` \|", PAGE.read_text(), re.MULTILINE)
 

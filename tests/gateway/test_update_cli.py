@@ -64,7 +64,7 @@ def bench(tmp_path, image) -> Iterator[Bench]:
 def update(bench: Bench, *options: str) -> subprocess.CompletedProcess[str]:
     command = ["noctule-gateway", "update", bench.site, "--image", bench.image, *options]
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=PATIENCE_S, env=os.environ | {"COLUMNS": "200"}
+        command, capture_output=True, text=True, timeout=PATIENCE_S, env=os.environ | {"COLUMNS": "300"}
     )
 
 

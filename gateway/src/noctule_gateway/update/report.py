@@ -78,5 +78,6 @@ def _detail(update: UnitUpdate, image: Image) -> str:
     told = describe(outcome, image)
     if isinstance(outcome, LineError):
         by_gateway = f"noctule rpc SITE {update.unit.name} update --image FILE"
-        return f"{told}. A gateway may hold the line: have it do the update, {by_gateway}"
+        told += "" if told.endswith("?") else "."
+        return f"{told} A gateway may hold the line: have it do the update, {by_gateway}"
     return told

@@ -64,6 +64,7 @@ class SiteProcess:
         self._hangs_after_s, self._starts_within_s = hangs_after_s, starts_within_s
         self._heartbeat = Heartbeat()
         self._process: BaseProcess | None = None
+        self._is_killed = False  # and may be at its end for a while, on a busy machine
         self._started_at_s = self._not_before_s = 0.0
         self._rest = Rest()
         self._waits_for: str | None = None
@@ -84,9 +85,11 @@ class SiteProcess:
             self._note_end(self._process, mine, now_s)
         if self._process is not None:
             silent_s = self._heartbeat.silent_s(now_s)
-            if silent_s >= (self._hangs_after_s if self._heartbeat.is_ready else self._starts_within_s):
+            most_s = self._hangs_after_s if self._heartbeat.is_ready else self._starts_within_s
+            if silent_s >= most_s and not self._is_killed:
                 _log.error("the mapper of site %s has made no progress for %.0f s: it is killed", self.site, silent_s)
                 self._process.kill()
+                self._is_killed = True
             elif not mine:
                 self.end()
         elif self.is_due(mine, now_s) and self._is_free(other, now_s):
@@ -127,7 +130,7 @@ class SiteProcess:
             name=f"mapper of {self.site}",
         )
         process.start()
-        self._process, self.restarts = process, False
+        self._process, self._is_killed, self.restarts = process, False, False
         self._started_at_s = now_s
 
     def _note_end(self, ended: BaseProcess, mine: bool, now_s: float) -> None:
