@@ -9,14 +9,13 @@ import os
 import sqlite3
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import psutil
 from bench.scale.gateway import StreamedUnit, open_units
-from system.processes import ROOT, free_ports, listens, programs, wait_until
+from system.processes import ROOT, free_ports, listens, programs, repeated, wait_until
 
 from noctule.client import Client
 
@@ -69,20 +68,13 @@ def main() -> None:
 @contextlib.contextmanager
 def _reported(units: Sequence[StreamedUnit]) -> Iterator[None]:
     """Each unit's status is published each second, as a gateway does."""
-    ended = threading.Event()
 
     def report() -> None:
-        while not ended.wait(1.0):
-            for unit in units:
-                unit.report()
+        for unit in units:
+            unit.report()
 
-    thread = threading.Thread(target=report)
-    thread.start()
-    try:
+    with repeated(report):
         yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 def _processor_s(pid: int) -> float:

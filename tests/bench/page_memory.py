@@ -7,7 +7,6 @@ Blobs that no view shows pass through a relay at a steady pace, so that a page w
 
 import argparse
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import rerun as rr
-from system.processes import programs, wait_until
+from system.processes import programs, repeated, wait_until
 from viewer.browser import chromium, screen
 from viewer.test_viewer import start_relay
 
@@ -34,26 +33,18 @@ LATE = """() => {
 @contextmanager
 def drawing(url: str, drawn_mb: list[float]) -> Iterator[None]:
     """Within the block blobs are drawn on the relay at ``url``, and counted."""
-    ended = threading.Event()
+    recording, rng = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="bench"), np.random.default_rng(1)
+    recording.connect_grpc(url)
 
     def draw() -> None:
-        recording = rr.RecordingStream(rerun_paths.APPLICATION_ID, recording_id="bench")
-        recording.connect_grpc(url)
-        rng = np.random.default_rng(1)
-        while not ended.wait(EACH_S):
-            blob = rng.integers(0, 255, BLOB_BYTES, dtype=np.uint8).tobytes()
-            recording.log("hidden", rr.AnyValues(blob=blob))
-            recording.log(rerun_paths.HEARTBEAT, rr.TextDocument(f"### {drawn_mb[0]:.1f} MB"))
-            drawn_mb[0] += BLOB_BYTES / 1e6
-        recording.disconnect()
+        blob = rng.integers(0, 255, BLOB_BYTES, dtype=np.uint8).tobytes()
+        recording.log("hidden", rr.AnyValues(blob=blob))
+        recording.log(rerun_paths.HEARTBEAT, rr.TextDocument(f"### {drawn_mb[0]:.1f} MB"))
+        drawn_mb[0] += BLOB_BYTES / 1e6
 
-    thread = threading.Thread(target=draw)
-    thread.start()
-    try:
+    with repeated(draw, EACH_S):
         yield
-    finally:
-        ended.set()
-        thread.join()
+    recording.disconnect()
 
 
 def main() -> None:

@@ -99,7 +99,7 @@ def detail_once_it_has_looked(secured: SecuredFleet, common_name: str, site: str
                 state.put(ServiceStatus(site=site, name=name, counters={"second": next(second)}))
                 return watch.looked.is_set() and bool(watch.detail()) == wrong
 
-            # A session that a busy machine opens too late is told as trouble, and tried again.
+            # On a busy machine a session may be opened too late: that is said to be trouble, and tried again.
             wait_until(has_seen_it, "it sees it otherwise", every_s=1.0)
             return watch.detail()
         finally:

@@ -6,6 +6,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -170,6 +171,24 @@ def within_pauses(condition: Callable[[], T | None], what: str, within_s: float)
             return value
         time.sleep(_PAUSE_S)
     raise AssertionError(f"{what} (after pauses of {within_s:g} s)")
+
+
+@contextlib.contextmanager
+def repeated(act: Callable[[], object], every_s: float = 1.0) -> Iterator[None]:
+    """Within the block ``act`` is called every ``every_s`` on a thread of its own, which has ended afterwards."""
+    ended = threading.Event()
+
+    def go_on() -> None:
+        while not ended.wait(every_s):
+            act()
+
+    thread = threading.Thread(target=go_on)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def two_processes() -> ProcessPoolExecutor:

@@ -8,7 +8,6 @@ writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
 import re
 import sys
 import tempfile
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +17,7 @@ from mapper.live_site import SITE
 from mapper.room import paper_room
 from PIL import Image
 from playwright.sync_api import Browser
-from system.processes import ROOT, Programs, free_ports, programs, wait_until
+from system.processes import ROOT, Programs, free_ports, programs, repeated, wait_until
 from viewer.browser import Screen, chromium, screen
 from viewer.room_in_picture import says_all_is_well, shown_share
 from viewer.watched_site import ALL_OF_IT, watched_site
@@ -78,22 +77,15 @@ def heard(endpoint: str, statuses: Sequence[UnitStatus]) -> Iterator[None]:
     for status in statuses:
         if status.unit in TROUBLES:
             status.state, status.detail = TROUBLES[status.unit]
-    ended = threading.Event()
     with bus.open_session(connect=[endpoint]) as session:
         publishers = [bus.StatePublisher(session, keys.unit_status(SITE, each.unit), UnitStatus) for each in statuses]
 
-        def go_on() -> None:
-            while not ended.wait(1.0):
-                for publisher, status in zip(publishers, statuses, strict=True):
-                    publisher.put(status)
+        def tell() -> None:
+            for publisher, status in zip(publishers, statuses, strict=True):
+                publisher.put(status)
 
-        telling = threading.Thread(target=go_on)
-        telling.start()
-        try:
+        with repeated(tell):
             yield
-        finally:
-            ended.set()
-            telling.join()
 
 
 def shows_room(shown: Screen, running: Programs) -> bool:

@@ -1,6 +1,5 @@
 """A site with a relay and a mapper that draws on it: the paper's room, heard by as many units as are wanted."""
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +8,7 @@ from pathlib import Path
 
 from mapper.live_site import SITE, LiveSite, live_site, paper_survey
 from mapper.room import paper_room
-from system.processes import wait_until
+from system.processes import repeated, wait_until
 from viewer.browser import Screen
 from viewer.room_in_picture import shown_share
 from viewer.test_viewer import start_relay
@@ -40,19 +39,8 @@ class WatchedSite:
     @contextmanager
     def heard(self) -> Iterator[None]:
         """Within the block the units' statuses come each second, as a gateway sends them."""
-        ended = threading.Event()
-
-        def go_on() -> None:
-            while not ended.wait(1.0):
-                self.live.play([])
-
-        telling = threading.Thread(target=go_on)
-        telling.start()
-        try:
+        with repeated(lambda: self.live.play([])):
             yield
-        finally:
-            ended.set()
-            telling.join()
 
     def shows_room(self, shown: Screen) -> bool:
         """Whether the page shows all walls of the room now. The units go on meanwhile."""

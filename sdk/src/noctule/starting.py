@@ -11,7 +11,7 @@ def start(module: str, function: str) -> NoReturn:
     The script that calls this should import nothing else first: until this runs, Ctrl-C prints a traceback.
     """
     handler = signal.getsignal(signal.SIGINT)
-    if handler is signal.default_int_handler:  # else whoever started us has Ctrl-C ignored
+    if handler is signal.default_int_handler:  # else the program that started us has Ctrl-C ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     from noctule.ending import end_with
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from itertools import accumulate
 
-from noctule_gateway.health.likelihood import likelihood, likelihood_anywhere
+from noctule_gateway.health import likelihood
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
@@ -21,11 +21,7 @@ def elsewhere_nats(sweep: Readings, past: Past) -> list[float]:
 
     That a bearing is silent as before tells nothing: the next ones are too, here as anywhere.
     """
-    share = past.mean_heard_share
-    nats = [
-        math.log(likelihood_anywhere(share, range_m) / likelihood(past, n, range_m))
-        for n, range_m in enumerate(sweep.range_m)
-    ]
+    nats = [likelihood.elsewhere_nats(past, n, range_m) for n, range_m in enumerate(sweep.range_m)]
     return [max(0.0, each) if math.isnan(range_m) else each for each, range_m in zip(nats, sweep.range_m, strict=True)]
 
 

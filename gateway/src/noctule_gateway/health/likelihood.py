@@ -80,3 +80,8 @@ def likelihood(past: Past, bearing: int, range_m: float) -> float:
 def likelihood_anywhere(share: float, range_m: float) -> float:
     """Of a range, or of silence (NaN), where that share of readings is heard, at any range."""
     return 1 - share if math.isnan(range_m) else share / _REACH_M
+
+
+def elsewhere_nats(past: Past, n: int, range_m: float) -> float:
+    """How much likelier reading ``n`` is in another place that answers as often than under the past."""
+    return math.log(likelihood_anywhere(past.mean_heard_share, range_m) / likelihood(past, n, range_m))

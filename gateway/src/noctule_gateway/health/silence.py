@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from noctule import messages_pb2 as messages
 from noctule.messages_pb2 import READING_STATUS_NO_ECHO, READING_STATUS_UNSPECIFIED
-from noctule_gateway.health.likelihood import likelihood, likelihood_anywhere
+from noctule_gateway.health.likelihood import elsewhere_nats
 from noctule_gateway.health.marks import runs_of
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
@@ -90,10 +90,7 @@ def _arc(sweep: Readings, past: Past, listened: Sequence[int]) -> list[Suspicion
 
 def _elsewhere_nats(sweep: Readings, past: Past, beside: Iterable[int]) -> float:
     """How much likelier the readings ``beside`` an arc are in another place that answers as often as this one."""
-    share = past.mean_heard_share
-    return sum(
-        math.log(likelihood_anywhere(share, sweep.range_m[n]) / likelihood(past, n, sweep.range_m[n])) for n in beside
-    )
+    return sum(elsewhere_nats(past, n, sweep.range_m[n]) for n in beside)
 
 
 def _nats(past: Past, silent: Sequence[int]) -> float:

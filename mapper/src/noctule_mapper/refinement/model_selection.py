@@ -272,7 +272,7 @@ def _before_feet_m(wall: Line, made: Evidence, side: int) -> np.ndarray:
     return before_m[place]
 
 
-_TRIED_M = np.arange(0.0, 0.6, 0.005)  # before a foot; from farther off a corner is told by its range
+_TRIED_M = np.arange(0.0, 0.6, 0.005)  # before a foot; a corner beyond that is told by its range
 
 
 def _holes(
