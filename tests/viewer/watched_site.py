@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mapper.live_site import SITE, LiveSite, live_site, paper_survey
 from mapper.room import paper_room
-from system.processes import repeated, wait_until
+from system.processes import wait_until
 from viewer.browser import Screen
 from viewer.room_in_picture import shown_share
 from viewer.test_viewer import start_relay
@@ -35,12 +35,6 @@ class WatchedSite:
         """Have the paper's room swept by units u1, u2 ..., each a part of it, now."""
         self.live.play(survey_by(units))
         wait_until(lambda: (contour := self.live.client.contour()) is not None and len(contour.walls) == 5, "no room")
-
-    @contextmanager
-    def heard(self) -> Iterator[None]:
-        """Within the block the units' statuses come each second, as a gateway sends them."""
-        with repeated(lambda: self.live.play([])):
-            yield
 
     def shows_room(self, shown: Screen) -> bool:
         """Whether the page shows all walls of the room now. The units go on meanwhile."""
