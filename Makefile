@@ -8,7 +8,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Tests run side by side: threads of linear algebra that wait for one another cost some of them twenty times their work.
 test soak: export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test soak bench lint docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
+.PHONY: demo test soak bench lint lint-types lint-python lint-firmware docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
   packages-test firmware firmware-demo kernels clean
 
 demo: packages-run setup-demo firmware-demo
@@ -16,25 +16,32 @@ demo: packages-run setup-demo firmware-demo
 
 test: packages-test setup firmware kernels
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
-	pytest --numprocesses 5 --dist loadfile --no-loadscope-reorder --maxfail 15  # what is broken for all costs each a wait
+	sh tests/twice.sh --numprocesses 5 --dist loadfile --no-loadscope-reorder --maxfail 15  # broken for all: each waits
 
 # These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
 # in one process, which maps its rooms once for all of them.
 BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py tests/viewer/test_browser.py
 
 soak: packages-test setup firmware kernels
-	pytest -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
-	pytest -m soak --timeout 1800 $(BY_THE_CLOCK)
+	sh tests/twice.sh -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
+	sh tests/twice.sh -m soak --timeout 1800 $(BY_THE_CLOCK)
 
 bench: packages-test setup firmware
 	-@sh deploy/packages.sh bench
 	PYTHONPATH=tests python tests/bench/run.py
 
-lint: packages-test setup firmware docs
+lint: packages-test setup firmware
+	$(MAKE) --no-print-directory --jobs 2 --output-sync lint-types lint-python lint-firmware docs
+
+lint-types:
+	pyright
+
+lint-python:
 	ruff check
 	ruff format --check
-	pyright
 	sh sdk/check_generated.sh
+
+lint-firmware:
 	$(MAKE) --no-print-directory -C firmware check
 	cd sdk/examples/watch_any && sh ../../../deploy/cargo.sh fmt --check
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings

@@ -80,5 +80,6 @@ def test_sites_of_a_killed_mapper_are_mapped_by_the_others_with_all_that_was_log
         wait_until(lambda: swept(router) >= held, "the heir has not what the killed one had")
         start(running, tmp_path, endpoint, owner)
         wait_for_owners(router, running, NAMES)
+        wait_until(lambda: swept(router) >= held, "the one that is back has not what it had")
         for name in NAMES:
             assert running.end(name) == 0, running.log(name)
