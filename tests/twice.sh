@@ -6,7 +6,7 @@ set -u
 
 MANY=5
 
-pytest "$@"
+pytest "$@" --cache-clear
 status=$?
 [ $status -eq 1 ] || exit $status # 1: tests failed; else nothing did, or the run itself broke
 

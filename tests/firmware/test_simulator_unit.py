@@ -150,10 +150,20 @@ def connected(image: Path) -> Open:
     return connect
 
 
-def sweep_of(cable: Cable) -> tuple[int, dict[float, int]]:
-    """Waypoint and echoes by bearing in degrees of the next sweep, which is acknowledged."""
-    _, payload = cable.hear(SWEEP)
-    cable.tell(ACK, payload[:14])
+def sweeps_of(cable: Cable, count: int) -> list[tuple[int, dict[float, int]]]:
+    """Waypoint and echoes by bearing in degrees of the next ``count`` sweeps, which are acknowledged.
+
+    One whose acknowledgement came late, from a busy host, is sent again.
+    """
+    payloads: dict[bytes, bytes] = {}
+    while len(payloads) < count:
+        _, payload = cable.hear(SWEEP)
+        cable.tell(ACK, payload[:14])
+        payloads[payload[:14]] = payload
+    return list(map(decoded, payloads.values()))
+
+
+def decoded(payload: bytes) -> tuple[int, dict[float, int]]:
     waypoint, _, _, count = struct.unpack_from("<HhBB", payload, 20)
     readings = [payload[26 + 8 * index : 34 + 8 * index] for index in range(count)]
     assert len(payload) == 26 + 8 * count
@@ -190,7 +200,7 @@ def test_a_sweep_measures_the_rooms_walls(connected: Open, box: Path):
     with connected("--room", str(box), "--speed", "20") as cable:
         cable.ask_hello()
         cable.tell(SINGLE, bytes([1]))
-        _, echoes = sweep_of(cable)
+        ((_, echoes),) = sweeps_of(cable, 1)
     assert len(echoes) == 13
     perpendicular_m = {0.0: 2.5, 90.0: 1.8, -90.0: 1.2}
     for bearing_deg, range_m in perpendicular_m.items():
@@ -206,7 +216,7 @@ def test_a_carried_unit_sweeps_once_at_each_waypoint(connected: Open, tmp_path: 
     path = "[path]\ncorners_m = [[1.5, 1.2], [1.8, 1.2]]\nspacing_m = 0.1\n"
     room.write_text(BOX.split("[unit]")[0] + path)
     with connected("--room", str(room), "--speed", "20") as cable:
-        sweeps = [sweep_of(cable) for _ in range(4)]
+        sweeps = sweeps_of(cable, 4)
     assert [waypoint for waypoint, _ in sweeps] == [0, 1, 2, 3]
     for waypoint, echoes in sweeps:
         ticks = 2 * (2.5 - 0.1 * waypoint) / SPEED_OF_SOUND * TICKS_PER_SECOND

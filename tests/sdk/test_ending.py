@@ -14,7 +14,7 @@ from noctule import ending
 WITHIN_S = 5.0
 BUSY_WITHIN_S = 25.0  # by the clock of a machine that does much else
 # The kernel's signal is the last resort: who is starved for 0.3 s ends by it, and not with status 1.
-PATIENT = "from noctule import ending as its\nits._KILLED_AFTER_S = 60.0\n"
+PATIENT = "from noctule import ending as its\nits._KILLED_WITHIN_S = 60.0\n"
 
 # A mutex that is locked twice waits for ever, in C, where no signal ends the wait. PyDLL keeps Python's lock meanwhile.
 HANG = """
@@ -33,6 +33,11 @@ ending = Ending()
 print("up", flush=True)
 """
 )
+
+
+@pytest.fixture(autouse=True)
+def as_users_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(ending.CLOSE_VARIABLE, raising=False)
 
 
 def ended(program: str, number: signal.Signals = signal.SIGTERM) -> tuple[int, float]:
@@ -78,12 +83,22 @@ def test_one_of_which_something_hangs_ends_with_status_1(program: str) -> None:
 
 
 def test_the_last_resort_comes_within_the_time_that_is_promised() -> None:
-    assert ending.CLOSE_WITHIN_S + ending._LOG_WITHIN_S < ending._KILLED_AFTER_S < WITHIN_S
+    assert ending._LOG_WITHIN_S < ending._KILLED_WITHIN_S
+    assert ending.close_within_s() + ending._KILLED_WITHIN_S < WITHIN_S
+
+
+@pytest.mark.parametrize(("text", "seconds", "warns"), [("90", 90.0, False), ("0", 4.0, True), ("long", 4.0, True)])
+def test_a_slow_host_gives_more_time(
+    text: str, seconds: float, warns: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv(ending.CLOSE_VARIABLE, text)
+    assert ending.close_within_s() == seconds
+    assert (f"is {text!r} and not a number of seconds from 1 to 600: it is 4 s" in caplog.text) is warns
 
 
 def test_what_did_not_close_is_said_in_the_log() -> None:
     # A process that others starve for half a second ends without a word; this one has longer.
-    patient = "from noctule import ending as its\nits._LOG_WITHIN_S = its._KILLED_AFTER_S = 60.0\n"
+    patient = "from noctule import ending as its\nits._LOG_WITHIN_S = its._KILLED_WITHIN_S = 60.0\n"
     program = patient + BEGIN + "import os, signal; os.kill(os.getpid(), signal.SIGTERM); hang(ctypes.CDLL(None))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1

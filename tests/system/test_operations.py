@@ -14,7 +14,7 @@ from urllib.request import urlopen
 import psutil
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
-from system.processes import Programs, free_ports, programs, wait_until
+from system.processes import AS_PROMISED, Programs, free_ports, programs, wait_until
 from system.test_one_owner import gateway, mapper
 
 ENDED_WITHIN_S = 15.0  # by the clock of a busy machine: what hangs hangs for ever, and sdk/test_ending.py holds the 5 s
@@ -27,7 +27,7 @@ def systemd(folder: Path) -> Iterator[tuple[socket.socket, dict[str, str]]]:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
         receiver.bind(str(folder / "notify"))
         receiver.settimeout(90)
-        yield receiver, {"NOTIFY_SOCKET": str(folder / "notify")}
+        yield receiver, AS_PROMISED | {"NOTIFY_SOCKET": str(folder / "notify")}
 
 
 def wait_for_line(receiver: socket.socket, line: str) -> None:

@@ -1,11 +1,12 @@
 """How a process of Noctule ends: a service within 5 s of SIGTERM or SIGINT, whatever of it hangs (a router, a disk, a
-line, its own log), and every program without the end of the interpreter.
+line, its own log), and every program without the end of the interpreter. NOCTULE_CLOSE_WITHIN_S gives a slow host more.
 
 That end is no place for threads of native code (Zenoh, Rerun). One that wants the interpreter meanwhile is ended by it
 inside Rust's frames, and the process aborts ("FATAL: exception not rethrown") or never ends.
 """
 
 import atexit
+import contextlib
 import faulthandler
 import logging
 import os
@@ -15,9 +16,10 @@ import threading
 from collections.abc import Callable
 from typing import NoReturn
 
-CLOSE_WITHIN_S = 4.0  # for the service to close what it has open
+CLOSE_VARIABLE = "NOCTULE_CLOSE_WITHIN_S"  # names the seconds, where a slow host needs more
+_CLOSE_WITHIN_S = 4.0  # for the service to close what it has open
 _LOG_WITHIN_S = 0.5  # and then to say that it did not manage to
-_KILLED_AFTER_S = 4.8
+_KILLED_WITHIN_S = 0.8
 NOT_CLOSED = 1  # the exit status then
 _STOPPED = 130  # by Ctrl-C
 _OUTPUT_LOST = 120  # as Python has it
@@ -25,8 +27,21 @@ _OUTPUT_LOST = 120  # as Python has it
 _log = logging.getLogger(__name__)
 
 
+def close_within_s() -> float:
+    """How long a service may take to close what it has open: 4 s, or what NOCTULE_CLOSE_WITHIN_S says (1 to 600)."""
+    text = os.environ.get(CLOSE_VARIABLE)
+    if text is None:
+        return _CLOSE_WITHIN_S
+    with contextlib.suppress(ValueError):
+        if 1.0 <= (seconds := float(text)) <= 600.0:
+            return seconds
+    _log.warning("%s is %r and not a number of seconds from 1 to 600: it is 4 s", CLOSE_VARIABLE, text)
+    return _CLOSE_WITHIN_S
+
+
 class Ending:
-    """The end of this process: ``begun`` is set by SIGTERM, SIGINT or begin(), and 4.5 s later the process has ended.
+    """The end of this process: ``begun`` is set by SIGTERM, SIGINT or begin(), and soon the process has ended: half a
+    second after close_within_s().
 
     If it has not ended by itself it is ended with status 1 and nothing is cleaned up, so what a service has said is
     stored must be on the disk at any moment. Make one, in the main thread, when the program starts.
@@ -35,6 +50,7 @@ class Ending:
     def __init__(self) -> None:
         self.begun = threading.Event()
         self._lock = threading.Lock()
+        self._close_within_s = close_within_s()
         self._nowhere = os.open(os.devnull, os.O_WRONLY)
         woken, wake = os.pipe()
         os.set_blocking(wake, False)
@@ -51,10 +67,11 @@ class Ending:
             if self.begun.is_set():
                 return
             # This clock is a thread in C: it needs no lock of the interpreter, and still runs while that shuts down.
-            faulthandler.dump_traceback_later(CLOSE_WITHIN_S + _LOG_WITHIN_S, exit=True, file=self._nowhere)
-            signal.setitimer(signal.ITIMER_REAL, _KILLED_AFTER_S)  # the kernel's SIGALRM, if even that fails
+            within_s = self._close_within_s
+            faulthandler.dump_traceback_later(within_s + _LOG_WITHIN_S, exit=True, file=self._nowhere)
+            signal.setitimer(signal.ITIMER_REAL, within_s + _KILLED_WITHIN_S)  # the kernel's SIGALRM, if that fails
             self.begun.set()
-        last_resort = threading.Timer(CLOSE_WITHIN_S, _give_up)
+        last_resort = threading.Timer(within_s, _give_up, (within_s,))
         last_resort.daemon = True
         last_resort.start()
 
@@ -105,6 +122,6 @@ def _status_of(program: Callable[[], object]) -> int:
     return 0
 
 
-def _give_up() -> None:
-    _log.error("not closed within %g s: ended as it is; nothing stored is lost", CLOSE_WITHIN_S)
+def _give_up(within_s: float) -> None:
+    _log.error("not closed within %g s: ended as it is; nothing stored is lost", within_s)
     os._exit(NOT_CLOSED)

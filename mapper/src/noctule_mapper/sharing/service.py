@@ -12,6 +12,7 @@ from pathlib import Path
 import zenoh
 
 from noctule import bounds, keys, logs, metrics, metrics_server
+from noctule.ending import close_within_s
 from noctule.errors import BoundsError
 from noctule.folder_lock import FolderLock, Owner
 from noctule.messages_pb2 import ServiceStatus
@@ -30,7 +31,7 @@ _STARTS_AT_ONCE = 8
 _QUERY_TIMEOUT_S = 1.0
 # Of a mapper that is stopped or lost its host the sites move after this. Zenoh sends a sign of life four times in it.
 LEASE_S = 3.0
-_MAPPERS_WITHIN_S = 3.0  # to end: this process has 4 s in all (noctule.ending)
+_OWN_END_S = 1.0  # of the time to close, for what this process has open itself
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ def _mapper_among(replies: Iterable[zenoh.Reply], but: str) -> str | None:
 
 
 def _end(mapped: Sequence[SiteProcess]) -> None:
-    until_s = time.monotonic() + _MAPPERS_WITHIN_S
+    until_s = time.monotonic() + max(_OWN_END_S, close_within_s() - _OWN_END_S)
     for each in mapped:
         each.end()
     for each in mapped:
