@@ -234,7 +234,7 @@ def test_the_boot_number_counts_up_over_power_ups_of_a_kept_flash(connected: Ope
 def test_the_same_seed_gives_the_same_sweep(connected: Open):
     def first_sweep(seed: str) -> dict[float, int]:
         with connected("--room", "paper", "--speed", "20", "--seed", seed) as cable:
-            return sweep_of(cable)[1]
+            return sweeps_of(cable, 1)[0][1]
 
     assert first_sweep("5") == first_sweep("5")
     assert first_sweep("5") != first_sweep("6")
