@@ -7,6 +7,8 @@ BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Tests run side by side: threads of linear algebra that wait for one another cost some of them twenty times their work.
 test soak: export OPENBLAS_NUM_THREADS := 1
+# Else each process compiles all its modules again: a command that starts takes four times the processor's time.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test soak bench lint docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
   packages-test firmware firmware-demo kernels clean
