@@ -22,7 +22,7 @@ test: packages-test setup firmware kernels
 
 # These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
 # in one process, which maps its rooms once for all of them.
-BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py tests/viewer/test_browser.py
+BY_THE_CLOCK := tests/system/test_fleet.py tests/viewer/test_browser.py
 
 soak: packages-test setup firmware kernels
 	pytest -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
