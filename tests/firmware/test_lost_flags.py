@@ -124,7 +124,8 @@ position_m = [0.0, 0.0]
 def wrong_runs(folder: Path, timebase: str, *faults: str, kinds: Sequence[int] = KINDS, step: int = 1) -> list[int]:
     """How many of the runs of each kind, at each ``step``-th count, went wrong with this source for hal/timebase.c."""
     (folder / "room.toml").write_text(ROOM)
-    (folder / "program.c").write_text(PREAMBLE + timebase + PROGRAM.replace("COUNTS", str(COUNTS)).replace("STEP", str(step)))
+    program = PROGRAM.replace("COUNTS", str(COUNTS)).replace("STEP", str(step))
+    (folder / "program.c").write_text(PREAMBLE + timebase + program)
     memory = ["--xram-size", "4096", "--iram-size", "256"]
     command = [
         "sdcc",
