@@ -7,6 +7,8 @@ BIN := .venv/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 # Tests run side by side: threads of linear algebra that wait for one another cost some of them twenty times their work.
 test soak: export OPENBLAS_NUM_THREADS := 1
+# Else each process compiles all its modules again: a command that starts takes four times the processor's time.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test soak bench lint lint-types lint-python lint-firmware docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
   packages-test firmware firmware-demo kernels clean
@@ -20,7 +22,7 @@ test: packages-test setup firmware kernels
 
 # These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
 # in one process, which maps its rooms once for all of them.
-BY_THE_CLOCK := tests/system/test_fleet.py tests/mapper/test_rerun_link.py tests/viewer/test_browser.py
+BY_THE_CLOCK := tests/system/test_fleet.py tests/viewer/test_browser.py
 
 soak: packages-test setup firmware kernels
 	sh tests/twice.sh -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))

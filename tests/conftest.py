@@ -48,6 +48,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=place)
 
 
+def pytest_collection_finish() -> None:
+    """The modules and tests stay until the process ends, so the collector of garbage need not look through them."""
+    gc.freeze()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def no_session_is_left_open() -> Iterator[None]:
     """A session that a test leaves open has threads for as long as its worker lives, and a fork of it may hang."""

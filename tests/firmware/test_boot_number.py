@@ -49,7 +49,7 @@ def test_a_page_that_is_used_up_is_followed_by_the_other(tmp_path, full, base, o
     assert boots == [(base + BOOTS_PER_PAGE - 1 + boot) & 0xFFFF for boot in range(13)]
 
 
-@pytest.mark.parametrize("seed", range(1, 7))
+@pytest.mark.parametrize("seed", range(1, 4))
 @pytest.mark.parametrize("operation", range(1, OPERATIONS_OF_A_ROLL_OVER + 1))
 @pytest.mark.parametrize("second_page", [boot_page(0x1000 - BOOTS_PER_PAGE, BOOTS_PER_PAGE), b""], ids=["used", "new"])
 def test_a_power_cut_at_any_flash_operation_of_a_roll_over_repeats_no_number(tmp_path, second_page, operation, seed):

@@ -54,7 +54,7 @@ def test_an_uncertain_pose_widens_the_covariances_and_keeps_them_honest():
 
 
 def test_sweeps_from_one_place_share_its_error_and_the_covariances_stay_honest():
-    # Were the twenty independent, the covariances would be up to twenty times too small. The sum of squared normalised
+    # Were the ten independent, the covariances would be up to ten times too small. The sum of squared normalised
     # errors of 2 x 5 corners is chi-square with 20 degrees of freedom: 5.92 to 45.3 holds all but 0.1 % on each side.
     sigma_m, poses = 0.01, paper_path()
     rng = np.random.default_rng(12)
@@ -69,7 +69,7 @@ def test_sweeps_from_one_place_share_its_error_and_the_covariances_stay_honest()
                 y_m=float(pose[1]),
                 sigma_position_m=sigma_m,
             )
-            for visit in range(20)
+            for visit in range(10)
             for sweep, pose in zip(survey(paper_room(), moved, rng), poses, strict=True)
         ]
         squares += _squared_corner_errors(mapped(sweeps).contour())

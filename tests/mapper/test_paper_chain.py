@@ -20,7 +20,7 @@ from noctule_mapper.mapper import Mapper
 from noctule_mapper.paper.eht_lsm import eht_lsm
 from noctule_mapper.paper.hough import hough
 
-SEEDS = range(6000, 6050)
+SEEDS = range(6000, 6025)
 
 
 @dataclass(frozen=True)

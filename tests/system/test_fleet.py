@@ -11,7 +11,7 @@ from noctule.messages_pb2 import Sweep
 SITE = "fleet"
 UNITS = 20
 CUTS = 3
-SWEEPS_BETWEEN_CUTS = 6  # one takes some 7 s of a unit's time
+SWEEPS_BETWEEN_CUTS = 3  # one takes some 7 s of a unit's time
 SPEED = 2  # that the simulator keeps up with while the gateway and the mapper run beside it
 
 

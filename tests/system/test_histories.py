@@ -221,5 +221,5 @@ def test_histories_drawn_from_seeds_cost_no_sweep_that_retention_does_not_count(
     """A history takes some 2 s of a processor. For more of either kind: ``PYTHONPATH=tests python -m system.histories
     --seeds 200-399 --hosts 4``, with ``--keep-s 8`` for the other.
     """
-    told = play("--seeds", f"{seeds[0]}-{seeds[-1]}", "--keep-s", str(keep_s), "--hosts", "4")
+    told = play("--seeds", f"{seeds[0]}-{seeds[-1]}", "--keep-s", str(keep_s), "--hosts", "6")
     assert told.count(": 0 findings in") == len(seeds)

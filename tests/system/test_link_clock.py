@@ -6,6 +6,7 @@ timer as it comes).
 """
 
 from dataclasses import replace
+from functools import cache
 from random import Random
 from statistics import median
 
@@ -24,6 +25,7 @@ BAD = Faults(corrupted=0.05)
 SWEEPING = Wanted(plan=None, start=Start(0, 0), running=True)
 
 
+@cache
 def exchanges(faults: Faults, seed: int) -> list[Exchange]:
     """Those of two minutes, in the simulator's seconds."""
     with stepped_unit("--laps", "0") as unit:

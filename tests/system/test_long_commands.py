@@ -98,6 +98,14 @@ def many_sweeps(path: Path, count: int) -> None:
         survey.write(lines, stream)
 
 
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A survey that takes each command longer than a second."""
+    path = tmp_path_factory.mktemp("many") / "many.jsonl"
+    many_sweeps(path, 2000)
+    return path
+
+
 @pytest.mark.parametrize(
     ("command", "says", "status"),
     [
@@ -110,9 +118,9 @@ def many_sweeps(path: Path, count: int) -> None:
     ids=["fit", "export", "survey", "reproduce", "replay"],
 )
 def test_it_shows_how_far_it_is_and_ends_by_ctrl_c(
-    tmp_path: Path, command: tuple[str, ...], says: str, status: int
+    tmp_path: Path, many: Path, command: tuple[str, ...], says: str, status: int
 ) -> None:
-    many_sweeps(tmp_path / "many.jsonl", 2000)
+    shutil.copy(many, tmp_path)
     (tmp_path / "attic.toml").write_text(SITE)
     listens_at = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     running = OnTerminal(tmp_path, *(listens_at if word == "ENDPOINT" else word for word in command))

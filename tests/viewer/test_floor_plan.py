@@ -107,7 +107,7 @@ def test_what_can_not_be_shown_is_told_with_what_to_do(tmp_path: Path) -> None:
     broken.write_text('{"type": "LineString", "coordinates": [["a", "b"], [1]]}')
     huge.write_text(json.dumps({"type": "LineString", "coordinates": [[0, 0], [10**400, 0]]}))
     unsaid = drawing(tmp_path / "unsaid.dxf", lambda space: space.add_line((0, 0), (4, 0)), units=0)
-    many = drawing(tmp_path / "many.dxf", lambda space: space.add_polyline2d([(n, n % 2) for n in range(50_001)]))
+    many = drawing(tmp_path / "many.dxf", lambda space: space.add_lwpolyline([(n, n % 2) for n in range(50_001)]))
     told = {
         tmp_path / "none.dxf": "there is no file",
         tmp_path: "give a .dxf or a .geojson file",
