@@ -21,6 +21,7 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 @pytest.fixture
 def radar(tmp_path: Path) -> Path:
     (tmp_path / "radar.txt").write_text(RADAR)
+    (tmp_path / "header.csv").write_text("angle,distance_cm\n")
     return tmp_path
 
 
@@ -65,6 +66,7 @@ def test_a_survey_goes_into_mcap_by_its_name(radar: Path) -> None:
         (("radar.txt", "--angle", "1", "--range", "2", "--units", "cm", "--out", "radar.txt"), "is the scan itself"),
         (("radar.txt", *CM, "--out", 246 * "n" + ".jsonl"), "can't be written"),  # it is 258 long until it is whole
         (("nowhere.csv", "--angle", "1", "--range", "2", "--out", "no/where.jsonl"), "there is no folder"),
+        (("header.csv", "--angle", "angle", "--range", "2"), "'angle,distance_cm', and holds no readings below"),
     ],
 )
 def test_what_can_not_be_imported_is_told_in_one_line_and_leaves_nothing(radar: Path, arguments, complaint) -> None:
@@ -73,7 +75,7 @@ def test_what_can_not_be_imported_is_told_in_one_line_and_leaves_nothing(radar: 
     assert done.stderr.startswith("noctule: ")
     assert done.stderr.count("\n") == 1
     assert complaint in done.stderr
-    assert [path.name for path in radar.iterdir()] == ["radar.txt"]
+    assert sorted(path.name for path in radar.iterdir()) == ["header.csv", "radar.txt"]
 
 
 @pytest.mark.parametrize(
