@@ -42,6 +42,7 @@ NOT_TYPED = {
     "sudo flash8051 -sn EC3000000 -tif c2 -erasemode page -upload firmware/build/unit-7.hex": _ADAPTER,
     "cargo test --release": _SIMULATOR_TESTS,
     "cargo clippy --all-targets && cargo fmt --check": _SIMULATOR_TESTS,
+    "noctule-mapper reproduce --out FOLDER [--seeds 50] [--seed 1] [--jobs N]": "says what the one of SLOW takes",
 }
 """Lines that no test types, and why."""
 
@@ -57,7 +58,6 @@ _DRY = {
 
 SLOW = {
     "noctule-mapper reproduce --out figures": "it simulates and maps 50 surveys, here two",
-    "noctule-mapper reproduce --out FOLDER [--seeds 50] [--seed 1] [--jobs N]": "the same",
     "make -C firmware check": "cppcheck goes over all sources",
 }
 """Lines that are typed in the soak, and why."""
@@ -195,8 +195,5 @@ LINES = {
     "noctule-mapper check DATA": Typed("noctule-mapper check mapper-data"),
     "noctule-mapper backup DATA OUT": Typed("noctule-mapper backup mapper-data another-copy"),
     "noctule-mapper repair DATA --site S --unit U": Typed("noctule-mapper repair another-copy --site attic --unit u1"),
-    "noctule-mapper reproduce --out FOLDER [--seeds 50] [--seed 1] [--jobs N]": Typed(
-        "noctule-mapper reproduce --out FOLDER --seeds 2 --jobs 1"
-    ),
 }
 """Lines that are not typed as they stand, that go on until Ctrl-C, or whose page says what one sees."""

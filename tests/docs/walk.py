@@ -12,6 +12,7 @@ from docs.lines import LINES, LISTENS, PLACES, Typed
 from system.processes import PATIENCE_S, ROOT, free_ports, listens, wait_until
 
 _BUSY = "busy: "  # a unit ends what it does before it takes another command; the test's own timeout ends the wait
+_LONGEST_S = 5 * PATIENCE_S  # of a line that ends by itself
 
 
 class Walk:
@@ -81,6 +82,6 @@ class Walk:
             if typed.until:
                 wait_until(is_ready, f"{text} does not come to {typed.until}")
                 process.send_signal(signal.SIGINT)
-            return process.wait(PATIENCE_S)
+            return process.wait(_LONGEST_S)
         finally:
             process.kill()
