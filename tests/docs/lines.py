@@ -9,7 +9,7 @@ ALL_IS_WELL, NOT_ALL_IS_WELL, WARNINGS = 0, 1, 3  # sdk/README.md, exit status
 class Typed:
     """A line of the pages. It is typed as it stands unless ``instead`` is given, with ``more`` behind it: the test's
     own ports and folders, as in ``str.format``. ``until``, a regular expression, is what it prints, or writes ``into``
-    a file, before Ctrl-C ends it. ``shows`` is what the page says that one sees, ``status`` what exit status it allows.
+    files, before Ctrl-C ends it. ``shows`` is what the page says that one sees, ``status`` what exit status it allows.
     """
 
     instead: str = ""
@@ -102,7 +102,7 @@ LINES = {
     "noctule doctor attic.toml --data gateway-data": Typed(status=_DOCTOR, shows="(?s)ok +site file.*ok +router"),
     "noctule-viewer run": _RELAY,
     "noctule-viewer run --site attic": _RELAY,
-    "noctule-viewer run --record FOLDER": _RELAY,
+    "noctule-viewer run --record FOLDER": replace(_RELAY, until=".", into="FOLDER/*.rrd"),
     "noctule-viewer run --site SITE --connect ENDPOINT": replace(
         _RELAY, instead="noctule-viewer run --site attic --connect {endpoint}"
     ),
@@ -120,7 +120,7 @@ LINES = {
     ),
     "noctule-viewer days FOLDER": Typed(shows=r"\d{4}-\d\d-\d\d .* MB"),
     "noctule-viewer open FOLDER --day 2026-11-28": Typed(
-        "noctule-viewer open FOLDER --day {today}", shows="There is no screen here"
+        "noctule-viewer open FOLDER --day $(ls FOLDER | cut -c 1-10)", shows="There is no screen here"
     ),
     "noctule units attic.toml": Typed(shows="u7 "),
     "noctule watch attic": Typed(until="."),

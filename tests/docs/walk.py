@@ -5,13 +5,13 @@ import re
 import signal
 import subprocess
 import sys
-from datetime import UTC, datetime
 from pathlib import Path
 
 from docs.lines import LINES, LISTENS, PLACES, Typed
 from system.processes import PATIENCE_S, ROOT, free_ports, listens, wait_until
 
 _BUSY = "busy: "  # a unit ends what it does before it takes another command; the test's own timeout ends the wait
+_ENDED_EARLY = -1  # for a status, of what should go on
 _LONGEST_S = 5 * PATIENCE_S  # of a line that ends by itself
 
 
@@ -21,7 +21,7 @@ class Walk:
     def __init__(self, folder: Path, endpoint: str) -> None:
         self.folder, self._endpoint = folder, endpoint
         self._environment = {name: value for name, value in os.environ.items() if "DISPLAY" not in name} | {
-            "PATH": f"{Path(sys.executable).parent}:{folder}/bin:{os.environ['PATH']}",
+            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             "NOCTULE_CONNECT": endpoint,
             "HOME": str(folder),
             "PYTHONUNBUFFERED": "1",
@@ -61,26 +61,21 @@ class Walk:
     def _status(self, text: str, typed: Typed, log: Path) -> int:
         """The exit status of the line; one that goes on is ended by Ctrl-C when it has come far enough."""
         port, next_port = free_ports(2)
-        ours = {
-            "endpoint": self._endpoint,
-            "port": port,
-            "next_port": next_port,
-            "today": datetime.now(UTC).date(),
-        }
+        ours = {"endpoint": self._endpoint, "port": port, "next_port": next_port}
 
-        def is_ready() -> bool:
+        def has_come() -> bool:
             if typed.until == LISTENS:
-                ready = listens(port)
-            else:
-                into = self.folder / typed.into if typed.into else log
-                ready = into.exists() and re.search(typed.until.encode(), into.read_bytes())
-            return bool(ready) or process.poll() is not None
+                return listens(port)
+            files = self.folder.glob(typed.into) if typed.into else [log]
+            return any(re.search(typed.until.encode(), file.read_bytes()) for file in files)
 
         line = typed.instead.format_map(ours) or text
         process = self.starts(line, log, typed.more.format_map(ours), goes_on=bool(typed.until))
         try:
             if typed.until:
-                wait_until(is_ready, f"{text} does not come to {typed.until}")
+                wait_until(lambda: has_come() or process.poll() is not None, f"{text} does not come to {typed.until}")
+                if not has_come():
+                    return process.wait(PATIENCE_S) or _ENDED_EARLY
                 process.send_signal(signal.SIGINT)
             return process.wait(_LONGEST_S)
         finally:
