@@ -120,7 +120,8 @@ LINES = {
     ),
     "noctule-viewer days FOLDER": Typed(shows=r"\d{4}-\d\d-\d\d .* MB"),
     "noctule-viewer open FOLDER --day 2026-11-28": Typed(
-        "noctule-viewer open FOLDER --day $(ls FOLDER | cut -c 1-10)", shows="There is no screen here"
+        "noctule-viewer open FOLDER --day $(noctule-viewer days FOLDER | head -n 1 | cut -c 1-10)",
+        shows="There is no screen here",
     ),
     "noctule units attic.toml": Typed(shows="u7 "),
     "noctule watch attic": Typed(until="."),
