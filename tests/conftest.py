@@ -16,7 +16,7 @@ from noctule.ending import CLOSE_VARIABLE
 
 # Folders of tests that run real programs, many cuts of power or many rooms. They begin first, and the short ones fill
 # the gaps; long tests of the mapper use both processors, so the others do not wait for them at the end.
-LONG = ("system", "viewer", "reproduction", "firmware", "mapper")
+LONG = ("system", "viewer", "docs", "reproduction", "firmware", "mapper")
 
 # The machines are noisy: how long an example takes, or takes to be drawn, tells nothing. CI judges a change by the same
 # examples each time (as hypothesis's own profile for it does); everybody else draws new ones at each run.

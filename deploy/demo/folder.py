@@ -5,8 +5,6 @@ import shutil
 from pathlib import Path
 from typing import TextIO
 
-import rooms
-
 MARKER = ".noctule-demo"
 MARKER_TEXT = "Noctule's demo made this folder. At its next start it deletes site.toml, gateway and mapper in it.\n"
 _MADE = {MARKER, "site.toml", "gateway", "mapper"}
@@ -55,13 +53,8 @@ def begin(folder: Path, site_file: str) -> TextIO:
 
 
 def _is_the_demos(folder: Path) -> bool:
-    """The folder has the marker or, from before there was one, the demo's own site file."""
-    marker, site = folder / MARKER, folder / "site.toml"
-    if marker.is_file() and not marker.is_symlink():
-        return True
-    if not site.is_file():
-        return False
-    return rooms.is_site_file_of(rooms.USUAL, site.read_text(errors="replace"))
+    marker = folder / MARKER
+    return marker.is_file() and not marker.is_symlink()
 
 
 def _delete(path: Path) -> None:

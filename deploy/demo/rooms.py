@@ -34,10 +34,5 @@ def units(room: str) -> int:
     return len(tomllib.loads(_text(room))["unit"])
 
 
-def is_site_file_of(room: str, text: str) -> bool:
-    """``text`` is the room's site file, at whatever ports."""
-    return _UNIT_ADDRESS.sub("", text) == _UNIT_ADDRESS.sub("", _text(room))
-
-
 def _text(room: str) -> str:
     return (_SITES / f"{room}.toml").read_text()

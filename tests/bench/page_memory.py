@@ -17,7 +17,7 @@ import psutil
 import rerun as rr
 from system.processes import programs, repeated, wait_until
 from viewer.browser import chromium, screen
-from viewer.test_viewer import start_relay
+from viewer.relay_rig import start_relay
 
 from noctule import rerun_paths
 

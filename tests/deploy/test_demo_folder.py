@@ -76,18 +76,9 @@ def test_the_next_demo_begins_without_what_the_last_one_made(tmp_path: Path) -> 
         assert contents(folder).keys() == OWN
 
 
-def test_a_folder_of_the_demo_before_it_had_a_marker_is_the_demos(tmp_path: Path) -> None:
+def test_without_the_marker_all_is_the_users_even_the_demos_own_site_file(tmp_path: Path) -> None:
     folder = made_by_the_demo(tmp_path / "data")
     (folder / MARKER).unlink()
-    (folder / "site.toml").write_text(site_file(USUAL, unit_port=9999))
-    with begin(folder, SITE_FILE):
-        assert contents(folder).keys() == OWN
-
-
-def test_without_the_marker_a_site_file_that_was_changed_is_the_users(tmp_path: Path) -> None:
-    folder = made_by_the_demo(tmp_path / "data")
-    (folder / MARKER).unlink()
-    (folder / "site.toml").write_text(SITE_FILE + "# mine\n")
     assert "gateway, mapper, site.toml" in refused(folder, folder)
 
 

@@ -23,7 +23,7 @@ APPS = {
     "noctule-viewer": noctule_viewer.cli.app,
 }
 _OF_OTHERS = ("caddy", "cd", "docker", "export", "mkdir", "rsync", "ssh", "sudo")
-"""Programs that are not ours and need another host: the shell parses their lines, and no test runs them."""
+"""Programs that are not ours: the shell parses their lines."""
 
 
 class UnknownError(Exception):

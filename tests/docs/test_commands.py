@@ -1,4 +1,4 @@
-"""Each command in the pages can be: program, subcommand and options exist. test_walk.py runs many of them."""
+"""Each command in the pages can be: program, subcommand and options exist. test_walk.py types those of the blocks."""
 
 import re
 

@@ -1,6 +1,5 @@
-"""A site that the pages describe, without hardware, in a folder of its own; and its commands, typed there."""
+"""The command lines of the pages, typed in a folder as somebody would who reads them."""
 
-import json
 import os
 import re
 import signal
@@ -8,18 +7,19 @@ import subprocess
 import sys
 from pathlib import Path
 
-from docs.blocks import blocks
-from system.processes import PATIENCE_S, ROOT, wait_until
+from docs.lines import LINES, LISTENS, PLACES, Typed
+from system.processes import PATIENCE_S, ROOT, free_ports, listens, wait_until
 
-SERIAL = 1  # of the first simulated unit
-ROOM_PATH = "{ corners_m = [[0.5, 0.5], [3.5, 0.5]], spacing_m = 0.2, closed = false }"  # of the simulator's page
+_BUSY = "busy: "  # a unit ends what it does before it takes another command; the test's own timeout ends the wait
+_ENDED_EARLY = -1  # for a status, of what should go on
+_LONGEST_S = 5 * PATIENCE_S  # of a line that ends by itself
 
 
 class Walk:
-    """Types commands of the pages, and knows which it has typed."""
+    """Types in ``folder``, on the bus at ``endpoint``. A line of make is typed in the folder of the project."""
 
-    def __init__(self, folder: Path, documented: set[str], endpoint: str) -> None:
-        self.folder, self._documented = folder, documented
+    def __init__(self, folder: Path, endpoint: str) -> None:
+        self.folder, self._endpoint = folder, endpoint
         self._environment = {name: value for name, value in os.environ.items() if "DISPLAY" not in name} | {
             "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
             "NOCTULE_CONNECT": endpoint,
@@ -27,77 +27,56 @@ class Walk:
             "PYTHONUNBUFFERED": "1",
         }
 
-    def types(self, line: str, more: str = "", status: tuple[int, ...] = (0,)) -> str:
-        """Run a command of the pages, with ``more`` behind it, and return all that it printed."""
-        process = self.starts(line, more)
-        printed = all_printed(process)
-        assert process.returncode in status, f"{line}: status {process.returncode}\n{printed}"
-        assert "Traceback" not in printed, f"{line}:\n{printed}"
-        return printed
-
-    def starts(self, line: str, more: str = "") -> "subprocess.Popen[str]":
-        """The command as a process that goes on."""
-        assert line in self._documented, f"no page has this command any more: {line}"
-        return subprocess.Popen(
-            ["bash", "-c", f"{'' if '&&' in line else 'exec '}{line} {more}"],
-            cwd=self.folder,
-            env=self._environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-
-    def types_until(self, line: str, file: Path, lines: int) -> None:
-        """Run a command that goes on, with its output in ``file`` unless it writes that itself, and end it by Ctrl-C
-        when the file has so many lines.
+    def trouble(self, text: str) -> str:
+        """Type a line, and return what goes wrong: a status that its page does not allow, a traceback, something that
+        is not shown. Empty if all is well.
         """
-        process = self.starts(line, "" if file.name in line else f"> {file.name}")
+        typed, log = LINES.get(text, Typed()), self.folder / "printed"
+        while True:
+            status = self._status(text, typed, log)
+            printed = log.read_text()
+            if status not in typed.status or "Traceback" in printed or not re.search(typed.shows, printed):
+                if _BUSY in printed:
+                    continue
+                return f"{text}: status {status}, printed:\n{printed}"
+            if "cd" in (words := text.split()):
+                self.folder /= words[words.index("cd") + 1]
+            return ""
+
+    def starts(self, text: str, log: Path, more: str = "", goes_on: bool = True) -> "subprocess.Popen[bytes]":
+        """The line of a page, with ``more`` behind it, as a process that prints into ``log``."""
+        line = f"{text} {more}"
+        for place, ours in PLACES.items():
+            line = re.sub(rf"(?<![^\s=]){place}\b", ours, line)
+        with log.open("wb") as output:
+            return subprocess.Popen(
+                ["bash", "-c", f"exec {line}" if goes_on else line],  # else Ctrl-C would be for the shell
+                cwd=ROOT if line.startswith("make") else self.folder,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+            )
+
+    def _status(self, text: str, typed: Typed, log: Path) -> int:
+        """The exit status of the line; one that goes on is ended by Ctrl-C when it has come far enough."""
+        port, next_port = free_ports(2)
+        ours = {"endpoint": self._endpoint, "port": port, "next_port": next_port}
+
+        def has_come() -> bool:
+            if typed.until == LISTENS:
+                return listens(port)
+            files = self.folder.glob(typed.into) if typed.into else [log]
+            return any(re.search(typed.until.encode(), file.read_bytes()) for file in files)
+
+        line = typed.instead.format_map(ours) or text
+        process = self.starts(line, log, typed.more.format_map(ours), goes_on=bool(typed.until))
         try:
-            wait_until(lambda: file.exists() and file.read_text().count("\n") >= lines, f"{lines} lines of {line}")
-            process.send_signal(signal.SIGINT)
-            assert process.wait(PATIENCE_S) == 0, line
+            if typed.until:
+                wait_until(lambda: has_come() or process.poll() is not None, f"{text} does not come to {typed.until}")
+                if not has_come():
+                    return process.wait(PATIENCE_S) or _ENDED_EARLY
+                process.send_signal(signal.SIGINT)
+            return process.wait(_LONGEST_S)
         finally:
             process.kill()
-            process.communicate()
-
-
-def all_printed(process: "subprocess.Popen[str]") -> str:
-    """What the process prints until its end; one that does not end is killed, which fails the test."""
-    try:
-        return process.communicate(timeout=PATIENCE_S)[0]
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.communicate()
-        raise
-
-
-def block_of(page: str, beginning: str) -> str:
-    """The block of a page that begins so."""
-    (found,) = [block.text for block in blocks(ROOT / page) if block.text.startswith(beginning)]
-    return found + "\n"
-
-
-def site_file(unit_port: int) -> str:
-    """The site file of the first page, its unit a simulated one, carried as in the room of the simulator's page."""
-    text = block_of("README.md", 'site = "attic"')
-    text, addresses = re.subn(
-        r"^address = .*$", f'address = "socket://127.0.0.1:{unit_port}"', text, flags=re.MULTILINE
-    )
-    text, serials = re.subn(r"^serial = \d+$", f"serial = {SERIAL}", text, flags=re.MULTILINE)
-    text, paths = re.subn(r"^path = .*$", f"path = {ROOM_PATH}", text, flags=re.MULTILINE)
-    assert addresses == serials == paths == 1
-    return text.replace("\n", '\nclock = "unit"\n', 1)
-
-
-def radar_file(path: Path, survey: Path) -> None:
-    """A survey as another scanner writes it: angles with 90 degrees ahead, centimetres, 0 for no echo."""
-    rows = ["angle,distance_cm,x_m,y_m,heading_deg"]
-    for line in survey.read_text().splitlines():
-        sweep = json.loads(line)
-        pose = sweep["pose"]
-        place = f"{pose.get('x_m', 0):.3f},{pose.get('y_m', 0):.3f},{57.29578 * pose.get('heading_rad', 0):.2f}"
-        for reading in sweep["readings"]:
-            range_cm = 100 * reading.get("time_of_flight_s", 0) * 343.2 / 2
-            rows.append(f"{90 + 57.29578 * reading.get('bearing_rad', 0):.2f},{range_cm:.2f},{place}")
-    path.write_text("\n".join(rows) + "\n")

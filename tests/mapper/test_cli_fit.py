@@ -45,6 +45,21 @@ def test_a_folder_that_is_not_there_is_named_before_anything_is_computed(tmp_pat
     assert result.exit_code == 1 and "there is no folder" in result.complaint
 
 
+@pytest.mark.parametrize(
+    ("option", "name", "meant"),
+    [
+        ("--contour", "map.geojson", "map.json"),
+        ("--contacts", "contacts.xlsx", "contacts.csv"),
+        ("--svg", "map.pdf", "map.svg"),
+        ("--rrd", "map.mcap", "map.rrd"),
+    ],
+)
+def test_a_name_of_another_kind_of_file_is_refused_before_anything_is_read(option: str, name: str, meant: str) -> None:
+    result = noctule_mapper("fit", "no-survey.jsonl", option, name)
+    assert result.exit_code == 2
+    assert f"name it {meant}" in " ".join(result.complaint.replace("│", " ").split())
+
+
 def test_a_calibration_in_a_file_takes_the_place_of_what_sweeps_leave_out(file: Path, tmp_path: Path) -> None:
     uncalibrated = paper_survey()
     for sweep in uncalibrated:

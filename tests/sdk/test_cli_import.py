@@ -21,6 +21,8 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 @pytest.fixture
 def radar(tmp_path: Path) -> Path:
     (tmp_path / "radar.txt").write_text(RADAR)
+    (tmp_path / "header.csv").write_text("angle,distance_cm\n")
+    (tmp_path / "scan.jsonl").write_text('{"angle": 45, "range": 30}\n')
     return tmp_path
 
 
@@ -62,9 +64,13 @@ def test_a_survey_goes_into_mcap_by_its_name(radar: Path) -> None:
         (("radar.txt", "--angle", "1", "--range", "2"), "radar.txt, column '2': does not say in which unit"),
         (("nowhere.csv", "--angle", "1", "--range", "2", "--units", "m"), "nowhere.csv: can't be read: No such file"),
         (("radar.txt", "--angle", "1", "--range", "7", "--units", "cm"), "no figures in the columns asked for"),
-        (("radar.txt", "--angle", "1", "--range", "2", "--units", "cm", "--out", "radar.txt"), "is the scan itself"),
+        (
+            ("scan.jsonl", "--angle", "angle", "--range", "range", "--units", "cm", "--out", "scan.jsonl"),
+            "the scan itself",
+        ),
         (("radar.txt", *CM, "--out", 246 * "n" + ".jsonl"), "can't be written"),  # it is 258 long until it is whole
         (("nowhere.csv", "--angle", "1", "--range", "2", "--out", "no/where.jsonl"), "there is no folder"),
+        (("header.csv", "--angle", "angle", "--range", "2"), "'angle,distance_cm', and holds no readings below"),
     ],
 )
 def test_what_can_not_be_imported_is_told_in_one_line_and_leaves_nothing(radar: Path, arguments, complaint) -> None:
@@ -73,12 +79,13 @@ def test_what_can_not_be_imported_is_told_in_one_line_and_leaves_nothing(radar: 
     assert done.stderr.startswith("noctule: ")
     assert done.stderr.count("\n") == 1
     assert complaint in done.stderr
-    assert [path.name for path in radar.iterdir()] == ["radar.txt"]
+    assert sorted(path.name for path in radar.iterdir()) == ["header.csv", "radar.txt", "scan.jsonl"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
+        (("--out", "radar.csv"), "no .csv file: name it radar.jsonl or radar.mcap"),
         (("--pose", "1,2"), "give X,Y,HEADING"),
         (("--pose", "1,2,nan"), "HEADING is nan"),
         (("--x", "3"), "a place takes --x and --y"),

@@ -8,33 +8,23 @@ writes viewer/demo.png and viewer/board.png, as headless Chromium shows them.
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from mapper.live_site import SITE
 from mapper.room import paper_room
 from PIL import Image
 from playwright.sync_api import Browser
-from system.processes import ROOT, Programs, free_ports, programs, repeated, wait_until
+from system.processes import ROOT, Programs, free_ports, programs, wait_until
 from viewer.browser import Screen, chromium, screen
 from viewer.room_in_picture import says_all_is_well, shown_share
+from viewer.sick_units import has_words_of_trouble, heard, shows_spots
 from viewer.watched_site import ALL_OF_IT, watched_site
-
-from noctule import bus, keys
-from noctule.messages_pb2 import UnitStatus
 
 SIZE_PX = (1280, 760)
 MOST_BYTES = 300_000
 WITHIN_S = 900.0  # a loaded machine without a graphics card takes its time
 LOOK_EVERY_S, SAME_LOOKS = 5.0, 3  # rays and labels come after the walls
-# As the gateway says it (noctule_gateway/status).
-TROUBLES = {
-    "u7": (UnitStatus.STATE_FAULT, "no home switch found within a turn: check the switch and the motor's wiring"),
-    "u14": (UnitStatus.STATE_DISCONNECTED, "no answer on /dev/serial/by-path/noctule-u14"),
-}
-SPOTS = ((255, 176, 32), (235, 64, 64))  # under units that are not well, the darker towards the rim
 BAR = (20, 5)  # row and column: red in a bar that says that the page is old
 MAP = (slice(120, 720), slice(0, 700))  # of the picture: what stands still once all has come
 
@@ -71,34 +61,14 @@ def board(browser: Browser, folder: Path, path: Path) -> None:
             save(shown, path, shows_troubles)
 
 
-@contextmanager
-def heard(endpoint: str, statuses: Sequence[UnitStatus]) -> Iterator[None]:
-    """Within the block these statuses, with TROUBLES, come each second, as a gateway sends them."""
-    for status in statuses:
-        if status.unit in TROUBLES:
-            status.state, status.detail = TROUBLES[status.unit]
-    with bus.open_session(connect=[endpoint]) as session:
-        publishers = [bus.StatePublisher(session, keys.unit_status(SITE, each.unit), UnitStatus) for each in statuses]
-
-        def tell() -> None:
-            for publisher, status in zip(publishers, statuses, strict=True):
-                publisher.put(status)
-
-        with repeated(tell):
-            yield
-
-
 def shows_room(shown: Screen, running: Programs) -> bool:
     running.check()
     return shown_share(shown.picture(), paper_room()) > ALL_OF_IT
 
 
 def shows_troubles(picture: np.ndarray) -> bool:
-    """Whether the map has the spots of TROUBLES, and the page is not old."""
-    bright = picture[MAP][picture[MAP].max(axis=-1) > 100].astype(float)
-    hue = bright / bright.sum(axis=-1, keepdims=True)
-    seen = [(np.abs(hue - np.divide(spot, sum(spot))).max(axis=-1) < 0.02).sum() > 20 for spot in SPOTS]
-    return all(seen) and picture[BAR].max() < 100
+    """Whether the picture shows who is not well, and the page is not old."""
+    return shows_spots(picture) and has_words_of_trouble(picture) and picture[BAR].max() < 100
 
 
 def still(shown: Screen, complete: Callable[[np.ndarray], bool]) -> np.ndarray:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
 from viewer.browser import chromium, screen
-from viewer.test_viewer import CYLINDER, log_room, middle_row, start_relay
+from viewer.relay_rig import CYLINDER, log_room, middle_row, start_relay
 
 from noctule_deploy.caddy import caddyfile
 from noctule_deploy.fleet import Viewer, Web

@@ -11,7 +11,10 @@ from playwright.sync_api import Browser
 from viewer.browser import Screen, chromium, screen
 from viewer.room_in_picture import says_all_is_well
 from viewer.second_hand import age_s, second_hand
+from viewer.sick_units import has_words_of_trouble, heard, shows_spots
 from viewer.watched_site import WatchedSite, survey_by, watched_site
+
+from noctule.messages_pb2 import UnitStatus
 
 pytestmark = pytest.mark.timeout(1800)  # longer than its waits together, which say what they waited for
 
@@ -38,6 +41,14 @@ def says_that_all_is_well(site: WatchedSite, shown: Screen) -> bool:
     """The page says so; its units are heard."""
     site.live.play([])  # the units' statuses: they too would be missed
     return says_all_is_well(shown.picture())
+
+
+def of_another_gateway(site: WatchedSite) -> list[UnitStatus]:
+    """The units' statuses by a second gateway: of the two the worse one counts, whatever the first goes on to say."""
+    statuses = site.live.client.unit_statuses()
+    for status in statuses:
+        status.gateway = "second"
+    return statuses
 
 
 def is_fresh(shown: Screen) -> bool:
@@ -103,7 +114,9 @@ def test_the_page_says_when_the_relay_is_gone_and_shows_the_room_once_it_is_back
 
 
 @pytest.mark.soak
-def test_the_page_of_twenty_units_keeps_up_with_them(site: WatchedSite, browser: Browser) -> None:
+def test_the_page_of_twenty_units_keeps_up_with_them_and_shows_which_are_not_well(
+    site: WatchedSite, browser: Browser
+) -> None:
     site.sweep_as(20)
     ended = threading.Event()
 
@@ -122,6 +135,11 @@ def test_the_page_of_twenty_units_keeps_up_with_them(site: WatchedSite, browser:
             for _ in range(2):  # a page that falls behind needs a while to
                 shown.wait_for(lambda: is_fresh(shown), "the page does not show the present")
             shown.wait_for(lambda: site.shows_room(shown), "the room of twenty units is not shown")
+            assert not shows_spots(picture := shown.picture()) and not has_words_of_trouble(picture)
+            with heard(site.live.endpoint, of_another_gateway(site)):
+                shown.wait_for(shown.page.locator("#noctule-alarm").is_visible, "the page has no red stripe")
+                shown.wait_for(lambda: shows_spots(shown.picture()), "u7 has no orange spot, or u14 no red one")
+                shown.wait_for(lambda: has_words_of_trouble(shown.picture()), "the table does not say what is wrong")
             assert shown.complaints() == []
     finally:
         ended.set()

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, sync_playwright
 from system.processes import PATIENCE_S, Programs, free_ports, listens, programs, wait_until
 from viewer.browser import CHROMIUM, SHOWN_WITHIN_S, SOFTWARE_GL
 from viewer.far_hosts import asked, refusing_proxy, traced
-from viewer.test_viewer import CYLINDER, log_room, middle_row, start_relay
+from viewer.relay_rig import CYLINDER, log_room, middle_row, start_relay
 
 from noctule_viewer.relay import RERUN, environment
 

@@ -15,7 +15,7 @@ import rerun as rr
 from mapper.rerun_relay import viewer as late_joiner
 from rerun.chunk import RrdReader
 from system.processes import Programs, programs, wait_until
-from viewer.test_viewer import run_viewer, start_relay
+from viewer.relay_rig import run_viewer, start_relay
 
 from noctule import rerun_paths
 from noctule_viewer.recordings import days, rrd_file

@@ -12,7 +12,7 @@ import asyncssh
 import pytest
 from mapper.rerun_relay import viewer
 from system.processes import Programs, free_ports, listens, programs, wait_until
-from viewer.test_viewer import log_room, run_viewer, start_relay
+from viewer.relay_rig import log_room, run_viewer, start_relay
 
 from noctule import rerun_paths
 from noctule_viewer import rerun_versions

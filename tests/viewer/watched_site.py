@@ -10,8 +10,8 @@ from mapper.live_site import SITE, LiveSite, live_site, paper_survey
 from mapper.room import paper_room
 from system.processes import wait_until
 from viewer.browser import Screen
+from viewer.relay_rig import start_relay
 from viewer.room_in_picture import shown_share
-from viewer.test_viewer import start_relay
 
 from noctule.messages_pb2 import Sweep
 from noctule_viewer.relay import Relay

@@ -47,6 +47,19 @@ def checked(check: Callable[[Any], object]) -> Callable[[Any], Any]:
     return look
 
 
+def suffixed(*suffixes: str) -> Callable[[Any], Any]:
+    """The callback of an option for a file that is written as one of ``suffixes`` says: the name of another kind is a
+    mistake. One without a suffix, such as that of a device, says nothing.
+    """
+
+    def look(file: Path) -> None:
+        if file.suffix not in ("", *suffixes):
+            named = " or ".join(str(file.with_suffix(suffix)) for suffix in suffixes)
+            raise NoctuleError(f"what is written is no {file.suffix} file: name it {named}")
+
+    return checked(look)
+
+
 def _endpoint(text: str) -> None:
     if fault := endpoints.fault(text):
         raise BusConfigError(fault)

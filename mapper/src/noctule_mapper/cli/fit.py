@@ -5,13 +5,15 @@ from typing import Annotated
 
 import typer
 
-from noctule.program_options import check_folders
+from noctule.program_options import check_folders, suffixed
 from noctule_mapper.choices import DEFAULT_METHOD, DEFAULT_RULE, Method, Rule
 
 
 def fit(
     sweeps: Annotated[Path, typer.Argument(metavar="SURVEY", help="Sweeps as JSON lines, or MCAP by suffix.")],
-    contour: Annotated[Path | None, typer.Option(help="Where the contour goes, as JSON.")] = None,
+    contour: Annotated[
+        Path | None, typer.Option(callback=suffixed(".json"), help="Where the contour goes, as JSON.")
+    ] = None,
     method: Annotated[
         Method | None, typer.Option(help=f"How reflectors are found; {DEFAULT_METHOD} if left out.")
     ] = None,
@@ -23,10 +25,20 @@ def fit(
         Path | None, typer.Option(help="TOML file with the tables window and mapper, as for run.")
     ] = None,
     contacts: Annotated[
-        Path | None, typer.Option(help="Where what each reading touched goes, as CSV: by tangent circle and by R2d.")
+        Path | None,
+        typer.Option(
+            callback=suffixed(".csv"),
+            help="Where what each reading touched goes, as CSV: by tangent circle and by R2d.",
+        ),
     ] = None,
-    svg: Annotated[Path | None, typer.Option(help="Where a drawing goes: echoes, places and what was found.")] = None,
-    rrd: Annotated[Path | None, typer.Option(help="Where a Rerun recording goes: the live map's scene.")] = None,
+    svg: Annotated[
+        Path | None,
+        typer.Option(callback=suffixed(".svg"), help="Where a drawing goes: echoes, places and what was found."),
+    ] = None,
+    rrd: Annotated[
+        Path | None,
+        typer.Option(callback=suffixed(".rrd"), help="Where a Rerun recording goes: the live map's scene."),
+    ] = None,
     view: Annotated[
         bool, typer.Option("--view", help="Open the viewer on the recording, beside the survey if --rrd names none.")
     ] = False,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from noctule.program_options import NAME, check_folders
+from noctule.program_options import NAME, check_folders, suffixed
 from noctule.scans.options import AIR_TEMPERATURE_C, STATED_SIGMA_DEG, STATED_SIGMA_M, Columns, ScanOptions
 
 
@@ -33,7 +33,12 @@ def import_(
     angle: Annotated[str, typer.Option(metavar="COLUMN", help="Column of the angles, by name or by number from 1.")],
     distance: Annotated[str, typer.Option("--range", metavar="COLUMN", help="Column of the ranges.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="OUT.jsonl|OUT.mcap", help="The survey; SCAN with .jsonl if left out.")
+        Path | None,
+        typer.Option(
+            metavar="OUT.jsonl|OUT.mcap",
+            callback=suffixed(".jsonl", ".mcap"),
+            help="The survey; SCAN with .jsonl if left out.",
+        ),
     ] = None,
     units: Annotated[Lengths | None, typer.Option(help="Of the ranges, where the file does not say.")] = None,
     angle_units: Annotated[Angles | None, typer.Option(help="Of the angles; degrees if nothing says more.")] = None,

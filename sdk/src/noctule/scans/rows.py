@@ -125,6 +125,8 @@ def _no_readings(file: Path, lines: list[Line], dialects: list[_Dialect], named:
         hint = f"did you mean {' and '.join(map(repr, meant))}?" if meant else "name columns as it does, or by number"
         begins = _shown(lines[0].text)
         return ScanError(file, f"no line names the columns {asked}; the file begins with {begins}: {hint}")
+    if text is not None and all(line.text.strip() == text.strip() for line in lines):
+        return ScanError(file, f"names its columns, {_shown(text)}, and holds no readings below")
     after = lines[min(1 if text else 0, len(lines) - 1)]
     return ScanError(
         file, f"is {_shown(after.text)}: no figures in the columns asked for; correct --angle and --range", after.place
