@@ -46,9 +46,7 @@ def test_settings_are_in_the_units_of_measure_of_the_command_line() -> None:
 
 
 def test_a_status_shows_what_was_counted_and_nothing_that_was_not() -> None:
-    status = UnitStatus(
-        state=UnitStatus.STATE_FAULT, detail="the motor is stuck", serial=7, boot=3, firmware="0.6.0"
-    )
+    status = UnitStatus(state=UnitStatus.STATE_FAULT, detail="the motor is stuck", serial=7, boot=3, firmware="0.6.0")
     status.counters["frames_bad"] = 4
     status.counters["frames_lost"] = 0
     shown = lines("u7", "status", CommandReply(status=status))
