@@ -67,7 +67,7 @@ bool stepper_has_room(void)
 static inline void push_run(uint16_t period_us, uint8_t half_steps)
 {
     uint16_t reload = -(period_us * CLOCKS_PER_US);
-    __idata struct run *run = next; // the compiler reads `next` anew for each part
+    __idata struct run *run = next; // the compiler would load `next` again for each field
     run->reload_low = (uint8_t)reload;
     run->reload_high = reload >> 8;
     run->half_steps = half_steps;

@@ -81,7 +81,7 @@ static uint8_t program(void)
     return checksum_of_flash(address, FLASH_PAGE_BYTES) == crc ? RESULT_DONE : RESULT_BAD_CRC;
 }
 
-static uint8_t install_anew(void)
+static uint8_t install_now(void)
 {
     uint8_t result = install();
     obstacle = application_obstacle();
@@ -113,7 +113,7 @@ static uint8_t obey(uint8_t type)
     case FRAME_PROGRAM:
         return program();
     case FRAME_INSTALL:
-        return install_anew();
+        return install_now();
     default:
         return may_run();
     }

@@ -103,3 +103,5 @@ def test_the_bus_is_asked_with_an_operators_certificate_that_may_read_all_sites(
     assert status.own_folder(fleet, place, known) == place.out / "operator.berta.g3"
     with pytest.raises(RenderError, match=r"no operator who may read all sites: name a certificate's folder \(--tls\)"):
         status.own_folder(fleet, place, {"operator.anna": Generations(1, 1)})
+    with pytest.raises(RenderError, match="no certificates yet: run noctule-deploy render"):
+        status.own_folder(fleet, place, {})

@@ -22,7 +22,7 @@ APPS = {
     "noctule-mapper": noctule_mapper.cli.app,
     "noctule-viewer": noctule_viewer.cli.app,
 }
-_OF_OTHERS = ("caddy", "cd", "docker", "export", "mkdir", "rsync", "ssh", "sudo")
+_OF_OTHERS = ("caddy", "cd", "cmp", "docker", "export", "mkdir", "objcopy", "rsync", "ssh", "sudo")
 """Programs that are not ours: the shell parses their lines."""
 
 

@@ -175,8 +175,12 @@ def serve_echo(server: socket.socket) -> None:
 
 
 def test_an_address_that_can_not_be_opened_is_named() -> None:
-    with pytest.raises(LineError, match="can't open /dev/no-such-device"):
+    with pytest.raises(LineError, match="can't open /dev/no-such-device: it is not there: plug the adapter in"):
         open_port("/dev/no-such-device")
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        address = address_of("socket", closed)
+    with pytest.raises(LineError, match=f"can't open {address}: nothing listens there: start it"):
+        open_port(address)
     with pytest.raises(LineError, match="can't open quux"):
         open_port("quux://unit")
 

@@ -48,7 +48,7 @@ def message(readings: SweepReadings) -> Sweep:
 
 @dataclass(frozen=True)
 class LiveSite:
-    """A site on the bus: whoever replays sweeps on it, whoever looks at it, and the mappers that run."""
+    """A site on the bus: who replays sweeps on it, who looks at it, and the mappers that run."""
 
     folder: Path
     endpoint: str

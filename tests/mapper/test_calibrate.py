@@ -213,7 +213,7 @@ def test_the_table_tells_what_the_paper_tells(file):
     assert 5.6 < float(row["epsilon, 2 sigma"].split()[0]) < 7.2
     assert 1.8 < float(row["range, mean error"].split()[0]) < 2.8
     assert row["Gaussian? range"].startswith("yes")
-    # Eq. 25 put right and as printed, l = 20 cm: 4.8 and 2.25 m at d = 1.22 * 3.2 mm, larger as d is found smaller.
+    # Eq. 25 corrected and as printed, l = 20 cm: 4.8 and 2.25 m at d = 1.22 * 3.2 mm, larger as d is found smaller.
     radius, printed = re.findall(r"radius (\d\.\d\d) m", row["largest cylinder told at 0.3 m"])
     assert 0.2**2 / (2 * 0.0044) - 0.3 < float(radius) < 0.2**2 / (2 * 0.0034) - 0.3
     assert 0.2**2 / (4 * 0.0044) - 0.3 < float(printed) < 0.2**2 / (4 * 0.0034) - 0.3

@@ -168,3 +168,12 @@ def test_where_the_viewer_is_not_installed_what_to_install_is_told(file: Path, m
     assert result.exit_code == 1
     assert "noctule-viewer is not here: install noctule-viewer" in result.complaint
     assert file.with_name("map.rrd").exists(), "what was drawn stays"
+
+
+def test_a_recording_for_which_the_disk_has_no_room_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "survey.jsonl"
+    with file.open("w") as stream:
+        survey.write(paper_survey()[:2], stream)
+    result = fit(file, "--rrd", "/dev/full")  # where every write fails so
+    assert result.exit_code == 1
+    assert result.complaint.startswith("noctule-mapper: /dev/full: ") and "No space left" in result.complaint

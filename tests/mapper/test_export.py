@@ -29,6 +29,7 @@ from noctule.messages_pb2 import (
     UnitPose,
     Wall,
 )
+from noctule_mapper.export.atomic_write import write_whole
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1  # as in a nav_msgs/OccupancyGrid
 
@@ -352,3 +353,10 @@ def test_a_map_half_of_which_can_not_be_written_leaves_the_old_one(folder, tmp_p
     assert export(folder / "contour.json", tmp_path / "room.yaml").exit_code == 1
     assert (tmp_path / "room.yaml").read_text() == "old"
     assert {each.name for each in tmp_path.iterdir()} == {"room.pgm", "room.yaml"}
+
+
+def test_a_file_that_can_not_be_written_is_named_and_not_the_one_beside_it(tmp_path):
+    target = tmp_path / "missing" / "room.svg"
+    with pytest.raises(FileNotFoundError) as refused:
+        write_whole({target: b"<svg/>"})
+    assert refused.value.filename == str(target)

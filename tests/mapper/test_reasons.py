@@ -56,7 +56,7 @@ def echo(x_m: float) -> Sweep:
         ([echo(0.0), echo(1.0)], "echoes from 2 places; a cylinder needs 3"),
         (
             [echo(0.0), echo(1.0), echo(2.0)],
-            "echoes from 3 places, but no wall and no cylinder explains enough of them: check the poses",
+            "echoes from 3 places, but no wall and no cylinder explains enough of them: add places, or check the poses",
         ),
         (
             fixed(STANDS[[0, 0]]),  # right angles alone tell its walls

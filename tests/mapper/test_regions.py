@@ -44,7 +44,7 @@ def test_a_contact_region_is_the_sensor_models_arc_about_its_contact():
 
 
 def test_a_cone_is_the_sensor_models_free_space():
-    # Sectors and levels are an eighth of the half beam wide, each rounds trust by a 16th at most; Eq. 7 put right.
+    # Sectors and levels are an eighth of the half beam wide, each rounds trust by a 16th at most; Eq. 7 corrected.
     reach_m = 1.3
     for axis in np.linspace(-3, 3, 20):
         grid = Grid(CONFIG)

@@ -1,4 +1,4 @@
-"""The annular-sector model, Eq. 5-8 of Liu et al. 2019, with the misprint of Eq. 7 put right."""
+"""The annular-sector model, Eq. 5-8 of Liu et al. 2019, with the misprint of Eq. 7 corrected."""
 
 import numpy as np
 import pytest

@@ -106,7 +106,7 @@ def test_a_point_on_a_wall_s_line_that_was_touched_in_another_direction_is_not_o
 
 
 def test_the_least_squares_circle_is_exact_on_points_of_a_circle_and_of_half_of_one():
-    # Eq. 16-23 with the misprints of 20-22 put right; Table III's cylinder.
+    # Eq. 16-23 with the misprints of 20-22 corrected; Table III's cylinder.
     turn = np.linspace(0.3, 0.3 + np.pi, 9)
     x, y = 1.384 + 0.448 * np.cos(turn), 0.480 + 0.448 * np.sin(turn)
     assert least_squares_circle(x, y) == pytest.approx((1.384, 0.480, 0.448))

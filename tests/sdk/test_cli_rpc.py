@@ -23,7 +23,7 @@ def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
     code, out, _ = finish(noctule("rpc", "room", "u1", "status"))
     assert code == 0 and out.startswith("u1: idle\n") and re.search("^  log +1 to 3$", out, re.MULTILINE)
     code, _, err = finish(noctule("rpc", "room", "u1", "configure", "--count", 5))
-    assert code == 1 and "unit 'u1' did not configure: unit 'u1' is a replayed survey" in err
+    assert code == 1 and "configure was not done by unit 'u1': unit 'u1' is a replayed survey" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "dance"))
     assert code == 2 and "No such command 'dance'" in err
     code, _, err = finish(noctule("rpc", "room", "u1", "set_waypoint", "--waypoint", -1))

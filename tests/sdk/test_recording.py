@@ -100,7 +100,7 @@ def test_a_batch_for_which_the_disk_has_no_room_leaves_the_file_as_it_was(tmp_pa
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(1.5 * size), before[1]))
     try:
-        with pytest.raises(OSError, match="File too large"):
+        with pytest.raises(SurveyError, match="File too large: see to its disk"):
             recording.append(sweeps(2))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -9,9 +9,15 @@ from noctule.messages_pb2 import Calibration, CommandReply, SweepPlan, UnitSetti
 
 
 @pytest.mark.parametrize("command", DONE)
-def test_a_command_that_was_done_is_one_line_with_the_units_state(command: str) -> None:
+def test_a_command_that_was_done_is_one_line(command: str) -> None:
     (line,) = lines("u7", command, CommandReply(done=True, status=UnitStatus(state=UnitStatus.STATE_IDLE)))
-    assert line == f"u7: {DONE[command]}; idle now"
+    assert line.removesuffix("; idle now") == f"u7: {DONE[command]}"
+
+
+@pytest.mark.parametrize(("command", "is_shown"), [("store", True), ("stop", False), ("home", False), ("go_to", False)])
+def test_the_units_state_is_shown_with_what_is_over(command: str, is_shown: bool) -> None:
+    (line,) = lines("u7", command, CommandReply(done=True, status=UnitStatus(state=UnitStatus.STATE_IDLE)))
+    assert line.endswith("; idle now") == is_shown
 
 
 def test_an_update_says_from_which_version_to_which() -> None:
@@ -40,7 +46,7 @@ def test_settings_are_in_the_units_of_measure_of_the_command_line() -> None:
 
 
 def test_a_status_shows_what_was_counted_and_nothing_that_was_not() -> None:
-    status = UnitStatus(state=UnitStatus.STATE_FAULT, detail="the motor is stuck", serial=7, boot=3)
+    status = UnitStatus(state=UnitStatus.STATE_FAULT, detail="the motor is stuck", serial=7, boot=3, firmware="0.6.0")
     status.counters["frames_bad"] = 4
     status.counters["frames_lost"] = 0
     shown = lines("u7", "status", CommandReply(status=status))
@@ -48,3 +54,12 @@ def test_a_status_shows_what_was_counted_and_nothing_that_was_not() -> None:
     assert "  detail           the motor is stuck" in shown
     assert "  frames bad       4" in shown
     assert not any("frames lost" in line for line in shown)
+
+
+def test_of_a_unit_that_was_never_heard_only_what_its_gateway_knows_is_shown() -> None:
+    status = UnitStatus(state=UnitStatus.STATE_DISCONNECTED, detail="no answer on /dev/ttyUSB0", clock_error_s=3600)
+    assert lines("u7", "status", CommandReply(status=status)) == [
+        "u7: disconnected",
+        "  detail           no answer on /dev/ttyUSB0",
+        "  log              empty",
+    ]

@@ -93,9 +93,10 @@ def as_json(config: dict[str, Any]) -> bytes:
 
 def _known(fleet: Fleet, place: Place, subject: str) -> dict[str, Generations]:
     known = generations.load(place.out)
-    if subject not in known or subject not in fleet.subjects():
-        present = ", ".join(fleet.subjects())
-        raise RenderError(f"{subject!r} is no name of this fleet that was rendered; names are {present}")
+    if subject not in fleet.subjects():
+        raise RenderError(f"{subject!r} is no name of this fleet; names are {', '.join(fleet.subjects())}")
+    if subject not in known:
+        raise RenderError(f"{subject!r} has no certificate in {place.out} yet: run noctule-deploy render")
     return generations.of_fleet(known, fleet.subjects())
 
 

@@ -81,6 +81,8 @@ def own_folder(fleet: Fleet, place: Place, known: Mapping[str, Generations]) -> 
             subject = f"{Role.OPERATOR}.{each.name}"
             if subject in known:
                 return place.out / common_name(subject, known[subject].newest)
+    if not known:
+        raise RenderError(f"{place.out} has no certificates yet: run noctule-deploy render, or name a folder (--tls)")
     raise RenderError(f"{place.out} has no operator who may read all sites: name a certificate's folder (--tls)")
 
 

@@ -4,7 +4,7 @@ _ROOM = "room of Tables I-III, the paper's path, 13 bearings 22.5 degrees apart,
 
 _TEXTS = {
     3: """Beliefs across the arc of a reading of R = 3.0 m, eps = 2 mm, beam 22.5 degrees, at (a) 5, (b) 15 and (c) 10
-        degrees off the axis, by Eq. 5-8. Dashed: Eq. 7 as printed, surely free off the arc; solid: put right, free
+        degrees off the axis, by Eq. 5-8. Dashed: Eq. 7 as printed, surely free off the arc; solid: corrected, free
         before the arc and unknown behind it. At 15 degrees the beam has ended, and the reading knows nothing.""",
     5: f"""Readings of part of wall 1 ({_ROOM}): (a) m(O) of whole arcs, Eq. 6, the highest of any reading; (b) m(O) of
         each reading's contact region of central angle 6 eps / R, eps = 2 sigma. Dots: the sensor; dashed: the true
@@ -17,7 +17,7 @@ _TEXTS = {
     11: f"""Votes of the feature points on walls for lines, Eq. 9, in bins of 1 degree and 1 cm ({_ROOM}): (a) all, of
         every four bins of rho the highest; (b) about the highest peak.""",
     12: f"""The classes that the extended Hough transform makes of the feature points on walls: the highest peak, the
-        deviation test (Eq. 15 put right), then the same without them ({_ROOM}).""",
+        deviation test (Eq. 15 corrected), then the same without them ({_ROOM}).""",
     13: """The calibration: (a) {groups} groups of three positions 20 cm apart before a wall, {repeats} readings at
         each; (b) d = R2d - R2 with its Gaussian, and the paper's. A range errs by a mean of 0.23 cm and a sigma of 0.32
         cm; in d the mean cancels, and sigma grows by 1.22. From d: sigma of a range {sigma_range_cm:.3f} cm.
@@ -27,7 +27,7 @@ _TEXTS = {
         wall as far away. Range sigma 0.32 cm, hence sigma of d, and Th, {threshold_cm:.2f} cm. A third of the wall's
         tries look like a cylinder then.""",
     15: """(a) A cylinder of radius R before the middle of three positions; (b) the greatest R that a deviation d tells
-        from a wall, against the distance L: Eq. 24-25 put right (625 cm - L for 20 cm and 0.32 cm) and as printed
+        from a wall, against the distance L: Eq. 24-25 corrected (625 cm - L for 20 cm and 0.32 cm) and as printed
         (312.5 cm - L; 104.16 cm - L with 3 sigma).""",
     17: f"""(a) The environment; (b) the 44 positions; (c) the reliability grid after the survey, cells of 2 cm, PCR6+;
         (d) its feature points by kind and the contour of EHT + LSM ({_ROOM}).""",

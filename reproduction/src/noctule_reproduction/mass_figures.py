@@ -1,4 +1,4 @@
-"""Figure 3: what one reading says along its range, Eq. 5-8 as printed and with Eq. 7 put right."""
+"""Figure 3: what one reading says along its range, Eq. 5-8 as printed and with Eq. 7 corrected."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -41,16 +41,16 @@ class Recording:
             raise
 
     def append(self, sweeps: Sequence[Sweep]) -> None:
-        """Put sweeps on the disk. Raises OSError, and then the file is as before."""
+        """Put sweeps on the disk. Raises SurveyError where that fails, and then the file is as before."""
         size = self._file.seek(0, os.SEEK_END)
         data = memoryview("".join(survey.to_json(sweep) + "\n" for sweep in sweeps).encode())
         try:
             while data:
                 data = data[self._file.write(data) :]
             os.fsync(self._file.fileno())
-        except OSError:
+        except OSError as error:
             self._file.truncate(size)
-            raise
+            raise SurveyError(f"{self._journal} can't be written: {error.strerror}: see to its disk") from error
         for sweep in sweeps:
             self._note(sweep)
         self.appended += len(sweeps)

@@ -60,8 +60,22 @@ def open_port(address: str) -> Port:
             return Rfc2217Port(address, BAUD)
         return _DescriptorPort(address, serial.Serial(address, baudrate=BAUD, exclusive=True))
     except (serial.SerialException, termios.error, OSError, ValueError) as error:  # termios: pulled out meanwhile
-        held = isinstance(error, OSError) and error.errno in (errno.EWOULDBLOCK, errno.EBUSY)
-        raise LineError(f"can't open {address}: {_in_use(Path(address)) if held else error}") from error
+        raise LineError(f"can't open {address}: {_why(address, error)}") from error
+
+
+def _why(address: str, error: Exception) -> str:
+    """What is wrong, and what to do."""
+    match getattr(error, "errno", None):
+        case errno.EWOULDBLOCK | errno.EBUSY:
+            return _in_use(Path(address))
+        case errno.ENOENT:
+            return "it is not there: plug the adapter in, or correct the address (ls /dev/serial/by-id)"
+        case errno.EACCES:
+            return "permission denied: sudo adduser $USER dialout, and log in again"
+        case errno.ECONNREFUSED:
+            return "nothing listens there: start it, or correct the address"
+        case _:
+            return str(error)
 
 
 def _in_use(device: Path) -> str:

@@ -41,7 +41,7 @@ def _head(calibration: Calibration) -> str:
 
 
 def _detectable(spread: Spread) -> list[tuple[str, str]]:
-    """The largest cylinder that the test of Eq. 2 tells from a wall, by distance; Eq. 25 as printed and put right."""
+    """The largest cylinder that the test of Eq. 2 tells from a wall, by distance; Eq. 25 as printed and corrected."""
     threshold_m = spread.sigma_d_m.value
     rows = []
     for distance_m in _DISTANCES_M:

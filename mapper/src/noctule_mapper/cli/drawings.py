@@ -1,5 +1,6 @@
 """What ``fit`` draws of what it found: an SVG file, a Rerun recording, and the viewer opened on it."""
 
+import errno
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,10 @@ def draw(mapper: Mapper, contour: Contour, svg: Path | None, rrd: Path | None, v
         from noctule_mapper.contour.table import contour_table
         from noctule_mapper.rerun_view.recording import record
 
-        record(rrd, mapper, contour, f"```\n{contour_table(contour)}\n```\n")
+        try:
+            record(rrd, mapper, contour, f"```\n{contour_table(contour)}\n```\n")
+        except RuntimeError as error:  # as Rerun says that the disk is full
+            raise OSError(errno.EIO, str(error), str(rrd)) from error
         if view:
             _open(rrd)
 

@@ -48,6 +48,7 @@ def fit(
     from noctule.progress import progress
     from noctule_mapper.cli.drawings import draw
     from noctule_mapper.contour.table import contour_table
+    from noctule_mapper.export.atomic_write import write_whole
     from noctule_mapper.live.config import in_force, to_toml
     from noctule_mapper.messages import contour_message
     from noctule_mapper.survey_fit import map_survey
@@ -61,9 +62,12 @@ def fit(
         shown.at("looking for walls and cylinders")
         result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:
-        contour.write_text(survey.to_json(result) + "\n")
-        if contour.is_file():  # and not a device
-            contour.with_suffix(".config.toml").write_text(to_toml(parameters))
+        content = survey.to_json(result) + "\n"
+        if contour.exists() and not contour.is_file():  # a device
+            contour.write_text(content)
+        else:
+            beside = contour.with_suffix(".config.toml")
+            write_whole({contour: content.encode(), beside: to_toml(parameters).encode()})
     if contacts:
         contacts.write_text(surveyed.mapper.contact_report().csv())
     print(contour_table(result))

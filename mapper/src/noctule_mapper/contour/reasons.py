@@ -24,7 +24,7 @@ def reason(contour: Contour, heard_from_m: np.ndarray, sweeps: Sequence[SweepRea
     if places < config.refinement.limits.least_places and not contour.cylinders:
         return f"{heard}; {_needed(contour, places, sweeps, config)}{_poses_alike(sweeps, places)}"
     if not (contour.walls or contour.cylinders):
-        return f"{heard}, but no wall and no cylinder explains enough of them: check the poses"
+        return f"{heard}, but no wall and no cylinder explains enough of them: add places, or check the poses"
     return ""
 
 

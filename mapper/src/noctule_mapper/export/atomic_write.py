@@ -8,13 +8,17 @@ from pathlib import Path
 
 
 def write_whole(contents: Mapping[Path, bytes]) -> None:
-    """Write files, the old of each staying until all the new ones are on the disk. Raises OSError, with nothing left
-    behind, where one can't be written.
+    """Write files, the old of each staying until all the new ones are on the disk. Raises OSError that names the file,
+    with nothing left behind, where one can't be written.
     """
     beside = {path.resolve(): _beside(path.resolve()) for path in contents}
     try:
         for path, content in contents.items():
-            _write(beside[path.resolve()], content)
+            try:
+                _write(beside[path.resolve()], content)
+            except OSError as error:
+                error.filename = str(path)  # none for a full disk, and else the name of the file beside it
+                raise
         for path, new in beside.items():
             if path.exists():
                 shutil.copymode(path, new)

@@ -11,7 +11,7 @@ Values = np.ndarray | float
 
 
 def greatest_radius_m(distance_m: Values, step_m: Values, deviation_m: Values) -> Values:
-    """Eq. 24-25 put right: R = l^2 / (2 d) - L + d / 2, from (R + L)^2 = l^2 + (R + L - d)^2.
+    """Eq. 24-25 corrected: R = l^2 / (2 d) - L + d / 2, from (R + L)^2 = l^2 + (R + L - d)^2.
 
     With l = 20 cm and d = 0.32 cm that is 625 cm - L. A result below zero: no cylinder is recognised from there.
     """

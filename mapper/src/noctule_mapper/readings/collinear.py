@@ -6,7 +6,7 @@ Values = np.ndarray | float
 
 
 def reference_range_m(first_m: Values, third_m: Values, d12_m: Values, d13_m: Values) -> Values:
-    """Eq. 1, its bracket mended, R2d = R1 + (R3 - R1) d12 / d13: the range that a wall would give position 2.
+    """Eq. 1, its bracket corrected, R2d = R1 + (R3 - R1) d12 / d13: the range that a wall would give position 2.
 
     It holds for position 2 on the line between positions 1 and 3. The paper prints R1 + (R3 - R1 d12 / d13).
     """

@@ -43,6 +43,6 @@ def _ask(client: Client, asked: Asked, fields: Mapping[str, Any]) -> None:
     unit, command = asked.of.unit, asked.command
     reply: CommandReply = client.command(unit, command, CommandRequest(**fields), asked.timeout_s)
     if not reply.done:
-        raise BusError(f"unit {unit!r} did not {command}: {reply.error}")
+        raise BusError(f"{command} was not done by unit {unit!r}: {reply.error}")
     shown = [survey.to_json(reply)] if asked.of.json else map(plain, replies.lines(unit, command, reply))
     typer.echo("\n".join(shown))

@@ -8,11 +8,11 @@ from google.protobuf.message import Message
 from noctule.messages_pb2 import Calibration, CommandReply, Measurement, UnitSettings, UnitStatus
 
 DONE = {
-    "stop": "told to stop",
+    "stop": "stops after its present reading",
     "single": "makes one sweep",
     "start": "sweeps until stopped",
-    "home": "looks for home",
-    "go_to": "turns",
+    "home": "looks for home; give the next command when it stands still",
+    "go_to": "turns; give the next command when it stands still",
     "set_waypoint": "knows its waypoint",
     "configure": "has the new plan; store keeps it",
     "calibrate": "has the new calibration; store keeps it",
@@ -21,6 +21,7 @@ DONE = {
     "reset": "resets",
     "accept_room": "its gateway learns again what it hears",
 }
+_ONLY_BEGUN = ("stop", "single", "start", "home", "go_to", "reset")  # what the unit's state was before says nothing
 
 
 def lines(unit: str, command: str, reply: CommandReply) -> list[str]:
@@ -33,7 +34,7 @@ def lines(unit: str, command: str, reply: CommandReply) -> list[str]:
         return [f"{unit}: {reply.detail}", *measurements(reply.measurements)]
     told = [DONE.get(command, "done"), reply.detail]
     if reply.HasField("status"):
-        told.append(f"{state(reply.status)} now")
+        told += [] if command in _ONLY_BEGUN else [f"{state(reply.status)} now"]
         told.append(reply.status.detail)
     return [f"{unit}: {'; '.join(filter(None, told))}"]
 
@@ -56,19 +57,23 @@ def _status(status: UnitStatus) -> Iterator[str]:
     rows = [
         ("detail", status.detail),
         ("gateway", status.gateway),
-        ("serial", status.serial),
-        ("firmware", status.firmware),
-        ("boot", status.boot),
-        ("last reset", status.reset_cause),
-        ("homed", "yes" if status.homed else "no"),
-        ("latest slip", f"{math.degrees(status.slip_rad):+.1f} degrees" if status.HasField("slip_rad") else ""),
-        ("waypoint", status.waypoint if status.HasField("waypoint") else "none"),
-        ("clock error", f"{status.clock_error_s * 1e3:.2f} ms, drift {status.clock_drift * 1e6:.0f} ppm"),
-        ("chip", f"{status.chip_temperature_c:.1f} C" if status.HasField("chip_temperature_c") else ""),
+        ("serial", status.serial or ""),
+        *(_of_the_unit(status) if status.firmware else ()),  # else it has not said HELLO to this gateway yet
         ("log", f"{status.log_tail} to {status.log_head}" if status.log_head else "empty"),
         *((name.replace("_", " "), count) for name, count in sorted(status.counters.items()) if count),
     ]
     return _aligned(rows)
+
+
+def _of_the_unit(status: UnitStatus) -> Iterator[tuple[str, object]]:
+    yield "firmware", status.firmware
+    yield "boot", status.boot
+    yield "last reset", status.reset_cause
+    yield "homed", "yes" if status.homed else "no"
+    yield "latest slip", f"{math.degrees(status.slip_rad):+.1f} degrees" if status.HasField("slip_rad") else ""
+    yield "waypoint", status.waypoint if status.HasField("waypoint") else "none"
+    yield "clock error", f"{status.clock_error_s * 1e3:.2f} ms, drift {status.clock_drift * 1e6:.0f} ppm"
+    yield "chip", f"{status.chip_temperature_c:.1f} C" if status.HasField("chip_temperature_c") else ""
 
 
 def _settings(settings: UnitSettings) -> Iterator[str]:
