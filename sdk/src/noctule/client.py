@@ -4,6 +4,7 @@ import logging
 import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -38,6 +39,7 @@ QUERY_TIMEOUT_S = 5.0
 _LONGEST_ERROR = 2000  # bytes of a service's own words
 
 M = TypeVar("M", bound=Message)
+LogReply = Future[zenoh.Sample | None]
 
 _log = logging.getLogger(__name__)
 
@@ -187,8 +189,38 @@ class Client:
 
     def unsifted_log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
         """The same with all records as they came, unchecked, so that a LogFollower knows which ones it passes over."""
+        return self.log_records(self.ask_log(unit, from_sequence, max).result())
+
+    def ask_log(self, unit: str, from_sequence: int, max: int) -> LogReply:
+        """Ask a unit's log without waiting. The future gets its first reply, or None where no gateway serves the unit.
+
+        It gets BusError where there is only an error, as after QUERY_TIMEOUT_S. Its callbacks run on Zenoh's thread.
+        Raises ZError where the session is closed.
+        """
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
-        return next((self._intake.decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
+        future, errors = LogReply(), list[str]()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.err is not None:
+                errors.append(_words(reply.err))
+            elif not future.done():
+                future.set_result(reply.ok)
+
+        def on_end() -> None:
+            if not future.done() and errors:
+                future.set_exception(_no_answer(selector, errors[-1], QUERY_TIMEOUT_S))
+            elif not future.done():
+                future.set_result(None)
+
+        # Any other handler has a thread for each question.
+        handler = zenoh.handlers.Callback(on_reply, on_end, indirect=False)
+        none = zenoh.ConsolidationMode.NONE
+        self.session.get(selector, handler, timeout=QUERY_TIMEOUT_S, consolidation=none, attachment=self._name)
+        return future
+
+    def log_records(self, reply: zenoh.Sample | None) -> LogRecords | None:
+        """A log's reply, its records unchecked. Raises BusError where it can't be decoded."""
+        return self._intake.decode(LogRecords, reply, but=("sweeps",)) if reply is not None else None
 
     def history(self, unit: str, from_sequence: int = 1) -> Iterator[Sweep]:
         """A unit's log in order, from the log sequence ``from_sequence`` or the oldest record held, to its head.
@@ -210,7 +242,7 @@ class Client:
             records = self.unsifted_log(unit, reader.cursor.log_sequence + 1)
             if records is None:
                 raise self._not_served(unit)
-            more = reader.read(records, reader.cursor)
+            more = reader.read(records)
             if reader.cursor.log_id != first.log_id:
                 raise BusError(f"unit {unit!r} began a new log while the old one was read: read it again from 1")
             yield from page
@@ -337,9 +369,17 @@ class Client:
                 answered = True
                 yield reply.ok
             elif reply.err is not None:
-                error = reply.err.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
+                error = _words(reply.err)
         if error is not None and not answered:
-            raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
+            raise _no_answer(selector, error, timeout_s)
+
+
+def _words(error: zenoh.ReplyError) -> str:
+    return error.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
+
+
+def _no_answer(selector: str, error: str, timeout_s: float) -> BusError:
+    return BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
 
 
 def _unit_of(sample: zenoh.Sample) -> str:

@@ -6,7 +6,7 @@ A reply to a client that takes nothing waits until Zenoh gives its link up, whic
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,8 +15,9 @@ from time import monotonic
 from noctule_gateway.bus.log_reply import MAX_RECORDS
 
 MAX_CLIENTS = 64  # that wait for answers at once
-MAX_WAITING = 64  # queries of one client
-CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
+# Waiting queries of one client, without the first of each unit: a reader that waits for its answers has none of these.
+MAX_WAITING = 64
+CROWD = 16  # from which on a client gets less
 REST = 30.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
 LONGEST_REST_S = 0.3  # an answer that took long mostly waited, for the disk or the client, and kept no unit waiting
 # Records in such a client's answer: while one is made a unit's sweep waits at each of its twenty steps for Python.
@@ -30,6 +31,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Query:
+    unit: str
     since_s: float
     answer: Callable[[int], object]
     say_late: Callable[[], object]
@@ -48,17 +50,17 @@ class LogReaders:
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
-    def submit(self, client: str, answer: Callable[[int], object], say_late: Callable[[], object]) -> bool:
+    def submit(self, client: str, unit: str, answer: Callable[[int], object], say_late: Callable[[], object]) -> bool:
         """Have ``answer`` called soon, with the most records that it may hold; False where it is refused. From any
-        thread, never waiting.
+        thread, never waiting. The query is one for the log of ``unit``.
 
         ``say_late`` is called instead after STALE_AFTER_S: a client that still waits must not think that nobody is
         there.
         """
-        client, query = client[:LONGEST_NAME], _Query(self._now(), answer, say_late)
+        client, query = client[:LONGEST_NAME], _Query(unit, self._now(), answer, say_late)
         with self._lock:
             waiting = self._waiting.get(client)
-            if waiting is not None and len(waiting) < MAX_WAITING:
+            if waiting is not None and _excess([*waiting, query]) < MAX_WAITING:
                 waiting.append(query)
                 return True
             if waiting is None and len(self._waiting) < MAX_CLIENTS:
@@ -88,7 +90,7 @@ class LogReaders:
     def _answer_next(self, client: str) -> None:
         with self._lock:
             query = self._waiting[client].popleft()
-            crowded = len(self._waiting[client]) >= CROWD
+            crowded = _excess([query, *self._waiting[client]]) >= CROWD
         begun_s = self._now()
         try:
             if begun_s - query.since_s < STALE_AFTER_S:
@@ -114,3 +116,7 @@ class LogReaders:
     def _go_on(self, client: str) -> None:
         with suppress(RuntimeError):  # closed meanwhile
             self._threads.submit(self._answer_next, client)
+
+
+def _excess(queries: Collection[_Query]) -> int:
+    return len(queries) - len({query.unit for query in queries})

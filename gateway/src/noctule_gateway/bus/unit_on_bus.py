@@ -90,7 +90,8 @@ class UnitOnBus:
 
     def _on_log_query(self, query: zenoh.Query) -> None:
         name = query.attachment.to_bytes()[:LONGEST_NAME].decode(errors="replace") if query.attachment else ""
-        if not self._readers.submit(name, partial(self._answer_from_log, query), lambda: _refuse(query, _TOO_LATE)):
+        answer = partial(self._answer_from_log, query)
+        if not self._readers.submit(name, self._log_key, answer, lambda: _refuse(query, _TOO_LATE)):
             query.drop()  # an error reply might wait, on Zenoh's own thread
 
     def _answer_from_log(self, query: zenoh.Query, most: int) -> None:
