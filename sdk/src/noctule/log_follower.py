@@ -173,7 +173,7 @@ class LogFollower:
             if unit := self._unit(sweep.unit):
                 unit.reader.strangers.came(sweep)
                 unit.hear(sweep.log_id, sweep.log_sequence)
-                self._see_to(sweep.unit)
+        self._ask_if_due(sweep.unit)  # without waiting for the worker
 
     def _on_unit_status(self, status: UnitStatus) -> None:
         with self._changed:
@@ -236,8 +236,8 @@ class LogFollower:
 
     def _run(self) -> None:
         while self._wait():
-            for name in self._take_due():
-                self._ask(name)
+            for name in self._due_now():
+                self._ask_if_due(name)
             if (answer := self._take_answer()) is not None:
                 self._read(*answer)
 
@@ -259,14 +259,10 @@ class LogFollower:
                 self._changed.wait(next_s - now_s)
             return False
 
-    def _take_due(self) -> list[str]:
-        """The units to see to now."""
+    def _due_now(self) -> list[str]:
         with self._changed:
             now_s = monotonic()
-            names = [name for name in self._due if self._units[name].due_s <= now_s]
-            for name in names:
-                del self._due[name]
-            return names
+            return [name for name in self._due if self._units[name].due_s <= now_s]
 
     def _take_answer(self) -> tuple[str, LogReply] | None:
         """The oldest or, every other time, the shortest: what has just been swept waits for one long answer at most."""
@@ -280,9 +276,14 @@ class LogFollower:
             self._answer_bytes -= size_bytes
             return name, answer
 
-    def _ask(self, name: str) -> None:
-        unit = self._units[name]
+    def _ask_if_due(self, name: str) -> None:
         with self._changed:
+            if not (unit := self._units.get(name)):
+                return
+            if unit.due_s > monotonic():
+                self._see_to(name)
+                return
+            self._due.pop(name, None)
             self._asking += 1
             unit.asking, unit.doubtful, unit.sign = True, False, None
             unit.reader.strangers.ask()
