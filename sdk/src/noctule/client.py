@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
+from time import monotonic, sleep
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -14,6 +15,7 @@ import zenoh
 from google.protobuf.message import Message
 
 from noctule import bus, caller, keys, tls
+from noctule.answers import answers
 from noctule.delivery import Delivery
 from noctule.errors import BusError, KeyFormatError, NotServedError, TlsError
 from noctule.intake import Intake
@@ -36,6 +38,8 @@ from noctule.unit_reader import UnitReader
 from noctule.unit_records import sift
 
 QUERY_TIMEOUT_S = 5.0
+REJOIN_S = 3.0  # a gateway is on a restarted router again within some 2 s
+_LOOK_AGAIN_S = 0.2
 _LONGEST_ERROR = 2000  # bytes of a service's own words
 
 M = TypeVar("M", bound=Message)
@@ -165,10 +169,13 @@ class Client:
         return self._ask_all(keys.service_status(self.site, keys.ANY), ServiceStatus)
 
     def units(self) -> set[str]:
-        """The names of the units that a gateway serves at this moment."""
-        replies = self.session.liveliness().get(keys.alive(self.site, keys.ANY), timeout=QUERY_TIMEOUT_S)
-        names = {self._alive_unit(reply.ok) for reply in replies if reply.ok is not None}
-        return {name for name in names if name is not None}
+        """The names of the units that a gateway serves at this moment.
+
+        Raises SilenceError: the router did not say within QUERY_TIMEOUT_S, nor when it was asked again.
+        """
+        ask = partial(self.session.liveliness().get, keys.alive(self.site, keys.ANY), timeout=QUERY_TIMEOUT_S)
+        found = answers(ask, f"which units of site {self.site!r} are served")
+        return {name for name in map(self._alive_unit, found) if name is not None}
 
     # ---- A unit's log and commands --------------------------------------------------------------------------------
 
@@ -252,6 +259,7 @@ class Client:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
+        Where no unit of the site is served, one is waited for, up to REJOIN_S: the router may have been restarted.
         Raises NotServedError: no gateway serves the unit; TlsError: the folder can't be used; BusError: there was no
         reply within ``timeout_s``, or we may not command it; KeyFormatError: a name that is none, or a wildcard.
         """
@@ -262,10 +270,19 @@ class Client:
         attachment = caller.attachment(self._name, self._tls_folder, key, payload)
         reply = next(self._ask(key, payload, timeout_s, attachment), None)
         if reply is None:
-            if unit in self.units():
-                raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
-            raise self._not_served(unit)
+            if unit not in self._rejoined():
+                raise self._not_served(unit)
+            reply = next(self._ask(key, payload, timeout_s, attachment), None)  # it may have come since
+        if reply is None:
+            raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
         return self._intake.decode(CommandReply, reply)
+
+    def _rejoined(self) -> set[str]:
+        """The units that are served, as soon as one of them is, or after REJOIN_S."""
+        until_s = monotonic() + REJOIN_S
+        while not (units := self.units()) and monotonic() < until_s:
+            sleep(_LOOK_AGAIN_S)
+        return units
 
     def publish_pose(self, unit: str, pose: Pose) -> None:
         """Publish where a tracked unit is."""
