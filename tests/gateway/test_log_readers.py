@@ -56,7 +56,7 @@ def test_what_floods_is_cut_off_and_named_until_it_has_stopped(readers: LogReade
     ]
     assert taken == [True] * log_readers.MAX_WAITING + [False] * (1000 - log_readers.MAX_WAITING)
     assert readers.refused == 936
-    assert readers.cut_off() == "queries refused, over 64 of one client wait: flood (936)"
+    assert readers.cut_off() == "queries refused, too many of one client wait: flood (936)"
     thaw.set()
     while not readers.submit("flood", "u1", lambda _: last.set(), no_one_is_late):
         pass

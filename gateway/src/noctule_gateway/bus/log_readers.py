@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 
+from noctule_gateway.bus.held_bytes import HeldBytes
 from noctule_gateway.bus.log_reply import MAX_RECORDS
 
 MAX_CLIENTS = 64  # that wait for answers at once
@@ -33,6 +34,7 @@ _log = logging.getLogger(__name__)
 class _Query:
     unit: str
     since_s: float
+    size_bytes: int
     answer: Callable[[int], object]
     say_late: Callable[[], object]
 
@@ -40,9 +42,9 @@ class _Query:
 class LogReaders:
     """Runs ``answer``s, those of one client in their order. What is too much is refused, and ``cut_off`` says whose."""
 
-    def __init__(self, now: Callable[[], float] = monotonic) -> None:
+    def __init__(self, now: Callable[[], float] = monotonic, held: HeldBytes | None = None) -> None:
         self.refused = 0
-        self._now = now
+        self._now, self._held = now, held or HeldBytes()
         self._lock = threading.Lock()
         # Of each client that is being answered
         self._waiting: dict[str, deque[_Query]] = {}
@@ -50,22 +52,30 @@ class LogReaders:
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
-    def submit(self, client: str, unit: str, answer: Callable[[int], object], say_late: Callable[[], object]) -> bool:
+    def submit(
+        self,
+        client: str,
+        unit: str,
+        answer: Callable[[int], object],
+        say_late: Callable[[], object],
+        size_bytes: int = 0,
+    ) -> bool:
         """Have ``answer`` called soon, with the most records that it may hold; False where it is refused. From any
-        thread, never waiting. The query is one for the log of ``unit``.
+        thread, never waiting. The query is one for the log of ``unit`` and has ``size_bytes``.
 
         ``say_late`` is called instead after STALE_AFTER_S: a client that still waits must not think that nobody is
         there.
         """
-        client, query = client[:LONGEST_NAME], _Query(unit, self._now(), answer, say_late)
+        client, query = client[:LONGEST_NAME], _Query(unit, self._now(), size_bytes, answer, say_late)
         with self._lock:
             waiting = self._waiting.get(client)
-            if waiting is not None and _excess([*waiting, query]) < MAX_WAITING:
-                waiting.append(query)
-                return True
-            if waiting is None and len(self._waiting) < MAX_CLIENTS:
-                self._waiting[client] = deque([query])
-                self._threads.submit(self._answer_next, client)
+            has_room = len(self._waiting) < MAX_CLIENTS if waiting is None else _excess([*waiting, query]) < MAX_WAITING
+            if has_room and not self._held.hold(client, size_bytes):
+                if waiting is None:
+                    self._waiting[client] = deque([query])
+                    self._threads.submit(self._answer_next, client)
+                else:
+                    waiting.append(query)
                 return True
             self.refused += 1
             if waiting is None:
@@ -81,7 +91,7 @@ class LogReaders:
         """Whose queries are refused now, and why; empty where nobody's are."""
         with self._lock:
             told = [f"{client or 'clients without a name'} ({count})" for client, count in self._cut_off.items()]
-        return f"queries refused, over {MAX_WAITING} of one client wait: {', '.join(sorted(told))}" if told else ""
+        return f"queries refused, too many of one client wait: {', '.join(sorted(told))}" if told else ""
 
     def close(self) -> None:
         """Answer no more; what is being answered is left to its end."""
@@ -99,6 +109,7 @@ class LogReaders:
                 query.say_late()
         except Exception:
             _log.exception("a query of client %s was not answered", client)
+        self._held.let_go(client, query.size_bytes)
         with self._lock:
             if not self._waiting[client]:
                 del self._waiting[client]
