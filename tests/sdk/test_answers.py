@@ -40,10 +40,14 @@ def test_which_units_are_served_is_not_known_while_the_router_does_not_answer(en
 class Rejoining(Client):
     """A client whose first look at the units finds none, because their gateway is not back on a restarted router."""
 
+    def __init__(self, session, rejoin):
+        super().__init__("room", session=session)
+        self._rejoin = rejoin
+
     def units(self):
         found = super().units()
         if not found:
-            self.rejoin()
+            self._rejoin()
         return found
 
 
@@ -60,8 +64,7 @@ def test_a_command_waits_for_a_gateway_that_rejoins_and_is_given_to_it_once(open
             declared.append(session.liveliness().declare_token(keys.alive("room", "u1")))
 
     monkeypatch.setattr(client, "REJOIN_S", PATIENCE_S)
-    with Rejoining("room", session=open_session()) as asking:
-        asking.rejoin = rejoin
+    with Rejoining(open_session(), rejoin) as asking:
         assert asking.command("u1", "stop", CommandRequest(request_id="r"), 5.0).done
         assert given == ["r"]
         with pytest.raises(NotServedError, match="no gateway serves unit 'u2'"):  # at once: others are served
