@@ -24,6 +24,7 @@ RAISED_IN = (
     "gateway/src/noctule_gateway/clock/clock_watch.py",
     "gateway/src/noctule_gateway/service.py",
     "gateway/src/noctule_gateway/unit/step_check.py",
+    "gateway/src/noctule_gateway/bus/log_readers.py::cut_off",
     "gateway/src/noctule_gateway/bus/unit_on_bus.py::report",
     "gateway/src/noctule_gateway/audit/audit_log.py",
     "gateway/src/noctule_gateway/turns/keeper.py::trouble",

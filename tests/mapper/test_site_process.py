@@ -12,6 +12,8 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 import psutil
+import pytest
+import zenoh
 from mapper.live_site import SITE, live_site
 from system.processes import PATIENCE_S, ROOT, Programs, free_ports, programs, wait_until
 from system.test_shared_operations import maps_a_site
@@ -24,7 +26,7 @@ from noctule_mapper.live.config import LiveConfig
 from noctule_mapper.live.service import LiveSettings
 from noctule_mapper.sharing import service
 from noctule_mapper.sharing.offers import Offers
-from noctule_mapper.sharing.site_process import SiteProcess, forking_context
+from noctule_mapper.sharing.site_process import SILENCE, SILENT_S, SiteProcess, forking_context
 
 HANGS_AFTER_S, NEVER_S = 15.0, 1e6  # fifteen pings: a disk may keep a sound one for six
 KILLED = "it is killed"
@@ -99,6 +101,24 @@ def test_fits_pause_for_a_takeover_and_for_no_site_that_another_maps_or_that_fai
         wait_until(lambda: maps() not in (None, pid), "the site's mapper is not started again")
         assert site.failed == 1
         assert not paused.exists()
+
+
+def test_a_site_of_which_nobody_says_in_time_whether_it_is_mapped_waits_and_not_for_ever(
+    sessions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second of silence was taken for the answer that nobody maps it."""
+    monkeypatch.setattr(service, "_QUERY_TIMEOUT_S", 0.1)
+    key, kept = keys.service_status(SITE, "hangs"), list[zenoh.Query]()
+    sessions[1].declare_queryable(key, kept.append)
+    wait_until(
+        lambda: service.other_mappers(sessions[0], [SITE], but="m1") == {SITE: SILENCE}, "it is taken for nobody"
+    )
+    settings = LiveSettings(SITE, "m1", tmp_path / SITE, [], None, LiveConfig())
+    site = SiteProcess(settings, LogFormat.TEXT, forking_context())
+    answers = [(SILENCE, 0.0), (SILENCE, SILENT_S - 0.1), (None, SILENT_S), (SILENCE, 9.0), ("m2", 10.0)]
+    answers += [(SILENCE, 11.0), (SILENCE, 10.9 + SILENT_S), (SILENCE, 11.0 + SILENT_S)]
+    free = [site._is_free(other, now_s) for other, now_s in answers]
+    assert free == [False, False, True, False, False, False, False, True]
 
 
 def test_a_mapper_that_hangs_as_it_begins_is_replaced(tmp_path: Path) -> None:

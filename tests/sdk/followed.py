@@ -125,6 +125,10 @@ class RouterProcess:
         assert self._process.stdout is not None
         assert self._process.stdout.readline() == b"up\n"
 
+    @property
+    def pid(self):
+        return self._process.pid
+
     def stop(self):
         self._process.kill()
         self._process.communicate()

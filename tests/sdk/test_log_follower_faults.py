@@ -3,16 +3,15 @@
 import subprocess
 import sys
 import threading
-from functools import partialmethod
 from time import monotonic
 
 import pytest
 from sdk.followed import PATIENCE_S, LoggedUnit, SilentUnit, Store
 from system.processes import wait_until
 
-from noctule import Client, bus, keys, log_follower
+from noctule import bus, client, keys, log_follower
 from noctule.errors import NoctuleError
-from noctule.messages_pb2 import Cursor, Reading, Sweep, UnitStatus
+from noctule.messages_pb2 import Reading, Sweep, UnitStatus
 
 
 def test_a_status_that_names_a_unit_by_64_kb_ends_nothing(open_session, far, follow):
@@ -165,34 +164,54 @@ def test_a_sweep_that_can_not_be_stored_holds_up_no_other_unit(open_session, fol
 @pytest.fixture
 def waits_long(monkeypatch):
     """A question to a log that is silent takes longer than its test."""
-    monkeypatch.setattr(Client, "_ask", partialmethod(Client._ask, timeout_s=10 * PATIENCE_S))
+    monkeypatch.setattr(client, "QUERY_TIMEOUT_S", 10 * PATIENCE_S)
 
 
 @pytest.mark.usefixtures("waits_long")
-def test_a_unit_is_read_live_and_from_its_log_while_thirty_others_do_not_answer(open_session, follow):
+@pytest.mark.parametrize("before", ["never asked", "answered", "not served"])
+def test_a_unit_is_read_while_thirty_others_do_not_answer(open_session, follow, before):
     """With one question at a time, of 5 s each, this took minutes."""
     session, store = open_session(), Store()
-    unit = LoggedUnit(session, "good")
+    unit, names = LoggedUnit(session, "good"), [f"silent{number}" for number in range(30)]
     unit.sweep(3)
-    follow(store)
+    if before == "answered":
+        others = [LoggedUnit(session, name) for name in names]
+    elif before == "not served":
+        others = [session.liveliness().declare_token(keys.alive("room", name)) for name in names]
+    else:
+        others = []
+    follower = follow(store, poll_s=3600.0)
     store.wait_for(lambda stored: stored.of("good") == [1, 2, 3])
-    silent = [SilentUnit(session, f"silent{number}") for number in range(30)]
-    assert any(each.asked.acquire(timeout=PATIENCE_S) for each in silent)
-    unit._lose = 1.0  # the rest must come from the log
+    if others:
+        wait_until(lambda: all(name in follower._units for name in names), "not all are met")
+        wait_until(lambda: not any(each.asking for each in follower._units.values()), "not all are asked")
+    for other in others:
+        other.end() if isinstance(other, LoggedUnit) else other.undeclare()
+    silent = [SilentUnit(session, name) for name in names]
+    assert all(each.asked.acquire(timeout=PATIENCE_S) for each in silent)
+    unit.sweep()
+    store.wait_for(lambda stored: stored.of("good") == [1, 2, 3, 4])
+    unit._lose = 1.0  # only the status says that there are more
     unit.sweep(700)
     unit.status()
-    store.wait_for(lambda stored: stored.of("good") == list(range(1, 704)))
+    store.wait_for(lambda stored: stored.of("good") == list(range(1, 705)))
 
 
-@pytest.mark.usefixtures("waits_long")
-def test_live_sweeps_of_a_unit_come_though_its_log_does_not_answer(open_session, far, follow):
-    store = Store()
-    store.cursors["u1"] = Cursor(unit="u1", log_id="a", log_sequence=4)
-    silent = SilentUnit(open_session(), "u1")
-    follow(store)
-    assert silent.asked.acquire(timeout=PATIENCE_S)
-    far.publish(keys.sweep("room", "u1"), Sweep(site="room", unit="u1", log_id="a", log_sequence=5))
-    store.wait_for(lambda stored: stored.of("u1") == [5])
+def test_what_a_stranger_publishes_is_never_delivered_and_the_units_own_sweeps_come(open_session, far, follow):
+    """Before, a stranger's live sweeps that followed on were taken, durably, and the log's own were not."""
+    unit, store = LoggedUnit(open_session(), "u1"), Store()
+    unit.sweep(4)
+    follower = follow(store)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2, 3, 4])
+    for sequence in range(5, 9):
+        forged = Sweep(site="room", unit="u1", log_id="a", log_sequence=sequence, waypoint=77)
+        far.publish(keys.sweep("room", "u1"), forged)
+    wait_until(lambda: follower.counters()["refused"] == 4, "they are not refused")
+    assert store.cursors["u1"].log_sequence == 4
+    unit.sweep(5)
+    store.wait_for(lambda stored: len(stored.sweeps) == 9)
+    assert store.sweeps == unit.sweeps
+    assert (follower.counters()["lost"], follower.counters()["refused"]) == (0, 4)
 
 
 def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_session, follow, monkeypatch, caplog):
@@ -213,9 +232,8 @@ def test_names_that_somebody_makes_up_without_end_are_refused_and_counted(open_s
 
 
 def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_session, follow, monkeypatch):
-    most_bytes = 1000
-    monkeypatch.setattr(log_follower, "MOST_LIVE_BYTES", most_bytes)
-    monkeypatch.setattr(log_follower, "MOST_ANSWERS", 2)
+    most_bytes = 2000
+    monkeypatch.setattr(log_follower, "MOST_BYTES", most_bytes)
     hangs, go_on = threading.Event(), threading.Event()
     go_on.set()
 
@@ -224,10 +242,9 @@ def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_se
             if not go_on.is_set():
                 hangs.set()
                 assert go_on.wait(PATIENCE_S)
-            held.append((follower._live_bytes, len(follower._answers)))
             super().deliver(sweeps)
 
-    held, session, store = [], open_session(), Hanging()
+    session, store = open_session(), Hanging()
     units = [LoggedUnit(session, f"u{number}") for number in range(12)]
     for unit in units:
         unit.sweep()
@@ -240,10 +257,8 @@ def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_se
     for unit in units:
         unit.sweep(20)
     wait_until(lambda: follower._client.counters()["delivered"] >= come + 12 * 20, "the sweeps don't come")
-    assert most_bytes / 2 < follower._live_bytes <= most_bytes
+    assert follower._answer_bytes <= most_bytes
     go_on.set()
     store.wait_for(lambda stored: len(stored.sweeps) == 12 * 21 + 1)
     assert all(store.of(f"u{number}") == list(range(1, 22 + (number == 0))) for number in range(12))
-    assert max(live_bytes for live_bytes, _ in held) <= most_bytes
-    assert max(answers for _, answers in held) <= 2
     assert follower.counters()["lost"] == 0

@@ -32,8 +32,14 @@ class Asking(UnitReader):
         super().__init__("u1", cursor, deliver, counts)
         self._log = log
 
+    def came(self, *live):
+        for sweep in live:
+            self.strangers.came(sweep)
+        self.strangers.ask()
+        return any(self.is_behind(sweep.log_id, sweep.log_sequence) for sweep in live)
+
     def ask_log(self):
-        return self.read(self._log(self.unit, self.cursor.log_sequence + 1), self.cursor)
+        return self.read(self._log(self.unit, self.cursor.log_sequence + 1))
 
 
 def reader(log, delivered, cursor=None):
@@ -57,25 +63,18 @@ def test_the_first_answer_of_a_log_that_was_never_read_is_read_at_once_from_its_
     assert sequences(delivered) == [4, 5]
     assert not unit.ask_log()
     assert sequences(delivered) == [4, 5, 6]
-    assert counts == Counter(delivered=3, pulled=3)
+    assert counts == Counter(delivered=3)
 
 
-def test_live_sweeps_that_follow_on_need_no_log():
-    delivered = []
-    unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))
-    assert unit.take([Log().sweep(n) for n in (4, 5, 5, 6)])
-    assert sequences(delivered) == [5, 6]
-    assert counts == Counter(delivered=2)
-    assert unit.cursor == Cursor(unit="u1", log_id="a", log_sequence=6)
-
-
-def test_what_lies_between_is_read_from_the_log():
+def test_a_live_sweep_has_the_log_asked_and_what_lies_between_comes_too():
     delivered, log = [], Log(head=9)
     unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=2))
-    assert not unit.take([log.sweep(3), log.sweep(9)])
+    assert not unit.came(log.sweep(1), log.sweep(2))
+    assert unit.came(log.sweep(3), log.sweep(9))
+    assert delivered == []
     read_to_head(unit)
     assert sequences(delivered) == [3, 4, 5, 6, 7, 8, 9]
-    assert counts == Counter(delivered=7, pulled=6)
+    assert counts == Counter(delivered=7)
 
 
 def test_a_log_seen_for_the_first_time_is_read_from_its_tail_and_nothing_counts_as_lost():
@@ -104,7 +103,9 @@ def test_a_log_that_has_let_go_of_everything_is_passed_over(tail):
     )
     assert not unit.ask_log()
     assert (delivered, counts["lost"], unit.cursor.log_sequence) == ([], 7, 12)
-    assert unit.take([log.sweep(13)])
+    log.head = 13
+    assert not unit.read(log("u1", 13))
+    assert sequences(delivered) == [13]
 
 
 def test_a_new_log_is_read_from_its_tail_and_an_old_one_from_where_it_was_left():
@@ -113,11 +114,11 @@ def test_a_new_log_is_read_from_its_tail_and_an_old_one_from_where_it_was_left()
     unit, counts = reader(lambda *query: logs[0](*query), delivered)
     read_to_head(unit)
     logs[0] = Log("new", head=20, tail=19)
-    assert not unit.take([logs[0].sweep(20)])
+    assert unit.came(logs[0].sweep(20))
     read_to_head(unit)
     old.head = 5
     logs[0] = old
-    assert not unit.take([old.sweep(5)])
+    assert unit.came(old.sweep(5))
     read_to_head(unit)
     assert [(sweep.log_id, sweep.log_sequence) for sweep in delivered] == [
         *(("old", 1), ("old", 2), ("old", 3)),
@@ -138,21 +139,6 @@ def test_a_log_that_has_another_identity_at_each_reply_is_told_so_that_the_asker
     assert len(unit._left) <= MAX_LOGS_LEFT  # pyright: ignore[reportPrivateUsage]
 
 
-def test_live_sweeps_that_came_while_the_log_was_asked_are_neither_lost_nor_doubled():
-    """The reply ends before the cursor that the live sweeps have moved: it says nothing of what follows."""
-    delivered, log = [], Log(head=4, most=2)
-    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=2))
-    asked = unit.cursor
-    early, log.head = log("u1", 3), 9
-    late = log("u1", 3)
-    assert unit.take([log.sweep(n) for n in (3, 4, 5, 6)])
-    assert not unit.read(early, asked)
-    assert unit.read(late, asked)
-    read_to_head(unit)
-    assert sequences(delivered) == [3, 4, 5, 6, 7, 8, 9]
-    assert counts["lost"] == 0
-
-
 def test_what_a_log_that_went_back_took_again_before_it_was_where_it_had_been_counts_as_lost(caplog):
     """Its sequences 4 to 9 stand for other sweeps now than those that were delivered."""
     delivered = []
@@ -162,7 +148,7 @@ def test_what_a_log_that_went_back_took_again_before_it_was_where_it_had_been_co
         log.head = head
         with pytest.raises(BusError, match="ends at"):
             unit.ask_log()
-        assert unit.take([log.sweep(head)])
+        assert not unit.came(log.sweep(head))
     log.head = 12
     read_to_head(unit)
     assert sequences(delivered) == [10, 11, 12]
@@ -269,10 +255,9 @@ def test_nothing_has_moved_when_the_delivery_raised():
 
     counts = Counter()
     unit = Asking(log, deliver, counts, Cursor(unit="u1", log_id="a"))
-    with pytest.raises(OSError, match="disk full"):
-        unit.take([log.sweep(1)])
-    with pytest.raises(OSError, match="disk full"):
-        unit.ask_log()
+    for _ in range(2):
+        with pytest.raises(OSError, match="disk full"):
+            unit.ask_log()
     assert unit.cursor.log_sequence == 0
     assert counts["delivered"] == 0
     read_to_head(unit)
@@ -287,13 +272,13 @@ def test_delivered_and_lost_make_up_the_whole_log_in_order(data):
         log.head += data.draw(st.integers(0, 6))
         log.tail = data.draw(st.integers(log.tail, log.head + 1))
         live = data.draw(st.lists(st.integers(max(1, log.head - 6), max(1, log.head)), max_size=6)) if log.head else []
-        if not unit.take([log.sweep(n) for n in live]) or data.draw(st.booleans()):
+        if unit.came(*map(log.sweep, live)) or data.draw(st.booleans()):
             unit.ask_log()
     read_to_head(unit)
     read = sequences(delivered)
     assert read == sorted(set(read))
     assert len(read) + counts["lost"] == log.head == unit.cursor.log_sequence
-    assert counts["delivered"] == len(read)
+    assert (counts["delivered"], counts["refused"]) == (len(read), 0)
 
 
 SEQUENCES = st.integers(0, 12) | st.sampled_from([2**53 - 1, 2**53 - 2])
@@ -318,7 +303,7 @@ def test_whatever_a_log_replies_a_reader_goes_on_or_waits_and_skips_nothing_unco
     for reply in replies:
         before, counted = unit.cursor, counts.copy()
         try:
-            more = unit.read(reply, before)
+            more = unit.read(reply)
         except BusError:
             more = False  # asked again later and later
         after = unit.cursor
@@ -341,26 +326,45 @@ def test_whatever_a_log_replies_a_reader_goes_on_or_waits_and_skips_nothing_unco
         by_log[sweep.log_id] = sweep.log_sequence
 
 
-@pytest.mark.parametrize("together", [True, False])
-def test_a_strangers_sweep_that_came_before_the_logs_own_under_its_number_is_told_once(together, caplog):
-    delivered = []
-    unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))
-    forged = [Log().sweep(n) for n in (5, 6)]
-    for sweep in forged:
-        sweep.waypoint = 77
-    own = [Log().sweep(n) for n in (5, 6, 7)]
-    for batch in [[*forged, *own]] if together else [forged, own[:2], own[2:]]:
-        assert unit.take(batch)
-    assert delivered == [*forged, own[2]]
-    assert counts["refused"] == 2
+def forged(sequence):
+    return Sweep(unit="u1", log_id="a", log_sequence=sequence, waypoint=77)
+
+
+@pytest.mark.parametrize("most", [1, 9])
+@pytest.mark.parametrize("first", ["a stranger's", "its own"])
+def test_of_two_live_sweeps_with_one_number_the_logs_own_is_delivered_and_the_strangers_told_once(first, most, caplog):
+    delivered, log = [], Log(head=7, most=most)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))
+    both = [forged(5), forged(6), *map(log.sweep, (5, 6, 7))]
+    assert unit.came(*(both if first == "a stranger's" else reversed(both)))
+    read_to_head(unit)
+    assert delivered == [log.sweep(n) for n in (5, 6, 7)]
+    assert counts == Counter(delivered=3, refused=2)
     (told,) = [record.getMessage() for record in caplog.records]
-    assert told.startswith("unit u1: two different sweeps came live as number 5 of log a, and the first was taken")
+    assert "is not in that log, which ends at 7, and is not taken: somebody else publishes" in told
+
+
+def test_live_sweeps_beyond_the_logs_head_move_no_cursor_and_its_own_come_under_their_numbers(caplog):
+    """Before, they were taken as 5 to 8, the log's own were refused, and the log seemed to have gone back."""
+    delivered, log = [], Log(head=4)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=4))
+    assert unit.came(*map(forged, (5, 6, 7, 8, 2**53 - 1)))
+    assert not unit.ask_log()
+    assert (delivered, unit.cursor.log_sequence, counts["refused"]) == ([], 4, 5)
+    log.head = 8
+    assert unit.came(log.sweep(8))
+    read_to_head(unit)
+    assert delivered == [log.sweep(n) for n in (5, 6, 7, 8)]
+    assert counts == Counter(delivered=4, refused=5)
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert told.startswith("unit u1: what came live as sweep 5 of log a is not in that log, which ends at 4")
 
 
 def test_a_live_sweep_that_comes_again_and_again_is_no_strangers(caplog):
-    delivered = []
-    unit, counts = reader(None, delivered, Cursor(unit="u1", log_id="a", log_sequence=0))
-    for first in range(1, 500, 3):
-        assert unit.take([Log().sweep(max(n, 1)) for n in range(first - 100, first + 3)])
-    assert sequences(delivered) == list(range(1, 502))
+    delivered, log = [], Log(most=2)
+    unit, counts = reader(log, delivered, Cursor(unit="u1", log_id="a", log_sequence=0))
+    for log.head in range(3, 500, 3):
+        assert unit.came(*(log.sweep(max(n, 1)) for n in range(log.head - 100, log.head + 1)))
+        read_to_head(unit)
+    assert sequences(delivered) == list(range(1, 499))
     assert (counts["refused"], caplog.records) == (0, [])

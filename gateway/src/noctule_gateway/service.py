@@ -23,6 +23,7 @@ from noctule.newer_fields import NewerFields
 from noctule.site import Site, Unit
 from noctule_gateway.audit.allowance import REFUSALS
 from noctule_gateway.audit.audit_log import AuditLog
+from noctule_gateway.bus.held_bytes import HeldBytes
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.recorded_commands import RecordedCommands
@@ -122,7 +123,8 @@ class Gateway:
         whose = {"site": site.name, "gateway": self._name, "version": VERSION}
         self._audit, self._refused = AuditLog(data, whose), AuditLog(data, whose, REFUSALS)
         self._outbox = Outbox()
-        self._readers = LogReaders()
+        self._held = HeldBytes()
+        self._readers = LogReaders(held=self._held)
         self._newer = NewerFields()
         self._status: bus.StatePublisher | None = None
         self._watch: BusWatch | None = None
@@ -147,7 +149,7 @@ class Gateway:
             commands = RecordedCommands(served.server.command, self._audit, served.unit.name).carry_out
             refused = RefusedCommands(self._refused, served.unit.name).note
             served.on_bus = UnitOnBus(
-                session, served.kept, commands, self._outbox, self._readers, self._newer, callers, refused
+                session, served.kept, commands, self._outbox, self._readers, self._held, self._newer, callers, refused
             )
         if watch is not None:
             self._watch = watch

@@ -7,7 +7,15 @@ with noctule.Client("paper-room") as client:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from noctule.errors import BusError, KeyFormatError, NoctuleError, NotServedError, SiteFileError, SurveyError
+from noctule.errors import (
+    BusError,
+    KeyFormatError,
+    NoctuleError,
+    NotServedError,
+    SilenceError,
+    SiteFileError,
+    SurveyError,
+)
 
 if TYPE_CHECKING:
     from noctule.async_client import AsyncClient
@@ -24,6 +32,7 @@ __all__ = [
     "LogFollower",
     "NoctuleError",
     "NotServedError",
+    "SilenceError",
     "SiteFileError",
     "SurveyError",
 ]

@@ -4,8 +4,10 @@ import logging
 import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
+from time import monotonic, sleep
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -13,6 +15,7 @@ import zenoh
 from google.protobuf.message import Message
 
 from noctule import bus, caller, keys, tls
+from noctule.answers import answers
 from noctule.delivery import Delivery
 from noctule.errors import BusError, KeyFormatError, NotServedError, TlsError
 from noctule.intake import Intake
@@ -35,9 +38,12 @@ from noctule.unit_reader import UnitReader
 from noctule.unit_records import sift
 
 QUERY_TIMEOUT_S = 5.0
+REJOIN_S = 3.0  # a gateway is on a restarted router again within some 2 s
+_LOOK_AGAIN_S = 0.2
 _LONGEST_ERROR = 2000  # bytes of a service's own words
 
 M = TypeVar("M", bound=Message)
+LogReply = Future[zenoh.Sample | None]
 
 _log = logging.getLogger(__name__)
 
@@ -163,10 +169,13 @@ class Client:
         return self._ask_all(keys.service_status(self.site, keys.ANY), ServiceStatus)
 
     def units(self) -> set[str]:
-        """The names of the units that a gateway serves at this moment."""
-        replies = self.session.liveliness().get(keys.alive(self.site, keys.ANY), timeout=QUERY_TIMEOUT_S)
-        names = {self._alive_unit(reply.ok) for reply in replies if reply.ok is not None}
-        return {name for name in names if name is not None}
+        """The names of the units that a gateway serves at this moment.
+
+        Raises SilenceError: the router did not say within QUERY_TIMEOUT_S, nor when it was asked again.
+        """
+        ask = partial(self.session.liveliness().get, keys.alive(self.site, keys.ANY), timeout=QUERY_TIMEOUT_S)
+        found = answers(ask, f"which units of site {self.site!r} are served")
+        return {name for name in map(self._alive_unit, found) if name is not None}
 
     # ---- A unit's log and commands --------------------------------------------------------------------------------
 
@@ -187,8 +196,38 @@ class Client:
 
     def unsifted_log(self, unit: str, from_sequence: int, max: int = 500) -> LogRecords | None:
         """The same with all records as they came, unchecked, so that a LogFollower knows which ones it passes over."""
+        return self.log_records(self.ask_log(unit, from_sequence, max).result())
+
+    def ask_log(self, unit: str, from_sequence: int, max: int) -> LogReply:
+        """Ask a unit's log without waiting. The future gets its first reply, or None where no gateway serves the unit.
+
+        It gets BusError where there is only an error, as after QUERY_TIMEOUT_S. Its callbacks run on Zenoh's thread.
+        Raises ZError where the session is closed.
+        """
         selector = f"{keys.log(self.site, unit)}?from={from_sequence};max={max}"
-        return next((self._intake.decode(LogRecords, reply, but=("sweeps",)) for reply in self._ask(selector)), None)
+        future, errors = LogReply(), list[str]()
+
+        def on_reply(reply: zenoh.Reply) -> None:
+            if reply.err is not None:
+                errors.append(_words(reply.err))
+            elif not future.done():
+                future.set_result(reply.ok)
+
+        def on_end() -> None:
+            if not future.done() and errors:
+                future.set_exception(_no_answer(selector, errors[-1], QUERY_TIMEOUT_S))
+            elif not future.done():
+                future.set_result(None)
+
+        # Any other handler has a thread for each question.
+        handler = zenoh.handlers.Callback(on_reply, on_end, indirect=False)
+        none = zenoh.ConsolidationMode.NONE
+        self.session.get(selector, handler, timeout=QUERY_TIMEOUT_S, consolidation=none, attachment=self._name)
+        return future
+
+    def log_records(self, reply: zenoh.Sample | None) -> LogRecords | None:
+        """A log's reply, its records unchecked. Raises BusError where it can't be decoded."""
+        return self._intake.decode(LogRecords, reply, but=("sweeps",)) if reply is not None else None
 
     def history(self, unit: str, from_sequence: int = 1) -> Iterator[Sweep]:
         """A unit's log in order, from the log sequence ``from_sequence`` or the oldest record held, to its head.
@@ -210,7 +249,7 @@ class Client:
             records = self.unsifted_log(unit, reader.cursor.log_sequence + 1)
             if records is None:
                 raise self._not_served(unit)
-            more = reader.read(records, reader.cursor)
+            more = reader.read(records)
             if reader.cursor.log_id != first.log_id:
                 raise BusError(f"unit {unit!r} began a new log while the old one was read: read it again from 1")
             yield from page
@@ -220,6 +259,7 @@ class Client:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
+        Where no unit of the site is served, one is waited for, up to REJOIN_S: the router may have been restarted.
         Raises NotServedError: no gateway serves the unit; TlsError: the folder can't be used; BusError: there was no
         reply within ``timeout_s``, or we may not command it; KeyFormatError: a name that is none, or a wildcard.
         """
@@ -230,10 +270,19 @@ class Client:
         attachment = caller.attachment(self._name, self._tls_folder, key, payload)
         reply = next(self._ask(key, payload, timeout_s, attachment), None)
         if reply is None:
-            if unit in self.units():
-                raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
-            raise self._not_served(unit)
+            if unit not in self._rejoined():
+                raise self._not_served(unit)
+            reply = next(self._ask(key, payload, timeout_s, attachment), None)  # it may have come since
+        if reply is None:
+            raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
         return self._intake.decode(CommandReply, reply)
+
+    def _rejoined(self) -> set[str]:
+        """The units that are served, as soon as one of them is, or after REJOIN_S."""
+        until_s = monotonic() + REJOIN_S
+        while not (units := self.units()) and monotonic() < until_s:
+            sleep(_LOOK_AGAIN_S)
+        return units
 
     def publish_pose(self, unit: str, pose: Pose) -> None:
         """Publish where a tracked unit is."""
@@ -337,9 +386,17 @@ class Client:
                 answered = True
                 yield reply.ok
             elif reply.err is not None:
-                error = reply.err.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
+                error = _words(reply.err)
         if error is not None and not answered:
-            raise BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
+            raise _no_answer(selector, error, timeout_s)
+
+
+def _words(error: zenoh.ReplyError) -> str:
+    return error.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
+
+
+def _no_answer(selector: str, error: str, timeout_s: float) -> BusError:
+    return BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
 
 
 def _unit_of(sample: zenoh.Sample) -> str:

@@ -57,6 +57,10 @@ class BusError(NoctuleError):
     """The bus gave no answer, or one that can't be used."""
 
 
+class SilenceError(BusError):
+    """A question ran out of time: whether anybody could answer is not known."""
+
+
 class NotServedError(BusError):
     """No gateway serves the unit that was asked or commanded."""
 

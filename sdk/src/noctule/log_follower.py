@@ -2,26 +2,27 @@
 
 import logging
 import threading
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import inf
 from time import monotonic
 from types import TracebackType
 from typing import Self
 
+import zenoh
+
 from noctule.bounds import MAX_UNITS
-from noctule.client import Client
+from noctule.client import Client, LogReply
 from noctule.errors import BusError, NoctuleError
-from noctule.log_pulls import Answer, LogPulls, Standing
 from noctule.messages_pb2 import Cursor, Sweep, UnitStatus
 from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
-LIVE_LENGTH = 500  # live sweeps held per unit; those that don't fit are read from the log
-# Of all units' live sweeps, as they came; in memory they take four times as much. While deliveries hang, a flood must
-# not take more.
-MOST_LIVE_BYTES = 25_000_000
-MOST_ANSWERS = 8  # that wait to be read, of up to 4 MB each; each thread that asks may hold one more
+# In the answers to all questions that are under way: each question gets its share, of at least FEW and at most PAGE.
+MOST_RECORDS = 8000
+FEW, PAGE = 20, 500
+MOST_BYTES = 25_000_000  # of answers that wait to be read; one that does not fit is asked for again
 FIRST_RETRY_S = 0.1
 LAST_RETRY_S = 10.0
 
@@ -45,6 +46,10 @@ class _BackOff:
         self.not_before_s = monotonic() + wait_s
         return wait_s
 
+    def pause(self) -> None:
+        """Not at once again, though nothing failed."""
+        self.not_before_s = monotonic() + FIRST_RETRY_S
+
     def is_news(self, text: str) -> bool:
         """Whether the last failure since a success was another one."""
         told, self.told = self.told, text
@@ -56,37 +61,39 @@ class _Unit:
 
     def __init__(self, reader: UnitReader) -> None:
         self.reader = reader
-        self.live: list[Sweep] = []
-        self.behind = True  # the log may hold more than was delivered
+        self.doubtful = True  # nobody knows how far the log goes
+        self.sign: tuple[str, int] | None = None  # since its log was last asked: a log_id and how far that goes
         self.told = False  # since the last poll, by a status, how far the log goes
-        self.asking = False
-        self.standing = Standing.NEW
+        self.asking = False  # until the answer is read
         self.delivery, self.asks = _BackOff(), _BackOff()
 
-    @property
-    def ask_due_s(self) -> float:
-        """When its log is to be asked."""
-        if not self.behind or self.asking:
-            return inf
-        return max(self.delivery.not_before_s, self.asks.not_before_s)
+    def hear(self, log_id: str, head: int) -> None:
+        """Somebody says that a log goes so far."""
+        if self.reader.is_behind(log_id, head):
+            self.sign = log_id, head
 
     @property
     def due_s(self) -> float:
-        """When there is something to do for it."""
-        return min(self.delivery.not_before_s if self.live else inf, self.ask_due_s)
+        """When its log is to be asked."""
+        if self.asking or not (self.doubtful or (self.sign and self.reader.is_behind(*self.sign))):
+            return inf
+        return max(self.delivery.not_before_s, self.asks.not_before_s)
 
 
 class LogFollower:
     """Reads the logs of all units of a site and hands the sweeps to ``deliver``, on one thread of its own.
 
     Use it in a ``with`` statement, or start() and close() it.
-    Live sweeps go first. Logs are asked several at a time, on other threads, and one that fails later and later.
+    A live sweep has its log asked at once, and what the log answers is delivered: a stranger can publish a sweep as
+    well. Each unit has one question under way at most; one that fails is asked again later and later. Nothing waits for
+    a log that is silent.
 
     Per (unit, log_id) each sweep is delivered once, in the order of log_sequence, several of one unit at a time.
     ``deliver`` must store the sweeps and with them the cursor, which is the last one's identity, in one transaction.
     If it raises, nothing has moved, and the same sweeps come again, later and later. ``cursors`` (by unit) is what was
     stored when the process last ran. What the gateway removed before it was read is counted as lost, a record that is
-    none of the log or beyond the bounds as refused, and so is each sign of a unit beyond the first MAX_UNITS.
+    none of the log or beyond the bounds as refused, and so are a live sweep that is not in its log and each sign of a
+    unit beyond the first MAX_UNITS.
     """
 
     def __init__(
@@ -100,15 +107,14 @@ class LogFollower:
         self._client = client
         self._deliver = deliver
         self._poll_s = poll_s
-        self._counts: Counter[str] = Counter(delivered=0, pulled=0, lost=0, damaged=0, refused=0, failed=0)
-        self._live_bytes = 0  # of the sweeps held of all units
-        lock = threading.RLock()
-        self._changed, self._answer_taken = threading.Condition(lock), threading.Condition(lock)
+        self._counts: Counter[str] = Counter(delivered=0, lost=0, damaged=0, refused=0, failed=0)
+        self._changed = threading.Condition()
         self._closed = self._told_too_many = False
         self._units: dict[str, _Unit] = {}
         self._due: dict[str, None] = {}  # units to see to, in the order in which they came up
-        self._answers: deque[Answer] = deque()
-        self._pulls = LogPulls(client.unsifted_log, self._on_answer)
+        self._asking = 0  # questions under way, and answers that are not read
+        self._answers: dict[str, tuple[LogReply, int]] = {}  # by unit, with its bytes
+        self._answer_bytes, self._turn = 0, False
         self._poll_at_s = monotonic() + poll_s
         self._thread = threading.Thread(target=self._run, name=f"noctule-follow-{client.site}", daemon=True)
         self._subscriptions: list[Subscription] = []
@@ -142,10 +148,8 @@ class LogFollower:
         with self._changed:
             self._closed = True
             self._changed.notify()
-            self._answer_taken.notify_all()
         if self._thread.is_alive():
             self._thread.join()
-        self._pulls.close()
 
     def cursors(self) -> dict[str, Cursor]:
         """By unit, the last sweep that was delivered; units whose log was never reached are left out."""
@@ -159,7 +163,7 @@ class LogFollower:
             return {name: unit.asks.told for name, unit in sorted(self._units.items()) if unit.asks.told}
 
     def counters(self) -> dict[str, int]:
-        """Sweeps ``delivered`` (``pulled`` from logs), ``lost``, ``damaged``, ``refused``; tries that ``failed``."""
+        """Sweeps ``delivered``, ``lost``, ``damaged``, ``refused``; tries that ``failed``."""
         return dict(self._counts)
 
     # ---- Signs that a log holds more, on the client's thread ------------------------------------------------------
@@ -167,13 +171,9 @@ class LogFollower:
     def _on_sweep(self, sweep: Sweep) -> None:
         with self._changed:
             if unit := self._unit(sweep.unit):
-                size = sweep.ByteSize()
-                if len(unit.live) < LIVE_LENGTH and self._live_bytes + size <= MOST_LIVE_BYTES:
-                    unit.live.append(sweep)
-                    self._live_bytes += size
-                else:
-                    unit.behind = True
-                self._see_to(sweep.unit)
+                unit.reader.strangers.came(sweep)
+                unit.hear(sweep.log_id, sweep.log_sequence)
+        self._ask_if_due(sweep.unit)  # without waiting for the worker
 
     def _on_unit_status(self, status: UnitStatus) -> None:
         with self._changed:
@@ -181,23 +181,35 @@ class LogFollower:
             if unit and status.log_id:
                 # A log that ends before what was read has gone back, which its own answer tells.
                 unit.told = unit.told or status.log_head >= unit.reader.cursor.log_sequence
-                if unit.reader.is_behind(status.log_id, status.log_head):
-                    unit.behind = True
-                    self._see_to(status.unit)
+                unit.hear(status.log_id, status.log_head)
+                self._see_to(status.unit)
 
     def _on_alive(self, name: str, alive: bool) -> None:
         if alive:
             with self._changed:
                 if unit := self._unit(name):
-                    unit.behind = True
+                    unit.doubtful = True
                     unit.delivery.not_before_s = unit.asks.not_before_s = -inf
                     self._see_to(name)
 
-    def _on_answer(self, answer: Answer) -> None:
+    def _on_answer(self, name: str, answer: LogReply) -> None:
+        """On Zenoh's thread, which never waits."""
+        reply = None if answer.exception() else answer.result()
+        size_bytes = len(reply.payload) if reply else 0
         with self._changed:
-            self._answer_taken.wait_for(lambda: self._closed or len(self._answers) < MOST_ANSWERS)
-            self._answers.append(answer)
-            self._changed.notify()
+            if self._answer_bytes and self._answer_bytes + size_bytes > MOST_BYTES:
+                self._units[name].asks.pause()
+                self._end_question(name, more=True)
+            else:
+                self._answers[name] = answer, size_bytes
+                self._answer_bytes += size_bytes
+                self._changed.notify()
+
+    def _end_question(self, name: str, more: bool) -> None:
+        unit = self._units[name]
+        self._asking -= 1
+        unit.asking, unit.doubtful = False, unit.doubtful or more
+        self._see_to(name)
 
     def _unit(self, name: str, cursor: Cursor | None = None) -> _Unit | None:
         """The unit; None where there are too many: somebody makes up names."""
@@ -216,17 +228,18 @@ class LogFollower:
         self._counts["refused"] += 1
 
     def _see_to(self, name: str) -> None:
-        self._due[name] = None
-        self._changed.notify()
+        if self._units[name].due_s < inf:
+            self._due[name] = None
+            self._changed.notify()
 
     # ---- Reading, on the worker thread ----------------------------------------------------------------------------
 
     def _run(self) -> None:
         while self._wait():
-            for name in self._take_due():
-                self._attempt(name)
-            if (answer := self._take_answer()) is not None:  # one: live sweeps that come meanwhile go before the next
-                self._read(answer)
+            for name in self._due_now():
+                self._ask_if_due(name)
+            if (answer := self._take_answer()) is not None:
+                self._read(*answer)
 
     def _wait(self) -> bool:
         """Wait until there is something to do; False when closed."""
@@ -237,7 +250,7 @@ class LogFollower:
                     self._poll_at_s = now_s + self._poll_s
                     for name, unit in self._units.items():
                         if not unit.told:
-                            unit.behind = True
+                            unit.doubtful = True
                             self._due[name] = None
                         unit.told = False
                 next_s = min([self._poll_at_s, *(self._units[name].due_s for name in self._due)])
@@ -246,69 +259,65 @@ class LogFollower:
                 self._changed.wait(next_s - now_s)
             return False
 
-    def _take_due(self) -> list[str]:
-        """The units to see to now."""
+    def _due_now(self) -> list[str]:
         with self._changed:
             now_s = monotonic()
-            names = [name for name in self._due if self._units[name].due_s <= now_s]
-            for name in names:
-                del self._due[name]
-            return names
+            return [name for name in self._due if self._units[name].due_s <= now_s]
 
-    def _take_answer(self) -> Answer | None:
+    def _take_answer(self) -> tuple[str, LogReply] | None:
+        """The oldest or, every other time, the shortest: what has just been swept waits for one long answer at most."""
         with self._changed:
-            self._answer_taken.notify()
-            return self._answers.popleft() if self._answers else None
+            if not self._answers:
+                return None
+            self._turn = not self._turn
+            shortest = min(self._answers, key=lambda name: self._answers[name][1])
+            name = shortest if self._turn else next(iter(self._answers))
+            answer, size_bytes = self._answers.pop(name)
+            self._answer_bytes -= size_bytes
+            return name, answer
 
-    def _attempt(self, name: str) -> None:
-        """Deliver what has come live, and ask the log where that is due."""
-        unit = self._units[name]
+    def _ask_if_due(self, name: str) -> None:
         with self._changed:
-            live, unit.live = unit.live, []
-            self._live_bytes -= sum(sweep.ByteSize() for sweep in live)
-        try:
-            before = unit.reader.cursor
-            if not unit.reader.take(live):
-                unit.behind = True
-            if unit.reader.cursor is not before:
-                unit.delivery.succeeded()
-        # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
-        except Exception as error:  # whatever the store has to say, the sweeps are still in the log
-            unit.behind = True
-            self._tell_failed(name, error, unit.delivery)
-        with self._changed:
-            if unit.ask_due_s <= monotonic():
-                unit.behind, unit.asking = False, True
-                self._pulls.begin(name, unit.reader.cursor, unit.standing)
-            elif unit.behind or unit.live:
+            if not (unit := self._units.get(name)):
+                return
+            if unit.due_s > monotonic():
                 self._see_to(name)
-
-    def _read(self, answer: Answer) -> None:
-        """Deliver what a log has answered."""
-        unit, more = self._units[answer.unit], True
-        unit.asking = False
+                return
+            self._due.pop(name, None)
+            self._asking += 1
+            unit.asking, unit.doubtful, unit.sign = True, False, None
+            unit.reader.strangers.ask()
+            share = max(FEW, min(MOST_RECORDS // self._asking, PAGE))
         try:
-            if answer.error is not None:
-                raise answer.error
-            before = unit.reader.cursor
-            more = answer.records is not None and unit.reader.read(answer.records, answer.asked)
-            if unit.reader.cursor is not before:
-                unit.delivery.succeeded()
-            if answer.records is not None:
-                unit.asks.succeeded()
-            else:  # nobody serves the unit, or its gateway has refused the question: not at once again
+            answer = self._client.ask_log(name, unit.reader.cursor.log_sequence + 1, share)
+        except zenoh.ZError as error:  # the session is closed
+            answer = LogReply()
+            answer.set_exception(BusError(str(error)))
+        answer.add_done_callback(partial(self._on_answer, name))
+
+    def _read(self, name: str, answer: LogReply) -> None:
+        """Deliver what a log has answered."""
+        unit, more = self._units[name], True
+        before = unit.reader.cursor
+        try:
+            records = self._client.log_records(answer.result())
+            more = records is not None and unit.reader.read(records)
+            if records is None:  # nobody serves the unit, or its gateway has refused the question: not at once again
                 unit.asks.failed()
                 unit.asks.told = ""
-            unit.standing = Standing.ANSWERS
-        except Exception as error:  # a panic of Zenoh is none, and ends the thread
-            of_log = error is answer.error or isinstance(error, BusError)
-            if of_log:
-                unit.standing = Standing.FAILS
-            self._tell_failed(answer.unit, error, unit.asks if of_log else unit.delivery)
+            else:
+                unit.asks.succeeded()
+                if unit.reader.cursor is not before:
+                    unit.delivery.succeeded()
+                else:  # somebody may make up signs without end
+                    unit.asks.pause()
+        except BusError as error:
+            self._tell_failed(name, error, unit.asks)
+        # A panic of Zenoh is no Exception, breaks the session for good, and so ends the thread.
+        except Exception as error:  # whatever the store has to say, the sweeps are still in the log
+            self._tell_failed(name, error, unit.delivery)
         with self._changed:
-            unit.behind = unit.behind or more
-            if unit.behind:
-                self._see_to(answer.unit)
+            self._end_question(name, more)
 
     def _tell_failed(self, name: str, error: Exception, back_off: _BackOff) -> None:
         self._counts["failed"] += 1

@@ -1,4 +1,7 @@
-"""How far one unit's log has been read: every sweep handed on once, in order, whatever the bus loses or repeats."""
+"""How far one unit's log has been read: every sweep handed on once, in order, whatever the bus loses or repeats.
+
+What counts is what the log answers. A sweep that comes live only says that the log holds more.
+"""
 
 import logging
 from collections import Counter
@@ -6,19 +9,19 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 
 from noctule.errors import BusError
 from noctule.messages_pb2 import Cursor, LogGap, LogRecords, Sweep
+from noctule.strangers import Strangers
 from noctule.unit_records import sift
 
-_LATEST = 64  # live sweeps that are remembered
 MAX_LOGS_LEFT = 16  # of a unit, that a reader could go on with; a unit has one new log where a disk was replaced
 
 _log = logging.getLogger(__name__)
 
 
 class UnitReader:
-    """Reads one unit's log by two ways, live sweeps and the log itself, and hands on each sweep just once.
+    """Reads one unit's log and hands on each sweep just once. One question at a time: read() its answer, then the next.
 
-    ``deliver`` takes sweeps for good, or raises, and then nothing has moved. ``counts`` gets ``delivered``,
-    ``pulled``, ``lost``, ``damaged`` (the log itself has lost them to damage) and ``refused``.
+    ``deliver`` takes sweeps for good, or raises, and then nothing has moved. ``counts`` gets ``delivered``, ``lost``,
+    ``damaged`` (the log itself has lost them to damage) and ``refused``.
     """
 
     def __init__(
@@ -34,89 +37,44 @@ class UnitReader:
         self._counts = counts
         self._left: dict[str, Cursor] = {}  # where other logs of this unit were left, should one come back
         self._taken_before = range(0)  # sequences that were delivered, and that the log then had still to give
-        self._latest: dict[int, int] = {}  # hashes of live sweeps that were delivered, by log_sequence
-        self._told_twice = False
+        self.strangers = Strangers(unit, counts)
         self._turns = 0  # to another log, since one last gave what was asked of it
 
     def is_behind(self, log_id: str, head: int) -> bool:
         """Whether a log with that head holds more than was delivered."""
         return log_id != self.cursor.log_id or head > self.cursor.log_sequence
 
-    def take(self, live: Sequence[Sweep]) -> bool:
-        """Deliver those of ``live`` that follow on; False where the log must be asked for what lies between.
+    def read(self, records: LogRecords) -> bool:
+        """Deliver what a reply of the log holds, asked for from the cursor on; whether the log has more.
 
-        A live sweep may be a stranger's. Where the log's own comes too, under the same number, that is
-        counted and logged.
+        Raises BusError, and what ``deliver`` raises.
         """
-        following: list[Sweep] = []
-        new: dict[int, int] = {}  # hashes of these
-        next_sequence = self.cursor.log_sequence + 1
-        for sweep in live:
-            if sweep.log_id != self.cursor.log_id or sweep.log_sequence > next_sequence:
-                self._take(following, new)
-                return False
-            if sweep.log_sequence == next_sequence:
-                following.append(sweep)
-                new[next_sequence] = _hash(sweep)
-                next_sequence += 1
-            elif _hash(sweep) != (self._latest | new).get(sweep.log_sequence, _hash(sweep)):
-                self._refuse_second(sweep)
-        self._take(following, new)
-        return True
-
-    def _take(self, live: Sequence[Sweep], hashes: dict[int, int]) -> None:
-        self._commit(live)
-        self._latest |= hashes
-        while len(self._latest) > _LATEST:
-            del self._latest[next(iter(self._latest))]
-
-    def read(self, records: LogRecords, asked: Cursor) -> bool:
-        """Deliver what a reply of the log holds, asked for when the cursor was ``asked``; whether the log has more.
-
-        Live sweeps may have been delivered since. Raises BusError, and what ``deliver`` raises.
-        """
-        at = self.cursor
-        if records.log_id != at.log_id:
+        if records.log_id != self.cursor.log_id:
+            was_read = bool(self.cursor.log_id)
             self._turn_to(records)
-            if at.log_id:
+            if was_read:
                 return True  # it was asked for what follows on another log
-            at = asked = self.cursor  # nothing was read yet, and it was asked from its tail on
-        if records.head < asked.log_sequence and asked.log_id == at.log_id:
+        at = self.cursor
+        if records.head < at.log_sequence:
             first = min(records.head + 1, self._taken_before[0]) if self._taken_before else records.head + 1
-            self._taken_before = range(first, asked.log_sequence + 1)
+            self._taken_before = range(first, at.log_sequence + 1)
             raise BusError(
                 f"log {records.log_id} of unit {self.unit!r} ends at {records.head} and was read to "
-                f"{asked.log_sequence}: was it restored from a copy? Begin a new one: "
+                f"{at.log_sequence}: was it restored from a copy? Begin a new one: "
                 f"noctule-gateway repair DATA --unit {self.unit}; if the log is right, reset what read it: "
                 f"noctule-mapper repair DATA --site SITE --unit {self.unit}"
             )
         self._turns = 0
         self._count_taken_before()
-        if records.head < at.log_sequence:
-            return False
         sifted = sift(records, self.unit, at.log_sequence)
         if sifted.sound or sifted.refused:
             self._commit(sifted.sound, sifted.refused, records.gaps)
-            self._counts["pulled"] += len(sifted.sound)
             self._pass_over_refused(records.log_id, sifted.refused, records.gaps)
         self._pass_over_gaps(records)
-        # Where live sweeps have moved the cursor, the reply may lie before it and say nothing of what follows.
-        if self.cursor is at and at == asked and records.head > at.log_sequence:
+        if self.cursor is at and records.head > at.log_sequence:
             self._pass_over(records)
+        self.strangers.compare(records, sifted.sound, self.cursor.log_sequence)
         return self.cursor.log_sequence < records.head
-
-    def _refuse_second(self, sweep: Sweep) -> None:
-        self._counts["refused"] += 1
-        if not self._told_twice:
-            self._told_twice = True
-            _log.error(
-                "unit %s: two different sweeps came live as number %d of log %s, and the first was taken: somebody "
-                "else publishes on the unit's key, from which certificates keep strangers, or its log was restored "
-                "from a copy",
-                self.unit,
-                sweep.log_sequence,
-                sweep.log_id,
-            )
 
     def _turn_to(self, records: LogRecords) -> None:
         """Read another log of this unit, from its tail if it is new.
@@ -125,7 +83,7 @@ class UnitReader:
         """
         self._turns += 1
         self._taken_before = range(0)
-        self._latest.clear()
+        self.strangers.forget()
         if self.cursor.log_id:
             _log.warning("unit %s has log %s instead of %s", self.unit, records.log_id, self.cursor.log_id)
             self._left[self.cursor.log_id] = self.cursor
@@ -219,7 +177,3 @@ class UnitReader:
                 before + 1,
                 after - 1,
             )
-
-
-def _hash(sweep: Sweep) -> int:
-    return hash(sweep.SerializeToString(deterministic=True))

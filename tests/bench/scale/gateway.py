@@ -20,6 +20,7 @@ from noctule import bus, site
 from noctule.caller import Callers, Who
 from noctule.messages_pb2 import CommandReply, CommandRequest, Sweep, UnitStatus
 from noctule.newer_fields import NewerFields
+from noctule_gateway.bus.held_bytes import HeldBytes
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.outbox import Outbox
 from noctule_gateway.bus.unit_on_bus import UnitOnBus
@@ -111,7 +112,9 @@ def open_units(
         log = SweepLog(folder / f"{unit.name}.sqlite", Retention())
         closing.callback(log.close)
         kept = ServedUnit(known, unit, log, PoseTrack(), ClockWatch(data / f"{known.name}.clock-epoch"))
-        on_bus = UnitOnBus(session, kept, _refuse, outbox, readers, NewerFields(), Callers(), lambda *_: None)
+        on_bus = UnitOnBus(
+            session, kept, _refuse, outbox, readers, HeldBytes(), NewerFields(), Callers(), lambda *_: None
+        )
         opened.append(StreamedUnit(kept, on_bus, places[index * len(places) // count], rng, note))
     return opened
 

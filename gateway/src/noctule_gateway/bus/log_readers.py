@@ -6,17 +6,19 @@ A reply to a client that takes nothing waits until Zenoh gives its link up, whic
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 
+from noctule_gateway.bus.held_bytes import HeldBytes
 from noctule_gateway.bus.log_reply import MAX_RECORDS
 
 MAX_CLIENTS = 64  # that wait for answers at once
-MAX_WAITING = 64  # queries of one client
-CROWD = 16  # waiting queries of one client, from which on it asks for more than a reader that waits for its answers
+# Waiting queries of one client, without the first of each unit: a reader that waits for its answers has none of these.
+MAX_WAITING = 64
+CROWD = 16  # from which on a client gets less
 REST = 30.0  # between two answers to such a client, in the time that the first took: the gateway has units to serve
 LONGEST_REST_S = 0.3  # an answer that took long mostly waited, for the disk or the client, and kept no unit waiting
 # Records in such a client's answer: while one is made a unit's sweep waits at each of its twenty steps for Python.
@@ -30,7 +32,9 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Query:
+    unit: str
     since_s: float
+    size_bytes: int
     answer: Callable[[int], object]
     say_late: Callable[[], object]
 
@@ -38,9 +42,9 @@ class _Query:
 class LogReaders:
     """Runs ``answer``s, those of one client in their order. What is too much is refused, and ``cut_off`` says whose."""
 
-    def __init__(self, now: Callable[[], float] = monotonic) -> None:
+    def __init__(self, now: Callable[[], float] = monotonic, held: HeldBytes | None = None) -> None:
         self.refused = 0
-        self._now = now
+        self._now, self._held = now, held or HeldBytes()
         self._lock = threading.Lock()
         # Of each client that is being answered
         self._waiting: dict[str, deque[_Query]] = {}
@@ -48,22 +52,30 @@ class LogReaders:
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
-    def submit(self, client: str, answer: Callable[[int], object], say_late: Callable[[], object]) -> bool:
+    def submit(
+        self,
+        client: str,
+        unit: str,
+        answer: Callable[[int], object],
+        say_late: Callable[[], object],
+        size_bytes: int = 0,
+    ) -> bool:
         """Have ``answer`` called soon, with the most records that it may hold; False where it is refused. From any
-        thread, never waiting.
+        thread, never waiting. The query is one for the log of ``unit`` and has ``size_bytes``.
 
         ``say_late`` is called instead after STALE_AFTER_S: a client that still waits must not think that nobody is
         there.
         """
-        client, query = client[:LONGEST_NAME], _Query(self._now(), answer, say_late)
+        client, query = client[:LONGEST_NAME], _Query(unit, self._now(), size_bytes, answer, say_late)
         with self._lock:
             waiting = self._waiting.get(client)
-            if waiting is not None and len(waiting) < MAX_WAITING:
-                waiting.append(query)
-                return True
-            if waiting is None and len(self._waiting) < MAX_CLIENTS:
-                self._waiting[client] = deque([query])
-                self._threads.submit(self._answer_next, client)
+            has_room = len(self._waiting) < MAX_CLIENTS if waiting is None else _excess([*waiting, query]) < MAX_WAITING
+            if has_room and not self._held.hold(client, size_bytes):
+                if waiting is None:
+                    self._waiting[client] = deque([query])
+                    self._threads.submit(self._answer_next, client)
+                else:
+                    waiting.append(query)
                 return True
             self.refused += 1
             if waiting is None:
@@ -79,7 +91,7 @@ class LogReaders:
         """Whose queries are refused now, and why; empty where nobody's are."""
         with self._lock:
             told = [f"{client or 'clients without a name'} ({count})" for client, count in self._cut_off.items()]
-        return f"queries refused, over {MAX_WAITING} of one client wait: {', '.join(sorted(told))}" if told else ""
+        return f"queries refused, too many of one client wait: {', '.join(sorted(told))}" if told else ""
 
     def close(self) -> None:
         """Answer no more; what is being answered is left to its end."""
@@ -88,7 +100,7 @@ class LogReaders:
     def _answer_next(self, client: str) -> None:
         with self._lock:
             query = self._waiting[client].popleft()
-            crowded = len(self._waiting[client]) >= CROWD
+            crowded = _excess([query, *self._waiting[client]]) >= CROWD
         begun_s = self._now()
         try:
             if begun_s - query.since_s < STALE_AFTER_S:
@@ -97,6 +109,7 @@ class LogReaders:
                 query.say_late()
         except Exception:
             _log.exception("a query of client %s was not answered", client)
+        self._held.let_go(client, query.size_bytes)
         with self._lock:
             if not self._waiting[client]:
                 del self._waiting[client]
@@ -114,3 +127,7 @@ class LogReaders:
     def _go_on(self, client: str) -> None:
         with suppress(RuntimeError):  # closed meanwhile
             self._threads.submit(self._answer_next, client)
+
+
+def _excess(queries: Collection[_Query]) -> int:
+    return len(queries) - len({query.unit for query in queries})

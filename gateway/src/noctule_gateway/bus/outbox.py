@@ -21,12 +21,14 @@ class Outbox:
         self._thread = threading.Thread(target=self._run, name="outbox", daemon=True)
         self._thread.start()
 
-    def post(self, put: Callable[[], None]) -> None:
-        """Have ``put`` called; from any thread, never waiting."""
+    def post(self, put: Callable[[], None]) -> bool:
+        """Have ``put`` called; from any thread, never waiting. False where it is dropped."""
         try:
             self._waiting.put_nowait(put)
         except queue.Full:
             self.dropped += 1
+            return False
+        return True
 
     def close(self) -> None:
         """Put what waits, and end."""

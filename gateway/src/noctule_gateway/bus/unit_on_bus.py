@@ -1,6 +1,7 @@
 """A unit on the bus: its sweeps, status, log, commands and liveliness, as long as this gateway serves it."""
 
 import time
+from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
 
@@ -15,6 +16,7 @@ from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
 from noctule_gateway.bus.command_cache import CommandCache, Refused, Server
+from noctule_gateway.bus.held_bytes import HeldBytes
 from noctule_gateway.bus.log_readers import LONGEST_NAME, STALE_AFTER_S, LogReaders
 from noctule_gateway.bus.log_reply import read_records
 from noctule_gateway.bus.outbox import Outbox
@@ -22,6 +24,7 @@ from noctule_gateway.errors import LogError
 from noctule_gateway.served_unit import ServedUnit
 
 _MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
+_REFUSED = "clients that are refused"
 _TOO_LATE = f"the query waited longer than {STALE_AFTER_S:g} s in the gateway: ask again, one query at a time"
 
 
@@ -35,12 +38,13 @@ class UnitOnBus:
         server: Server,
         outbox: Outbox,
         readers: LogReaders,
+        held: HeldBytes,
         newer: NewerFields,
         callers: Callers,
         note_refused: Refused,
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
-        self._outbox, self._readers = outbox, readers
+        self._outbox, self._readers, self._held = outbox, readers, held
         site, unit = served.site.name, served.unit
         self._newer = newer
         self._commands, self._callers, self._note_refused = CommandCache(server, note_refused), callers, note_refused
@@ -90,7 +94,9 @@ class UnitOnBus:
 
     def _on_log_query(self, query: zenoh.Query) -> None:
         name = query.attachment.to_bytes()[:LONGEST_NAME].decode(errors="replace") if query.attachment else ""
-        if not self._readers.submit(name, partial(self._answer_from_log, query), lambda: _refuse(query, _TOO_LATE)):
+        answer = partial(self._answer_from_log, query)
+        late = partial(_refuse, query, _TOO_LATE)
+        if not self._readers.submit(name, self._log_key, answer, late, _size_bytes(query)):
             query.drop()  # an error reply might wait, on Zenoh's own thread
 
     def _answer_from_log(self, query: zenoh.Query, most: int) -> None:
@@ -116,11 +122,41 @@ class UnitOnBus:
             why = str(error)
             command = str(query.key_expr).rpartition("/")[2]
             self._note_refused(command, request_id, caller.claimed(attached), why)
-            self._outbox.post(lambda: _refuse(query, why))
+            self._say_refused(query, why)
             return
         self._newer.note(request, payload)
+        size_bytes = _size_bytes(query)
+        if why := self._held.hold(who.name, size_bytes):
+            self._commands.refused += 1
+            self._note_refused(name, request_id, who, why)
+            self._say_refused(query, why)
+            return
+
         reply = self._commands.carry_out(name, request, who)
-        reply.add_done_callback(lambda done: self._outbox.post(lambda: _reply(query, done)))
+        reply.add_done_callback(lambda done: self._answer(who.name, size_bytes, partial(_reply, query, done)))
+
+    def _say_refused(self, query: zenoh.Query, why: str) -> None:
+        """In words, if there are not too many to be said."""
+        size_bytes = _size_bytes(query)
+        if self._held.hold(_REFUSED, size_bytes):
+            query.drop()
+        else:
+            self._answer(_REFUSED, size_bytes, partial(_refuse, query, why))
+
+    def _answer(self, client: str, size_bytes: int, answer: Callable[[], None]) -> None:
+        """Have a query that is held answered soon."""
+
+        def put() -> None:
+            self._held.let_go(client, size_bytes)
+            answer()
+
+        if not self._outbox.post(put):
+            self._held.let_go(client, size_bytes)
+
+
+def _size_bytes(query: zenoh.Query) -> int:
+    parts = (query.payload, query.attachment)
+    return sum(len(part) for part in parts if part is not None) + len(str(query.parameters))
 
 
 def _refuse(query: zenoh.Query, why: str) -> None:

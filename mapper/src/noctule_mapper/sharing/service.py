@@ -23,7 +23,7 @@ from noctule_mapper.sharing.last_contours import LastContours
 from noctule_mapper.sharing.offers import Offers
 from noctule_mapper.sharing.rendezvous import owner_of
 from noctule_mapper.sharing.shown import Shown
-from noctule_mapper.sharing.site_process import SiteProcess, forking_context
+from noctule_mapper.sharing.site_process import SILENCE, SiteProcess, forking_context
 from noctule_mapper.sharing.unshared import UnsharedSites
 
 _STEP_S = 0.2
@@ -137,7 +137,8 @@ def _step(
 
 
 def other_mappers(session: zenoh.Session, sites: Sequence[str], but: str) -> dict[str, str]:
-    """Of those ``sites`` that a mapper other than ``but`` maps now: that mapper's name.
+    """Of those ``sites`` that a mapper other than ``but`` maps now: that mapper's name; SILENCE where one may, for
+    somebody did not answer in time.
 
     All are asked before the first answer is awaited: where a mapper is cut off, each question takes its time-out.
     """
@@ -147,6 +148,7 @@ def other_mappers(session: zenoh.Session, sites: Sequence[str], but: str) -> dic
 
 
 def _mapper_among(replies: Iterable[zenoh.Reply], but: str) -> str | None:
+    silent = None
     for reply in replies:
         if reply.ok is not None:
             try:
@@ -155,7 +157,9 @@ def _mapper_among(replies: Iterable[zenoh.Reply], but: str) -> str | None:
                 continue  # no mapper of ours
             if status.role == "mapper" and status.name != but:
                 return status.name
-    return None
+        else:
+            silent = SILENCE
+    return silent
 
 
 def _end(mapped: Sequence[SiteProcess]) -> None:

@@ -27,6 +27,8 @@ from noctule_mapper.live.service import LiveSettings
 from noctule_mapper.sharing.heartbeat import Heartbeat
 
 _ASK_AGAIN_S = 0.5
+SILENCE = ""  # in place of a mapper's name: nobody has said in time whether one maps the site
+SILENT_S = 3.0
 HANGS_AFTER_S = 30.0  # without progress, while this process ran
 STARTS_WITHIN_S = 300.0  # in the same way: a large store is checked and read
 
@@ -68,6 +70,7 @@ class SiteProcess:
         self._started_at_s = self._not_before_s = 0.0
         self._rest = Rest()
         self._waits_for: str | None = None
+        self._silent_since_s: float | None = None
 
     @property
     def pid(self) -> int | None:
@@ -112,11 +115,22 @@ class SiteProcess:
         self._heartbeat.close()
 
     def _is_free(self, other: str | None, now_s: float) -> bool:
-        """No other maps the site: one that gives it away closes its store first, one that froze may still answer."""
+        """No other maps the site: one that gives it away closes its store first, one that froze may still answer.
+
+        SILENCE counts as nobody after SILENT_S, because it may be that of any program of the site.
+        """
+        if other != SILENCE:
+            self._silent_since_s = None
+        else:
+            self._silent_since_s = now_s if self._silent_since_s is None else self._silent_since_s
+            if now_s - self._silent_since_s >= SILENT_S:
+                _log.warning("nobody has said within %g s whether site %s is mapped: it is now", SILENT_S, self.site)
+                return True
         if other is not None:
             self._not_before_s = now_s + _ASK_AGAIN_S
             if other != self._waits_for:
-                _log.info("site %s is still mapped by %r: waiting for its end", self.site, other)
+                told = "its statuses are not answered in time" if other == SILENCE else f"{other!r} still maps it"
+                _log.info("site %s waits: %s", self.site, told)
         self._waits_for = other
         return other is None
 

@@ -11,6 +11,7 @@ from google.protobuf.message import Message
 from noctule import awake, keys, poses, survey
 from noctule.cli.joining import joined_until, nothing_found
 from noctule.cli.replies import state
+from noctule.errors import SilenceError
 from noctule.messages_pb2 import Contour, Sweep, UnitStatus
 from noctule.plain_text import plain
 
@@ -29,8 +30,11 @@ def show_passing(site: str, connect: list[str], tls: Path | None, json: bool) ->
                 nobody_reads.set()
                 over.set()
 
-        if not client.units():
-            typer.echo(f"nobody serves a unit of site {site!r} yet.{nothing_found(client, tls)}", err=True)
+        try:
+            if not client.units():
+                typer.echo(f"nobody serves a unit of site {site!r} yet.{nothing_found(client, tls)}", err=True)
+        except SilenceError as error:
+            typer.echo(str(error), err=True)
         client.on_sweep(lambda sweep: show(keys.sweep(site, sweep.unit), sweep))
         client.on_unit_status(lambda status: show(keys.unit_status(site, status.unit), status))
         client.on_contour(lambda contour: show(keys.contour(site), contour))
