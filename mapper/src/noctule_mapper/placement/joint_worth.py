@@ -15,9 +15,17 @@ import numpy as np
 from noctule_mapper.placement.joint_silence import joint_silence_nats
 from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
 from noctule_mapper.placement.pose_adjustment import grouped, problem_of, regrouped
-from noctule_mapper.placement.pose_scores import MOST_GAIN_NATS, NEW_SHARE, new_density
+from noctule_mapper.placement.pose_scores import MOST_GAIN_NATS, new_density
 from noctule_mapper.placement.pose_search import HOLD, TOGETHER_NATS, anywhere, far_nats
-from noctule_mapper.placement.reflector_models import Members, Models, PlacedUnit, Rows, all_models, rows_of
+from noctule_mapper.placement.reflector_models import (
+    NEW_SHARE,
+    Members,
+    Models,
+    PlacedUnit,
+    Rows,
+    all_models,
+    rows_of,
+)
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.placement.wall_crossings import corners_at
 

@@ -35,6 +35,7 @@ class Kind:
     radius_m: tuple[float, float]
 
 
+NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
 _EXACT = 1e-4
 WALL_SHARE = 0.47
 POINT_KINDS = (

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from noctule_mapper.placement.landmarks import Landmarks, chances, extents
-from noctule_mapper.placement.reflector_models import LEAST_SCALE, NEAR_M, SPAN_M, Models, Rows, first_rows
+from noctule_mapper.placement.reflector_models import LEAST_SCALE, NEAR_M, NEW_SHARE, SPAN_M, Models, Rows, first_rows
 
 CORNER_SIGMA_M = 0.002  # of a corner from where its walls cross
 # Counted in random rooms with units at their true poses: corners that several units hear lie at a crossing of walls
@@ -99,7 +99,7 @@ def corners_at(rows: Rows, kinds: Sequence[Models]) -> CornersAt:
     """Which groups of plateaus are corners where others, as walls, cross; ``kinds`` are the groups as reflectors of
     each kind.
 
-    Beforehand a corner lies at one of the crossings or anywhere. Each crossing has one corner.
+    Two walls that cross tell of a corner there, which is no new reflector where it is heard. Each crossing has one.
     """
     walls, *points = kinds
     chance = chances(kinds)
@@ -111,7 +111,7 @@ def corners_at(rows: Rows, kinds: Sequence[Models]) -> CornersAt:
     for kind, is_kind in enumerate((~found.is_acute, found.is_acute)):
         at = np.nonzero(is_kind)[0]
         nats = _nats(rows, walls, points[kind], corner, found, at)
-        nats = np.minimum(nats + np.log(_AT_CROSSING * prior[at] / prior.sum()), _MOST_NATS)
+        nats = np.minimum(nats + np.log(prior[at] * _IS_CORNER * (1 - NEW_SHARE) / NEW_SHARE), _MOST_NATS)
         own = (found.walls[at] == corner[:, None, None]).any(axis=-1)
         likely[:, at] = np.where(own, 0.0, chance[1 + kind][corner][:, None] * np.exp(nats))
     odds, chosen = likely / anywhere[:, None], []
