@@ -167,19 +167,19 @@ def test_all_units_that_are_sought_move_as_one_if_the_known_one_fits_them_elsewh
     poses = NEAR_ITS_MIDDLE if room is IRREGULAR else units_anywhere(room, np.random.default_rng(12), 4)
     units = settled(tuple(placed(room, poses)), 1)
     found = moved_as_one(units, [one.view for one in units[1:]], units, 1, Pairs())
-    lead_nats = worth(units) - max((one.worth_nats for one in found), default=-np.inf)
+    elsewhere = [
+        one for one in found if not all(is_same(one.pose_of(unit.view.unit), unit.pose) for unit in units)
+    ]  # others were pulled back
+    lead_nats = worth(units) - max((one.worth_nats for one in elsewhere), default=-np.inf)
     assert least_nats < lead_nats < most_nats
 
 
-def test_of_units_of_another_room_than_the_known_ones_none_is_found() -> None:
+def test_of_units_of_another_room_than_the_known_one_none_is_found() -> None:
     """However well they agree with one another."""
     elsewhere = Room(IRREGULAR.vertices[::-1] * (1.2, -1.0))
-    known, *here = placed(IRREGULAR, NEAR_ITS_MIDDLE[:3])
-    strangers = placed(elsewhere, NEAR_ITS_MIDDLE[:2] * (1.2, -1.0, 1.0))
-    sought = [one.view for one in here] + [replace(one.view, unit=f"s{at}") for at, one in enumerate(strangers)]
-    found, left_open = find_poses([known], sought)
-    assert {one.unit for one in left_open} >= {"s0", "s1"}
-    assert {one.unit for one in found} == {"u2", "u3"}
+    (known,), strangers = placed(IRREGULAR, NEAR_ITS_MIDDLE[:1]), placed(elsewhere, NEAR_ITS_MIDDLE[:2] * (1.2, -1, 1))
+    found, left_open = find_poses([known], [replace(one.view, unit=f"s{at}") for at, one in enumerate(strangers)])
+    assert (found, [one.unit for one in left_open]) == ([], ["s0", "s1"])
 
 
 # Of walls y = 1 and others: alpha in degrees, rho, and where both are touched along their tangents.

@@ -48,7 +48,7 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
         kept = [one for one in grown if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_WEIGHED]
         order.append(view)
         dropped += [replace(one, dropped_nats=top_nats - one.worth_nats) for one in grown[len(kept) :]]
-        kept = distinct([_weighed(_settled(one, fixed), fixed) for one in kept])
+        kept = distinct([_by_joint_worth(_settled(one, fixed), fixed) for one in kept])
         top_nats = kept[0].worth_nats
         alive = [one for one in kept if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_HYPOTHESES]
         dropped += [replace(one, dropped_nats=top_nats - one.worth_nats) for one in kept[len(alive) :]]
@@ -114,7 +114,7 @@ def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
     return replace(hypothesis, groups=groups, placed=tuple(adjusted(hypothesis.placed, groups, fixed)))
 
 
-def _weighed(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
+def _by_joint_worth(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
     """The hypothesis by what its units are worth together, whatever they were worth one after the other."""
     return replace(hypothesis, worth_nats=joint_nats(hypothesis.placed, fixed, hypothesis.groups))
 
