@@ -14,22 +14,24 @@ from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, judged_room, rectan
 from noctule_mapper.config import MapperConfig
 from noctule_mapper.contour.contour import PoseState
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
-from noctule_mapper.placement.hypothesis_worth import lost_nats, weighed
+from noctule_mapper.placement.hypothesis_worth import lost_nats, settled, weighed
 from noctule_mapper.placement.joint_search import joined
 from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import landmarks_of
-from noctule_mapper.placement.one_by_one import challengers, improved, margin_alone
+from noctule_mapper.placement.one_by_one import challengers, improved, moved_as_one
 from noctule_mapper.placement.pair_poses import pair_poses
 from noctule_mapper.placement.pairs import Pairs, moved
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
 from noctule_mapper.placement.pose_scores import Tolerance, matched
-from noctule_mapper.placement.reflector_models import PlacedUnit
+from noctule_mapper.placement.reflector_models import PlacedUnit, all_models, rows_of
 from noctule_mapper.placement.silence import point_silent, silence_nats, surroundings
 from noctule_mapper.placement.unit_views import UnitView, view_of
-from noctule_mapper.placement.unknown_poses import LEAST_MARGIN_NATS, find_poses
+from noctule_mapper.placement.unknown_poses import LEAST_NATS, find_poses
 from noctule_mapper.placement.unplaced import Unplaced
+from noctule_mapper.placement.wall_crossings import corners_at, wall_crossings
 
 EXACTLY = np.zeros((3, 3))
+HALVES = rectangle(5.0, 3.0)
 ALL_AROUND_DEG = np.arange(-180.0, 180.0, 4.5)
 
 
@@ -56,11 +58,9 @@ def test_two_units_that_hear_the_same_walls_have_the_true_pose_among_those_by_pa
 
 def test_the_adjustments_slopes_are_its_residuals_derivatives() -> None:
     units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
-    groups = [*grouped(units)[:4]]
-    # A corner, heard by two units, for a landmark that is a point.
-    groups += [((0, 0), (1, 0))]
-    problem = problem_of(units, groups, known=1)
+    problem = problem_of(units, grouped(units), known=1)
     assert problem.is_wall.any() and not problem.is_wall.all()
+    assert len(problem.corner) > 1
     values = np.concatenate([NEAR_ITS_MIDDLE.ravel(), problem.landmark.ravel()])
     step = 1e-6 * np.eye(len(values))
     numerical = [(problem.linearised(values + d)[0] - problem.linearised(values - d)[0]) / 2e-6 for d in step]
@@ -138,28 +138,87 @@ def test_a_unit_that_hears_something_through_a_wall_pays() -> None:
     assert cost_nats(WALL, behind, (1.0, 0.0, 0.0)) > cost_nats(WALL, before, (1.0, 0.0, 0.0)) + 2
 
 
-def test_a_unit_at_its_true_place_stands_out_alone_but_not_in_a_rectangle() -> None:
-    assert margin_alone(placed(IRREGULAR, NEAR_ITS_MIDDLE), "u3", Pairs()) > LEAST_MARGIN_NATS
-    room = rectangle(4.0, 3.0)
-    units = placed(room, units_anywhere(room, np.random.default_rng(4), 4))
-    assert margin_alone(units, "u1", Pairs()) < LEAST_MARGIN_NATS
-
-
 def test_where_a_unit_is_held_elsewhere_the_others_follow_it_if_the_room_lets_them() -> None:
-    """So one that stands out alone need not, once the others may be elsewhere too."""
+    """An irregular room does not, a rectangle does: the other arrangement is worth as much as the true one."""
     units = placed(IRREGULAR, NEAR_ITS_MIDDLE)
     views = [one.view for one in units]
-    assert challengers(units, views[2], views[1:], 1, Pairs()) == []
+    assert (
+        max(one.worth_nats for one in challengers(units, views[2], views[1:], 1, Pairs())) < worth(units) - LEAST_NATS
+    )
     room = rectangle(5.0, 3.0)
-    units = placed(room, units_anywhere(room, np.random.default_rng(12), 4))
+    units = settled(tuple(placed(room, units_anywhere(room, np.random.default_rng(12), 4))), 1)
     views = [one.view for one in units]
     best = max(challengers(units, views[3], views[1:], 1, Pairs()), key=lambda one: one.worth_nats)
-    assert margin_alone(units, "u4", Pairs()) > LEAST_MARGIN_NATS
-    assert best.worth_nats > joint_nats(units, 1)
+    assert best.worth_nats > worth(units) - LEAST_NATS / 2
     elsewhere = [one.view.unit for one in units if not is_same(best.pose_of(one.view.unit), one.pose)]
     assert "u4" in elsewhere
-    assert len(elsewhere) > 1
     assert "u1" not in elsewhere, "its pose is known"
+
+
+def worth(units: Sequence[PlacedUnit]) -> float:
+    return joint_nats(units, fixed=1)
+
+
+@pytest.mark.parametrize(("room", "least_nats", "most_nats"), [(IRREGULAR, LEAST_NATS, np.inf), (HALVES, -np.inf, 3.0)])
+def test_all_units_that_are_sought_move_as_one_if_the_known_one_fits_them_elsewhere(
+    room: Room, least_nats: float, most_nats: float
+) -> None:
+    """A rectangle looks the same to all of them turned by half."""
+    poses = NEAR_ITS_MIDDLE if room is IRREGULAR else units_anywhere(room, np.random.default_rng(12), 4)
+    units = settled(tuple(placed(room, poses)), 1)
+    found = moved_as_one(units, [one.view for one in units[1:]], units, 1, Pairs())
+    elsewhere = [
+        one for one in found if not all(is_same(one.pose_of(unit.view.unit), unit.pose) for unit in units)
+    ]  # others were pulled back
+    lead_nats = worth(units) - max((one.worth_nats for one in elsewhere), default=-np.inf)
+    assert least_nats < lead_nats < most_nats
+
+
+def test_of_units_of_another_room_than_the_known_one_none_is_found() -> None:
+    """However well they agree with one another."""
+    elsewhere = Room(IRREGULAR.vertices[::-1] * (1.2, -1.0))
+    (known,), strangers = placed(IRREGULAR, NEAR_ITS_MIDDLE[:1]), placed(elsewhere, NEAR_ITS_MIDDLE[:2] * (1.2, -1, 1))
+    found, left_open = find_poses([known], [replace(one.view, unit=f"s{at}") for at, one in enumerate(strangers)])
+    assert (found, [one.unit for one in left_open]) == ([], ["s0", "s1"])
+
+
+# Of walls y = 1 and others: alpha in degrees, rho, and where both are touched along their tangents.
+@pytest.mark.parametrize(
+    ("other", "touched_m", "place_m", "is_acute"),
+    [
+        ((0.0, 2.0), ((0.0, 0.0), (-1.0, -1.0)), [(2.0, 1.0)], [False]),
+        ((0.0, 2.0), ((-3.0, 0.0), (-1.0, -1.0)), [], []),  # beyond the crossing too
+        ((-30.0, 1.0), ((0.0, 0.0), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [True]),
+        ((-30.0, 1.0), ((-3.0, -3.0), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [False]),  # an edge that juts out
+        ((80.0, 2.0), ((0.0, 0.0), (0.0, 0.0)), [], []),  # nearly parallel
+    ],
+    ids=["right angle", "passing through", "60 degrees", "edge", "flat"],
+)
+def test_walls_cross_where_both_may_end(
+    other: tuple[float, float],
+    touched_m: tuple[tuple[float, float], tuple[float, float]],
+    place_m: list[tuple[float, float]],
+    is_acute: list[bool],
+) -> None:
+    line = np.array([(math.pi / 2, 1.0), (math.radians(other[0]), other[1])])
+    low_m, high_m = np.array(touched_m).T
+    found = wall_crossings(line, np.zeros((2, 2, 2)), low_m, high_m, np.ones(2, bool))
+    assert found.place_m == pytest.approx(np.reshape(place_m, (-1, 2)))
+    assert found.is_acute.tolist() == is_acute
+
+
+@pytest.mark.parametrize(("off_m", "is_there"), [(0.0, True), (0.3, False)])
+def test_a_corner_that_one_unit_hears_is_where_walls_that_two_others_hear_cross(off_m: float, is_there: bool) -> None:
+    """Walls y = 1 and x = 2. The corner is right ahead of a unit that hears neither."""
+    one, other = view_with({90.0: 1.0}), view_with({0.0: 1.0})
+    ahead = view_with({45.0: 1.5 * math.sqrt(2) + off_m})
+    poses = np.array([(0.0, 0.0, 0.0), (1.0, -1.0, 0.0), (0.5, -0.5, 0.0)])
+    units = [PlacedUnit(view, pose, EXACTLY) for view, pose in zip((one, other, ahead), poses, strict=True)]
+    rows = rows_of(units, [((0, 0),), ((1, 0),), ((2, 0),)])
+    found = corners_at(rows, all_models(rows))
+    assert list(found.corner) == ([2] if is_there else [])
+    assert found.walls.tolist() == ([[0, 1]] if is_there else [])
+    assert (found.nats > 0) == is_there
 
 
 def deaf(view: UnitView) -> UnitView:
@@ -186,9 +245,10 @@ def test_a_unit_that_stands_alone_stays() -> None:
     assert improved(arrangement(alone), [alone[0].view], 0, Pairs()).placed == tuple(alone)
 
 
-def test_beside_a_unit_that_hears_nothing_no_pose_stands_out() -> None:
+def test_beside_a_known_unit_that_hears_nothing_no_pose_is_found() -> None:
     own, other = placed(IRREGULAR, NEAR_ITS_MIDDLE)[:2]
-    assert margin_alone([own, replace(other, view=deaf(other.view))], "u1", Pairs()) == -np.inf
+    found, left_open = find_poses([replace(other, view=deaf(other.view))], [own.view])
+    assert (found, [one.unit for one in left_open]) == ([], ["u1"])
 
 
 def test_the_oracle_calls_every_place_in_an_irregular_room_tellable_and_none_in_symmetric_ones() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from noctule_mapper.placement.hypotheses import Hypothesis, distinct, is_part
 from noctule_mapper.placement.hypothesis_worth import lost_nats, under_best, weighed
+from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.one_by_one import improved
 from noctule_mapper.placement.pairs import Pairs, inverse, moved
@@ -21,6 +22,7 @@ from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.unit_views import UnitView
 
 _MOST_HYPOTHESES = 10
+_MOST_WEIGHED = 20  # of which these are chosen
 _MOST_BRANCHES = 6
 _MOST_COMPLETED = 16  # hypotheses, those that were dropped among them
 _MOST_IMPROVED = 8
@@ -43,10 +45,13 @@ def search(known: Sequence[PlacedUnit], unknown: Sequence[UnitView], pairs: Pair
             grown += _branches(rival, view, _standings(rival, view, pairs))
         grown = distinct(grown)
         top_nats = grown[0].worth_nats
-        kept = [one for one in grown if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_HYPOTHESES]
+        kept = [one for one in grown if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_WEIGHED]
         order.append(view)
         dropped += [replace(one, dropped_nats=top_nats - one.worth_nats) for one in grown[len(kept) :]]
-        alive = [_settled(one, fixed) for one in kept]
+        kept = distinct([_by_joint_worth(_settled(one, fixed), fixed) for one in kept])
+        top_nats = kept[0].worth_nats
+        alive = [one for one in kept if one.worth_nats > top_nats - _HOPELESS_NATS][:_MOST_HYPOTHESES]
+        dropped += [replace(one, dropped_nats=top_nats - one.worth_nats) for one in kept[len(alive) :]]
     alive = [joined(one, order, fixed, pairs) for one in alive]
     ended, left = distinct(alive), []
     for one in sorted(dropped, key=lambda one: one.dropped_nats):
@@ -107,6 +112,11 @@ def _settled(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
         return hypothesis
     groups = grouped(hypothesis.placed, hypothesis.groups, newest, hypothesis.marks)
     return replace(hypothesis, groups=groups, placed=tuple(adjusted(hypothesis.placed, groups, fixed)))
+
+
+def _by_joint_worth(hypothesis: Hypothesis, fixed: int) -> Hypothesis:
+    """The hypothesis by what its units are worth together, whatever they were worth one after the other."""
+    return replace(hypothesis, worth_nats=joint_nats(hypothesis.placed, fixed, hypothesis.groups))
 
 
 def _root(

@@ -3,88 +3,94 @@ comes into it.
 
 It is the logarithm of the chance of all plateaus together, by Laplace's approximation of the integral over landmarks
 and poses: each group of plateaus is one landmark of any kind, silence counts once for each end of a wall and for each
-point, and the volume of the poses' posterior counts as a whole.
+point, corners lie where walls cross (``wall_crossings``), and the volume of the poses' posterior counts as a whole.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from noctule_mapper.placement.joint_silence import joint_silence_nats
 from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
 from noctule_mapper.placement.pose_adjustment import grouped, problem_of, regrouped
-from noctule_mapper.placement.pose_scores import IMPLIED_WEIGHT, MOST_GAIN_NATS, NEW_SHARE, new_density
-from noctule_mapper.placement.pose_search import HOLD, TOGETHER_NATS, anywhere, crossings_of, far_nats
+from noctule_mapper.placement.pose_scores import MOST_GAIN_NATS, new_density
+from noctule_mapper.placement.pose_search import HOLD, TOGETHER_NATS, anywhere, far_nats
 from noctule_mapper.placement.reflector_models import (
-    POINT_KINDS,
+    NEW_SHARE,
     Members,
+    Models,
     PlacedUnit,
-    point_models,
+    Rows,
+    all_models,
     rows_of,
-    wall_models,
 )
+from noctule_mapper.placement.unit_views import UnitView
+from noctule_mapper.placement.wall_crossings import corners_at
 
 _WEAK = 1e-6  # of landmarks' values that nothing tells
 
 
-def joint_nats(placed: Sequence[PlacedUnit], fixed: int) -> float:
-    """The worth of units that stand where their echoes have them together; the first ``fixed`` poses are known."""
+def joint_nats(placed: Sequence[PlacedUnit], fixed: int, groups: Sequence[Members] = ()) -> float:
+    """The worth of units that stand where their echoes have them together; the first ``fixed`` poses are known,
+    ``groups`` are the units' plateaus by landmark, if somebody has them.
+    """
     if len(placed) < 2:
         return 0.0
-    placed = [*placed[:fixed], *sorted(placed[fixed:], key=lambda one: one.view.unit)]
-    groups = regrouped(placed, grouped(placed))
+    if not groups:
+        placed = [*placed[:fixed], *sorted(placed[fixed:], key=lambda one: one.view.unit)]
+        groups = regrouped(placed, grouped(placed))
     if not len(groups):  # no unit has a plateau: nothing tells where any stands
         return 0.0
     exact = [replace(one, covariance=np.zeros((3, 3))) for one in placed]
-    marks = landmarks_of(exact, groups)
+    rows, marks = rows_of(exact, groups), landmarks_of(exact, groups)
+    kinds = all_models(rows)
     return (
-        _gain_nats(exact, groups, marks)
+        _gain_nats(exact, groups, rows, kinds, marks)
         - _far_nats(exact, groups, marks)
         - joint_silence_nats(exact, groups, marks)
+        + corners_at(rows, kinds).nats
+        - sum(_alone_nats(one.view) for one in placed)
         + _volume_nats(placed, groups, fixed)
         + (len(placed) - 1) * (TOGETHER_NATS - anywhere(marks))
     )
 
 
-def _gain_nats(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks) -> float:
+def _gain_nats(
+    units: Sequence[PlacedUnit], groups: Sequence[Members], rows: Rows, kinds: Sequence[Models], marks: Landmarks
+) -> float:
     """How much likelier the groups' plateaus are as one landmark's each than as so many landmarks'."""
-    rows = rows_of(units, groups)
-    kinds = [wall_models(rows), *(point_models(rows, kind) for kind in POINT_KINDS)]
     together = np.logaddexp.reduce([one.log_evidence for one in kinds]) + np.log(2 * np.pi)
     size = np.bincount(rows.group, minlength=len(groups))
-    alone, weight = _by_plateau(units, groups, marks, size)
     more = size - 1
-    gain = together - more * np.bincount(rows.group, alone) / size + more * np.log1p(-NEW_SHARE)
+    alone = np.bincount(rows.group, _alone_densities(units, groups, marks)) / size
+    gain = together - more * alone + more * np.log1p(-NEW_SHARE)
     gain = np.where(more > 0, np.clip(gain, more * np.log(NEW_SHARE), more * MOST_GAIN_NATS), 0.0)
     # What a unit hears in a place of its own is no news; that all of one unit's is new goes without saying.
     own = np.mean([len(one.view) for one in units])
-    return float((np.bincount(rows.group, weight) / size * (gain + np.log(NEW_SHARE))).sum() - own * np.log(NEW_SHARE))
+    return float(gain.sum() + (len(groups) - own) * np.log(NEW_SHARE))
 
 
-def _by_plateau(
-    units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks, size: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The log density of each plateau as a new landmark's, and its weight, little of a corner that its walls imply;
-    group by group (n,).
-    """
+def _alone_densities(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks) -> np.ndarray:
+    """The log density of each plateau as a new landmark's, group by group (n,)."""
     of_group = [np.full(len(one.view), -1) for one in units]
     for number, group in enumerate(groups):
         for unit, plateau in group:
             of_group[unit][plateau] = number
-    density, weights = [], []
-    for unit, own in zip(units, of_group, strict=True):
-        density.append(new_density(unit.view, marks, unit.pose[None], own)[0])
-        weight, shared = np.ones(len(own)), size[own] > 1
-        for corner, first, second in crossings_of(unit.view):
-            if shared[corner] == (shared[first] and shared[second]):
-                weight[corner] = IMPLIED_WEIGHT
-        weights.append(weight)
-    members = [one for group in groups for one in group]
-    return (
-        np.array([density[unit][plateau] for unit, plateau in members]),
-        np.array([weights[unit][plateau] for unit, plateau in members]),
-    )
+    density = [
+        new_density(unit.view, marks, unit.pose[None], own)[0] for unit, own in zip(units, of_group, strict=True)
+    ]
+    return np.array([density[unit][plateau] for group in groups for unit, plateau in group])
+
+
+@lru_cache(maxsize=64)
+def _alone_nats(view: UnitView) -> float:
+    """How much likelier what one unit hears is with corners where its walls cross: no arrangement gains by that."""
+    if not len(view):
+        return 0.0
+    rows = rows_of([PlacedUnit(view, np.zeros(3), np.zeros((3, 3)))], [((0, at),) for at in range(len(view))])
+    return corners_at(rows, all_models(rows)).nats
 
 
 def _far_nats(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Landmarks) -> float:
@@ -99,7 +105,7 @@ def _far_nats(units: Sequence[PlacedUnit], groups: Sequence[Members], marks: Lan
 
 def _volume_nats(placed: Sequence[PlacedUnit], groups: Sequence[Members], fixed: int) -> float:
     """The log volume of the posterior of the poses that are sought, the landmarks integrated out."""
-    problem = problem_of(placed, [group for group in groups if len(group) > 1], fixed)
+    problem = problem_of(placed, groups, fixed)
     poses = np.array([one.pose for one in placed])
     _, slopes = problem.linearised(np.concatenate([poses.ravel(), problem.landmark.ravel()]))
     information = slopes.T @ slopes

@@ -9,16 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noctule_mapper.placement.reflector_models import (
-    POINT_KINDS,
-    Members,
-    Models,
-    PlacedUnit,
-    Rows,
-    point_models,
-    rows_of,
-    wall_models,
-)
+from noctule_mapper.placement.reflector_models import Members, Models, PlacedUnit, Rows, all_models, rows_of
 
 _LEAST_CHANCE = 0.002
 
@@ -46,13 +37,13 @@ class Landmarks:
 def landmarks_of(units: Sequence[PlacedUnit], groups: Sequence[Members]) -> Landmarks:
     """The landmarks whose plateaus are ``groups``."""
     rows = rows_of(units, groups)
-    walls, *points = wall_models(rows), *(point_models(rows, kind) for kind in POINT_KINDS)
+    walls, *points = all_models(rows)
     chance = chances([walls, *points])
     kept = [np.nonzero(each > _LEAST_CHANCE)[0] for each in chance]
     as_wall = kept[0]
     group = np.concatenate(kept)
     alpha_rad, rho_m = walls.value[as_wall].T
-    low_m, high_m = _extents(rows, walls)
+    low_m, high_m = extents(rows, walls)
     return Landmarks(
         alpha_rad=alpha_rad,
         rho_m=rho_m,
@@ -74,7 +65,7 @@ def chances(models: Sequence[Models]) -> np.ndarray:
     return odds / odds.sum(axis=0)
 
 
-def _extents(rows: Rows, walls: Models) -> tuple[np.ndarray, np.ndarray]:
+def extents(rows: Rows, walls: Models) -> tuple[np.ndarray, np.ndarray]:
     """From where to where along its tangent each wall was touched, (g,)."""
     alpha_rad = walls.value[rows.group, 0]
     along_m = rows.place_m[:, 1] * np.cos(alpha_rad) - rows.place_m[:, 0] * np.sin(alpha_rad)

@@ -10,7 +10,7 @@ import numpy as np
 from noctule_mapper.placement.hypotheses import Hypothesis, is_same
 from noctule_mapper.placement.joint_worth import joint_nats
 from noctule_mapper.placement.landmarks import Landmarks, landmarks_of
-from noctule_mapper.placement.pairs import Pairs
+from noctule_mapper.placement.pairs import Pairs, inverse, moved
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped
 from noctule_mapper.placement.pose_search import Standing, standings
 from noctule_mapper.placement.reflector_models import Members, PlacedUnit
@@ -57,16 +57,6 @@ def _moves(placed: Sequence[PlacedUnit], view: UnitView, fixed: int, pairs: Pair
         yield tuple(adjusted(around.units, around.groups, fixed))
 
 
-def margin_alone(placed: Sequence[PlacedUnit], unit: str, pairs: Pairs) -> float:
-    """By how much the unit's pose stands above all others, and above none, if all other units stand as they are; in
-    nats.
-    """
-    view = next(one.view for one in placed if one.view.unit == unit)
-    here, elsewhere = _standings(placed, view, _others(placed, unit), pairs)
-    below = np.logaddexp.reduce([0.0, *(one.worth_nats for one in elsewhere)])
-    return float(max((one.worth_nats for one in here), default=-np.inf) - below)
-
-
 def challengers(
     placed: Sequence[PlacedUnit], view: UnitView, views: Sequence[UnitView], fixed: int, pairs: Pairs
 ) -> list[Hypothesis]:
@@ -82,10 +72,41 @@ def challengers(
     for other in elsewhere[:_MOST_CHALLENGERS]:
         if other.worth_nats > least_nats:
             held = around.with_unit(view, other, fixed)
-            rival = improved(Hypothesis(held, (), (), joint_nats(held, fixed)), rest, fixed, pairs)
+            rival = improved(_arrangement(held, fixed), rest, fixed, pairs)
             if not any(is_same(rival.pose_of(view.unit), one.pose) for one in here):  # it may have been pulled back
                 found.append(rival)
+    return [*found, _arrangement(tuple(adjusted(around.units, around.groups, fixed)), fixed)]
+
+
+def moved_as_one(
+    part: Sequence[PlacedUnit], views: Sequence[UnitView], placed: Sequence[PlacedUnit], fixed: int, pairs: Pairs
+) -> list[Hypothesis]:
+    """The arrangement with all units of ``part`` that were looked for moved as one to where a known unit of it fits
+    them best otherwise, after each of ``views`` has gone where all are worth more then. They may be right beside one
+    another and wrong beside the known one.
+    """
+    names = {one.view.unit for one in placed[:fixed]}
+    sought = [one for one in part if one.view.unit not in names]
+    if not sought:
+        return []
+    rest = [one for one in placed if all(one.view.unit != other.view.unit for other in sought)]
+    groups = grouped(sought)
+    around = _Others(sought, groups, landmarks_of(sought, groups))
+    found = []
+    for known in part:
+        if known.view.unit in names:
+            _, elsewhere = _standings([known], known.view, around, pairs)
+            for other in elsewhere[:_MOST_CHALLENGERS]:
+                shift = moved(known.pose, inverse(other.pose)[None])[0]
+                there = [replace(one, pose=moved(shift, one.pose[None])[0]) for one in sought]
+                units = (*rest, *there)
+                held = _arrangement(tuple(adjusted(units, grouped(units), fixed)), fixed)
+                found.append(improved(held, views, fixed, pairs))
     return found
+
+
+def _arrangement(placed: tuple[PlacedUnit, ...], fixed: int) -> Hypothesis:
+    return Hypothesis(placed, (), (), joint_nats(placed, fixed))
 
 
 @dataclass(frozen=True, eq=False)  # of arrays

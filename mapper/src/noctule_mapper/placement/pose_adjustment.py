@@ -12,10 +12,10 @@ from noctule_mapper.placement.reflector_models import (
     POINT_KINDS,
     Members,
     PlacedUnit,
-    point_models,
+    all_models,
     rows_of,
-    wall_models,
 )
+from noctule_mapper.placement.wall_crossings import CORNER_SIGMA_M, corners_at
 from noctule_mapper.readings.angles import wrapped
 
 _EXACT_M, _EXACT_RAD = 0.001, np.radians(0.1)  # no stated pose is better
@@ -77,7 +77,7 @@ def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int)
     """The units with the poses at which their plateaus agree best; those of the first ``known`` keep to what is stated
     of them, within its error.
     """
-    problem = problem_of(units, [group for group in groups if len(group) >= _LEAST_SHARED], known)
+    problem = problem_of(units, groups, known)
     values = np.concatenate([np.array([one.pose for one in units]).ravel(), problem.landmark.ravel()])
     information = np.eye(len(values))
     for _ in range(_STEPS):
@@ -99,7 +99,7 @@ def adjusted(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int)
 class Problem:
     """Plateaus (n,) by unit and landmark, what the known poses are stated to be (known, 3), and the landmarks' first
     values (l, 4): alpha and rho or x and y, and k and r of a point's ranges k d - r, with mean and sigma of these two
-    beforehand, (l, 2).
+    beforehand, (l, 2). The landmarks ``corner`` (c,) lie where the two walls ``crossed`` (c, 2) cross.
     """
 
     unit: np.ndarray
@@ -114,6 +114,8 @@ class Problem:
     landmark: np.ndarray
     shape: np.ndarray
     shape_sigma: np.ndarray
+    corner: np.ndarray
+    crossed: np.ndarray
 
     def linearised(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (r,) in sigmas and their slopes by ``values``, poses and landmarks in a row, (r, values)."""
@@ -128,12 +130,16 @@ class Problem:
         bearing_rad = np.where(self.is_wall, mark[:, 0], np.arctan2(way[:, 1], way[:, 0]))
         range_m = np.where(self.is_wall, wall_m, mark[:, 2] * away_m - mark[:, 3])
         known = 3 * len(self.stated)
+        corner, crossed = np.repeat(self.corner, 2), self.crossed.ravel()
+        cosine_w, sine_w = np.cos(marks[crossed, 0]), np.sin(marks[crossed, 0])
+        beyond_m = marks[corner, 0] * cosine_w + marks[corner, 1] * sine_w - marks[crossed, 1]
         residual = np.concatenate(
             [
                 wrapped(pose[:, 2] + self.direction_rad - bearing_rad) / self.direction_sigma_rad,
                 (self.range_m - range_m) / self.range_sigma_m,
                 ((poses[: len(self.stated)] - self.stated) / self.stated_sigma).ravel(),
                 ((marks[:, 2:] - self.shape) / self.shape_sigma).ravel(),
+                beyond_m / CORNER_SIGMA_M,
             ]
         )
         n, wall = len(self.unit), self.is_wall
@@ -161,24 +167,37 @@ class Problem:
         shapes = np.arange(2 * len(self.landmark))
         of_shape = 3 * units + 4 * (shapes // 2) + 2 + shapes % 2
         slopes[2 * n + known + shapes, of_shape] = 1 / self.shape_sigma.ravel()
+        last = 2 * n + known + len(shapes) + np.arange(len(crossed))
+        of_corner, of_wall = 3 * units + 4 * corner, 3 * units + 4 * crossed
+        slopes[last, of_corner] = cosine_w / CORNER_SIGMA_M
+        slopes[last, of_corner + 1] = sine_w / CORNER_SIGMA_M
+        slopes[last, of_wall] = (marks[corner, 1] * cosine_w - marks[corner, 0] * sine_w) / CORNER_SIGMA_M
+        slopes[last, of_wall + 1] = -1 / CORNER_SIGMA_M
         return residual, slopes
 
 
 def problem_of(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> Problem:
     """The landmarks of ``groups`` and the units' poses, to be fitted; the first ``known`` poses are stated."""
     rows = rows_of(units, groups)
-    walls, *points = wall_models(rows), *(point_models(rows, kind) for kind in POINT_KINDS)
-    kind = np.argmax([one.log_evidence for one in (walls, *points)], axis=0) - 1  # -1 of a wall
+    walls, *points = kinds = all_models(rows)
+    at = corners_at(rows, kinds)
+    is_fitted = np.bincount(rows.group, minlength=len(groups)) >= _LEAST_SHARED
+    is_fitted[at.corner], is_fitted[at.walls] = True, True
+    evidence = np.array([one.log_evidence for one in kinds])
+    kind = np.argmax(evidence, axis=0) - 1  # -1 of a wall
+    kind[at.corner], kind[at.walls] = np.argmax(evidence[1:3, at.corner], axis=0), -1
+    kind, number = kind[is_fitted], np.cumsum(is_fitted) - 1
     of_kind, shape_sigma = np.maximum(kind, 0), np.array([(one.scale[1], one.radius_m[1]) for one in POINT_KINDS])
-    as_point = np.array([one.value for one in points])[of_kind, np.arange(len(kind))]
-    as_wall = np.column_stack([walls.value, as_point[:, 2:]])
+    as_point = np.array([one.value[is_fitted] for one in points])[of_kind, np.arange(len(kind))]
+    as_wall = np.column_stack([walls.value[is_fitted], as_point[:, 2:]])
     shape = np.array([(one.scale[0], one.radius_m[0]) for one in POINT_KINDS])
-    members = [(units[unit].view, unit, at) for group in groups for unit, at in group]
+    mark = number[rows.group][is_fitted[rows.group]]
+    members = [(units[u].view, u, p) for group, kept in zip(groups, is_fitted, strict=True) if kept for u, p in group]
     variances = np.array([np.diag(one.covariance) for one in units[:known]]).reshape(-1, 3)
     return Problem(
         unit=np.array([unit for _, unit, _ in members], dtype=int),
-        mark=rows.group,
-        is_wall=(kind < 0)[rows.group],
+        mark=mark,
+        is_wall=(kind < 0)[mark],
         direction_rad=np.array([view.direction_rad[at] for view, _, at in members]),
         direction_sigma_rad=np.array([view.direction_sigma_rad[at] for view, _, at in members]),
         range_m=np.array([view.range_m[at] for view, _, at in members]),
@@ -188,4 +207,6 @@ def problem_of(units: Sequence[PlacedUnit], groups: Sequence[Members], known: in
         landmark=np.where(kind[:, None] < 0, as_wall, as_point),
         shape=shape[of_kind],
         shape_sigma=shape_sigma[of_kind],
+        corner=number[at.corner],
+        crossed=number[at.walls],
     )

@@ -5,12 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from noctule_mapper.placement.landmarks import Landmarks
-from noctule_mapper.placement.reflector_models import NEAR_M
+from noctule_mapper.placement.reflector_models import NEAR_M, NEW_SHARE, SPAN_M
 from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.readings.angles import wrapped
 
-_SPAN_M = 4.0  # ranges of a new reflector lie anywhere in it
-NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
 _BLUNT_SHARE, _BLUNT = 0.07, 5.0  # directions so many times as far off: a neighbour's plateau ran into theirs
 _FRAME_SHARE, _FRAME_SIGMA_RAD = 0.7, np.radians(3.0)  # new walls that stand square to the known ones
 MOST_GAIN_NATS = 12.0
@@ -83,11 +81,11 @@ def _weighed(ratio: np.ndarray, crossings: np.ndarray) -> np.ndarray:
     weight, known = np.ones(ratio.shape), ratio > _KNOWN_NATS
     for corner, first, second in crossings:
         implied = known[:, corner] == (known[:, first] & known[:, second])
-        weight[implied, corner] = IMPLIED_WEIGHT
+        weight[implied, corner] = _IMPLIED_WEIGHT
     return weight * _gain(ratio)
 
 
-IMPLIED_WEIGHT = 0.2
+_IMPLIED_WEIGHT = 0.2
 _KNOWN_NATS = np.log(NEW_SHARE / (1 - NEW_SHARE))  # from which a landmark is likelier than a new reflector
 
 
@@ -195,4 +193,4 @@ def new_density(view: UnitView, marks: Landmarks, poses: np.ndarray, of_group: n
     if of_group is not None:
         many = np.where(of_group[:, None] == marks.group[:walls], 0, many)
     frame = (near * many).sum(axis=-1) / np.maximum(many.sum(axis=-1), 1)
-    return np.log(((1 - _FRAME_SHARE) / (2 * np.pi) + _FRAME_SHARE * frame) / _SPAN_M)
+    return np.log(((1 - _FRAME_SHARE) / (2 * np.pi) + _FRAME_SHARE * frame) / SPAN_M)

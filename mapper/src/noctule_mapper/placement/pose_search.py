@@ -16,6 +16,7 @@ from noctule_mapper.placement.pose_scores import Fit, Tolerance, gains, matched
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.silence import silence_nats, surroundings
 from noctule_mapper.placement.unit_views import UnitView
+from noctule_mapper.placement.wall_crossings import with_corners
 from noctule_mapper.readings.angles import wrapped
 
 _BEYOND_M = 1.0  # the landmarks
@@ -51,6 +52,7 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
     """
     if not len(starts) or not len(marks.heard_by):
         return []
+    away_nats, marks = anywhere(marks), with_corners(marks)
     crossings, around = crossings_of(view), surroundings(units, marks)
 
     def scored(poses: np.ndarray, off: Tolerance) -> tuple[Fit, np.ndarray]:
@@ -66,7 +68,7 @@ def standings(view: UnitView, marks: Landmarks, units: Sequence[PlacedUnit], sta
         poses = poses - np.linalg.solve(fit.information + HOLD, fit.gradient[..., None])[..., 0]
     fit, nats = scored(poses, Tolerance())
     worth = nats + 1.5 * np.log(2 * np.pi) - 0.5 * np.linalg.slogdet(fit.information + HOLD)[1]
-    worth = worth - anywhere(marks) + TOGETHER_NATS
+    worth = worth - away_nats + TOGETHER_NATS
     covariance = np.linalg.inv(fit.information + 1e-3 * HOLD)
     return [Standing(poses[at], covariance[at], float(worth[at])) for at in _distinct(poses, worth, len(poses))]
 

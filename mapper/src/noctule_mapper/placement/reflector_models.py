@@ -35,6 +35,7 @@ class Kind:
     radius_m: tuple[float, float]
 
 
+NEW_SHARE = 0.2  # of plateaus are of reflectors that no other unit hears
 _EXACT = 1e-4
 WALL_SHARE = 0.47
 POINT_KINDS = (
@@ -88,9 +89,14 @@ def rows_of(units: Sequence[PlacedUnit], groups: Sequence[Members]) -> Rows:
     )
 
 
+def all_models(rows: Rows) -> tuple[Models, ...]:
+    """The groups as reflectors of each kind: walls, then points of each of ``POINT_KINDS``."""
+    return wall_models(rows), *(point_models(rows, kind) for kind in POINT_KINDS)
+
+
 def wall_models(rows: Rows) -> Models:
     """The walls on which the plateaus of each group lie best."""
-    first = _first_rows(rows)
+    first = first_rows(rows)
     value = np.stack([rows.direction_rad[first], np.zeros(len(first))], axis=1)
     value[:, 1] = rows.range_m[first] + (rows.place_m[first] * _unit(value[:, 0])).sum(axis=1)
 
@@ -135,12 +141,12 @@ def point_models(rows: Rows, kind: Kind) -> Models:
     known = np.diag([0.0, 0.0, *(sigma**-2)])
     value, covariance, cost = _fitted(rows, value, residuals, known, np.array([0.0, 0.0, *mean]))
     # A priori it lies anywhere in direction and range as first heard, like a wall: dx dy = d / k of these.
-    first = _first_rows(rows)
+    first = first_rows(rows)
     away_m = np.maximum(np.hypot(*(value[:, :2] - rows.place_m[first]).T), NEAR_M)
     volume = (
         0.5 * np.linalg.slogdet(covariance)[1]
         - np.log(sigma).sum()
-        - np.log(away_m / np.maximum(value[:, 2], _LEAST_SCALE))
+        - np.log(away_m / np.maximum(value[:, 2], LEAST_SCALE))
     )
     return Models(value, covariance, np.log(kind.share) - cost + volume)
 
@@ -148,7 +154,8 @@ def point_models(rows: Rows, kind: Kind) -> Models:
 # Of the groups' values (g, v) at each plateau: errors of direction and of range, each with its slopes (n, v).
 _Residuals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
 _STEPS = 5
-NEAR_M, _LEAST_SCALE = 0.02, 0.1  # nothing is nearer to a unit, as far as divisions go
+SPAN_M = 4.0  # ranges of a new reflector lie anywhere in it
+NEAR_M, LEAST_SCALE = 0.02, 0.1  # nothing is nearer to a unit, as far as divisions go
 _ROBUST_SIGMAS = 2.0
 
 
@@ -159,7 +166,7 @@ def _fitted(
     information about ``mean`` beforehand: values, covariances, and costs in nats.
     """
     mean = np.zeros(value.shape[1]) if mean is None else mean
-    covariance, cost, starts = np.zeros((*value.shape, value.shape[1])), np.zeros(len(value)), _first_rows(rows)
+    covariance, cost, starts = np.zeros((*value.shape, value.shape[1])), np.zeros(len(value)), first_rows(rows)
     for _ in range(_STEPS):
         off_rad, slope_rad, off_m, slope_m = residuals(value[rows.group])
         root_rad = np.sqrt(1 + (off_rad / rows.direction_sigma_rad / _ROBUST_SIGMAS) ** 2)
@@ -178,7 +185,7 @@ def _fitted(
     return value, covariance, cost
 
 
-def _first_rows(rows: Rows) -> np.ndarray:
+def first_rows(rows: Rows) -> np.ndarray:
     return np.searchsorted(rows.group, np.arange(rows.group.max(initial=-1) + 1))
 
 

@@ -105,6 +105,7 @@ def _unheard_nats(
     chance, total = np.zeros((len(poses), groups)), np.zeros(groups)
     chance[:, marks.group[:walls]] = of_wall * wall
     total[marks.group[:walls]] = of_wall
+    of_point = np.where(heard_by > 0, of_point, 0.0)  # who knows whether there is a corner that nobody has heard
     each = np.concatenate([of_point[None], of_point * point])
     summed = each @ (marks.group[walls:, None] == np.arange(groups))
     total += summed[0]
