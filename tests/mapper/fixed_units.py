@@ -352,7 +352,7 @@ def judge_fixed(
     walls, corners, cylinders = _due(room, surveyed, told)
     found_walls = {true_wall(wall, room) for wall in contour.walls}
     errors_m = corner_errors_m(contour, room)
-    near, cylinders_near_m = errors_m <= NEAR_M, _cylinders_near_m(told, cylinders)
+    near, cylinders_near_m = errors_m <= NEAR_M, cylinders_near_m_of(told, cylinders)
     missed = [f"wall {i}" for i in np.nonzero(walls)[0] if i not in found_walls]
     missed += [f"corner {i}" for i in np.nonzero(corners & ~near)[0]]
     missed += [
@@ -370,7 +370,7 @@ def judge_fixed(
     )
 
 
-def _cylinders_near_m(told: LabelFit, due: np.ndarray) -> list[float]:
+def cylinders_near_m_of(told: LabelFit, due: np.ndarray) -> list[float]:
     """How near each true cylinder is found: one that is ``due``, bool (n,), as near as the fit ``told`` knows it."""
     sigma_m = np.sqrt(np.max(variances(told.cylinder_covariances), axis=1, initial=0.0))
     return [
