@@ -1,7 +1,8 @@
 """Rooms with units that stand still, metres apart, each sweeping the fine plan from its place; and what they must find.
 
 A wall is due when two units hear it and a fit that knows every label determines its direction to 1.5 degrees; a corner
-of two due walls when it is known to 4 cm; a cylinder when its radius is known to a quarter. Of a unit that is alone in
+of two due walls when it is known to 4 cm; a cylinder when its radius is known to a quarter, which may be 11 cm. So a
+cylinder that is due is found within three sigmas of that fit, at least 5 and at most 10 cm. Of a unit that is alone in
 a rectangular room each wall is due whose foot lies inside its sweep and within 3.5 m.
 """
 
@@ -42,6 +43,7 @@ LOBE = ((0.0, 20.0), (0.2, 20.0), (0.5, 10.5), (1.5, 9.5), (3.0, 7.0), (LONGEST_
 ALONE_REACH_M = 3.5  # of a unit that is alone: the wall of a farther foot is not due
 ALONE_NORMAL_RAD, ALONE_DISTANCE_M = math.radians(2), 0.01  # how well it must know a wall
 FIXED = replace(HARD, lobe=LOBE, sigma_position_m=0.0, sigma_heading_rad=0.0)
+FAR_M = 0.1  # at most, a cylinder is found so far from where it is
 TAPE_M, TAPE_RAD = 0.03, math.radians(3)  # what a tape measure and the eye err by
 
 
@@ -350,22 +352,30 @@ def judge_fixed(
     walls, corners, cylinders = _due(room, surveyed, told)
     found_walls = {true_wall(wall, room) for wall in contour.walls}
     errors_m = corner_errors_m(contour, room)
-    near = errors_m <= NEAR_M
+    near, cylinders_near_m = errors_m <= NEAR_M, cylinders_near_m_of(told, cylinders)
     missed = [f"wall {i}" for i in np.nonzero(walls)[0] if i not in found_walls]
     missed += [f"corner {i}" for i in np.nonzero(corners & ~near)[0]]
     missed += [
         f"cylinder {i}"
         for i in np.nonzero(cylinders)[0]
-        if not any(alike(one, room.cylinders[i]) for one in contour.cylinders)
+        if not any(alike(one, room.cylinders[i], cylinders_near_m[i]) for one in contour.cylinders)
     ]
     kinds = (("wall", walls), ("corner", corners), ("cylinder", cylinders))
     return Verdict(
         due=tuple(f"{kind} {i}" for kind, due in kinds for i in np.nonzero(due)[0]),
         missed=tuple(missed),
-        false=false_objects(contour, room),
+        false=false_objects(contour, room, cylinders_near_m),
         corners_m=errors_m[corners & near],
         label_fit_m=np.hypot(*(told.corners - room.vertices).T)[corners & near],
     )
+
+
+def cylinders_near_m_of(told: LabelFit, due: np.ndarray) -> list[float]:
+    """How near each true cylinder is found: one that is ``due``, bool (n,), as near as the fit ``told`` knows it."""
+    sigma_m = np.sqrt(np.max(variances(told.cylinder_covariances), axis=1, initial=0.0))
+    return [
+        float(np.clip(3 * each, NEAR_M, FAR_M)) if is_due else NEAR_M for each, is_due in zip(sigma_m, due, strict=True)
+    ]
 
 
 def _due(room: Room, surveyed: Sequence[LabelledSweep], told: LabelFit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -70,10 +70,11 @@ def judge(contour: Contour, room: Room, surveyed: Sequence[LabelledSweep]) -> Ve
     )
 
 
-def false_objects(contour: Contour, room: Room) -> tuple[str, ...]:
+def false_objects(contour: Contour, room: Room, cylinders_near_m: Sequence[float] | None = None) -> tuple[str, ...]:
     """A phrase for each wall whose two ends are not near one true wall, each corner that is not near a true one, each
-    cylinder that is not near a true one in centre and radius.
+    cylinder that is not near a true one in centre and radius, to within NEAR_M or as said of each true one.
     """
+    near_m = cylinders_near_m or [NEAR_M] * len(room.cylinders)
     walls = [
         f"wall from ({wall.start[0]:.2f}, {wall.start[1]:.2f}) to ({wall.end[0]:.2f}, {wall.end[1]:.2f})"
         for wall in contour.walls
@@ -87,7 +88,7 @@ def false_objects(contour: Contour, room: Room) -> tuple[str, ...]:
     cylinders = [
         f"cylinder at ({one.x_m:.2f}, {one.y_m:.2f}) of radius {one.radius_m:.2f}"
         for one in contour.cylinders
-        if not any(alike(one, true) for true in room.cylinders)
+        if not any(alike(one, true, within_m) for true, within_m in zip(room.cylinders, near_m, strict=True))
     ]
     return (*walls, *corners, *cylinders)
 
@@ -152,10 +153,10 @@ def _same_cylinder(contour: Contour, room: Room, index: int) -> Cylinder | None:
     return min(found, key=lambda one: np.hypot(one.x_m - x, one.y_m - y), default=None)
 
 
-def alike(one: Cylinder, true: tuple[float, float, float]) -> bool:
+def alike(one: Cylinder, true: tuple[float, float, float], near_m: float = NEAR_M) -> bool:
     """Whether it is the true one, by centre and radius."""
     x, y, radius = true
-    return bool(np.hypot(one.x_m - x, one.y_m - y) <= NEAR_M and abs(one.radius_m - radius) <= NEAR_M)
+    return bool(np.hypot(one.x_m - x, one.y_m - y) <= near_m and abs(one.radius_m - radius) <= near_m)
 
 
 def true_wall(wall: Wall, room: Room) -> int | None:

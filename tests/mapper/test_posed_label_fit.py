@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from mapper.fixed_units import FIXED, stated_by_tape, survey_fixed, taped_room
-from mapper.label_fit import label_fit, variances
+from mapper.fixed_units import FIXED, cylinders_near_m_of, stated_by_tape, survey_fixed, taped_room
+from mapper.label_fit import LabelFit, label_fit, variances
 from mapper.posed_label_fit import PosedLabelFit, posed_label_fit
 from mapper.room import LabelledSweep, Room
 from scipy.stats import chi2
@@ -48,3 +48,13 @@ def test_of_poses_that_are_known_it_is_the_label_fit():
     # The one is moved as a whole so that its corners fit best, so it is a little nearer.
     ours, theirs = (((fit.corners - room.vertices) ** 2).sum() for fit in (posed.room, told))
     assert 0.2 * theirs < ours <= 1.01 * theirs
+
+
+def test_a_cylinder_that_is_due_is_found_as_near_as_this_fit_knows_it():
+    # Three sigmas of the coordinate that is known worst, at least 5 cm and at most 10.
+    sigma_m = np.array([(0.01, 0.01, 0.01), (0.02, 0.025, 0.02), (0.06, 0.02, 0.05), (40.0, 15.0, 0.04), (np.nan,) * 3])
+    none = np.zeros((0, 2, 2))
+    covariances = np.array([np.diag(one**2) for one in sigma_m])
+    told = LabelFit(none[:, 0], none, none[:, 0], none, np.zeros((5, 3)), covariances)
+    assert cylinders_near_m_of(told, np.array([True] * 4 + [False])) == pytest.approx([0.05, 0.075, 0.1, 0.1, 0.05])
+    assert cylinders_near_m_of(told, np.zeros(5, bool)) == [0.05] * 5

@@ -3,6 +3,11 @@
 In turn each claim's share is worked out from what its range is worth, and the objects take a step with these shares for
 weights. No echo is lost to a hard decision, nor does a far one pull; what the labels leave open is taken off the
 information (Louis 1982, Eq. 3.1, claim by claim).
+
+Poses that nobody knows exactly are unknowns of the same steps. The first step takes what they have wrong for the error
+of each range, or most echoes would be no object's, and so it moves the poses only part of the way. The next steps allow
+for half as much each time (graduated non-convexity, Blake and Zisserman 1987). With nothing allowed from the second
+step on, many echoes would be lost, and with them what draws the poses to where they belong.
 """
 
 from collections.abc import Sequence
@@ -62,7 +67,8 @@ def settle(
     estimate_sigma: bool = False,
     wary: bool = False,
 ) -> Settled:
-    """Fit ``objects`` and, through their walls, ``links`` to the echoes that they claim.
+    """Fit ``objects`` and, through their walls, ``links`` to the echoes that they claim, in so many ``iterations`` and
+    those that uncertain poses need besides.
 
     With ``estimate_sigma`` the spread of sensors that nobody has calibrated is fitted as well. A ``wary`` fit lets what
     is often misunderstood tell little: points nothing of where fine sweeps were made, directions that are far off
@@ -73,13 +79,12 @@ def settle(
     is_point = np.array([isinstance(one, Spot) for one in objects] + [False] * len(links), bool)[claims.maker]
     unplacing = is_point & data.echoes.is_fine[echo] & wary
     late_share, leverage = config.beam.late_share, 0.0
-    for iteration in range(iterations):
+    for part in _allowed(data, iterations):
         linear = linearise(objects, links, claims.maker, echo, data.echoes)
         rows = placing_nothing(rows_of(linear, echo, data.echoes, shared, parameters), unplacing)
         residual = rows.residual_m
-        # Places shift from the first step on.
-        sigma_m = data.range_sigma_m[echo] if iteration else data.sigma_m[echo]
-        sigma_rad = data.direction_sigma_rad[echo] if iteration else data.turn_sigma_rad[echo]
+        sigma_m = np.hypot(data.range_sigma_m, part * data.echoes.shared_sigma_m)[echo]
+        sigma_rad = np.hypot(data.direction_sigma_rad, part * data.echoes.sigma_heading_rad)[echo]
         anywhere_nats = data.lone_nats[echo] - np.log(data.span_m)
         score = _score(residual, sigma_m, late_share, leverage, anywhere_nats, config)
         share = explain(replace(claims, predicted_m=linear.predicted_m), score.gain, data, config).share
@@ -98,6 +103,18 @@ def settle(
     errors, covariance = errors_of(normal, data.stands, parameters), with_sensors_left(normal, shared, parameters)
     fit = Fit(objects, covariance, held_by(normal, data.stands, parameters), offsets_of(objects))
     return Settled(fit, share, data.range_sigma_m, shared, normal, errors)
+
+
+def _allowed(data: Evidence, iterations: int) -> list[float]:
+    """What part of the errors that echoes share each step allows for: all, half as much each time where poses may move,
+    at last nothing.
+    """
+    times = data.echoes.shared_sigma_m / data.range_sigma_m if len(data.stands.open) else np.ones(1)
+    halvings = min(int(np.ceil(np.log2(max(float(times.max(initial=1.0)), 1.0)))), _MOST_HALVINGS)
+    return [0.5**step for step in range(halvings + 1)] + [0.0] * (iterations - 1)
+
+
+_MOST_HALVINGS = 3  # from 3 cm to twice what a plateau's range errs by
 
 
 def _score(
