@@ -48,9 +48,9 @@ def with_play(tables: Sequence[Table]) -> Aligned:
     none, count = tables[0].none, len(tables[0].rows[0])
     ahead, ahead_starts = _since_any_reading(tables, True)
     back, back_starts = _since_any_reading(tables, False)
-    # Only to choose: of one sweep alone one of so many angles often gains a little by chance. What is then compared
-    # with other explanations is the gain itself.
-    choice = math.log(count / 2)
+    # Only to choose: of one sweep alone one of so many angles, from one of so many readings on, often gains a little by
+    # chance. What is then compared with other explanations is the gain itself.
+    choice = math.log(count / 2 * len(tables[0].rows))
 
     def likely(ends: tuple[int, int]) -> tuple[float, int]:
         a, b = ends
