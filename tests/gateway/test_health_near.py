@@ -1,6 +1,7 @@
 """A post that comes near a unit, or a door that opens right before it, is no fault of the unit's.
 
-Each draw below was called moved or slipped before the gateway weighed that the room may have changed in one arc.
+Each draw below was called moved or slipped before the gateway weighed that the room may have changed in one arc, and
+that reflectors beside it are heard again.
 """
 
 import math
@@ -85,6 +86,9 @@ def alarms(kind: str, seed: int) -> set[int]:
         ("a door at 30 cm", 20000),
         ("a door at 30 cm", 20003),
         ("a door at 30 cm", 20008),
+        ("a door at 30 cm", 104100),  # these three hear one to three other reflectors, all where they were
+        ("a door at 30 cm", 104102),
+        ("a door at 30 cm", 104113),
         ("a door", 20004),
         ("a door", 20011),
         ("two people", 20010),

@@ -12,6 +12,7 @@ from noctule_gateway.health.offsets import Table, fit_of
 
 FIT_OF = 2  # sweeps
 BEGIN_NATS = 5.5  # of one reading in 250
+_MOST_PLAY_RAD = math.radians(32.0)  # between the senses: 5 to 22 degrees in public scans
 
 
 @dataclass(frozen=True)
@@ -44,19 +45,28 @@ def turned(tables: Sequence[Table]) -> Aligned:
 
 def with_play(tables: Sequence[Table]) -> Aligned:
     """By one angle for each sense, in whole steps: an edge between two bearings leaves the half step open."""
-    none, ends, gain, since = tables[0].none, {}, 0.0, len(tables)
-    for sense in (True, False):
-        gains, starts = _since_any_reading(tables, sense)
-        # Only to choose: of one sweep alone one of so many angles often gains a little by chance. What is then compared
-        # with other explanations is the gain itself.
-        choice = math.log(len(gains) / 2)
-        ends[sense] = at = max(
-            range(none % 2, len(gains), 2), key=lambda at: (gains[at] - choice * (at != none), -abs(at - none))
-        )
-        gain, since = gain + gains[at], min(since, starts[at])
-    off = sorted(at - none for at in ends.values())
-    path = [ends[table.forward] if number >= since else none for number, table in enumerate(tables) for _ in table.rows]
-    return Aligned((off[0], off[1]), gain, since, last_fit(tables, path, path))
+    none, count = tables[0].none, len(tables[0].rows[0])
+    ahead, ahead_starts = _since_any_reading(tables, True)
+    back, back_starts = _since_any_reading(tables, False)
+    # Only to choose: of one sweep alone one of so many angles, from one of so many readings on, often gains a little by
+    # chance. What is then compared with other explanations is the gain itself.
+    choice = math.log(count / 2 * len(tables[0].rows))
+
+    def likely(ends: tuple[int, int]) -> tuple[float, int]:
+        a, b = ends
+        return ahead[a] + back[b] - choice * ((a != none) + (b != none)), -abs(a - none) - abs(b - none)
+
+    most = 2 * int(_MOST_PLAY_RAD / tables[0].step_rad)
+    whole = range(none % 2, count, 2)
+    a, b = max(((a, b) for a in whole for b in whole if abs(a - b) <= most), key=likely)
+    since = min(ahead_starts[a], back_starts[b])
+    path = [
+        (a if table.forward else b) if number >= since else none
+        for number, table in enumerate(tables)
+        for _ in table.rows
+    ]
+    off = sorted((a - none, b - none))
+    return Aligned((off[0], off[1]), ahead[a] + back[b], since, last_fit(tables, path, path))
 
 
 def last_fit(tables: Sequence[Table], path: Sequence[int], compared: Sequence[int]) -> float:

@@ -13,7 +13,7 @@ from noctule_gateway.health.suspicion import Suspicion
 _GOOD, _GOOD_SLIPS = 1.6, 2.3  # nats an echo, no more than so much worse than usual: this explains the sweeps
 _FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained
 _LEAST_GAIN = 30.0  # of a bearing that is off over none
-_SLIPS_NATS, _PLAY_NATS = 8.0, 15.0  # over one angle, since they have more freedom
+_SLIPS_NATS, _PLAY_NATS = 8.0, 10.0  # over one angle, since they have more freedom
 _SLIPS_SHARE = 0.5  # of the bearings that are off: what stands in an open door changes fewer
 _LEAST_OFF = 4  # half steps between bearings, from the least angle to the largest, of slips and of play
 _CLEARLY_NATS, _CLEARLY_SHARE, _CLEARLY_OFF = 25.0, 0.4, 3  # less will do where slips lead by so much
@@ -25,12 +25,14 @@ _TO_TURN = 4  # sweeps that are asked together: within these a motor that loses 
 @dataclass(frozen=True)
 class BearingsOff:
     """What explains the sweeps, by how many nats more than the past; ``is_sure`` is False where more sweeps have to say
-    which of the three it is. ``turned_by`` is in half steps between bearings, 0 where it was not turned.
+    which of the three it is. ``turned_by`` is in half steps between bearings, 0 where it was not turned. ``fits_well``:
+    about as well as the past usually does.
     """
 
     suspicion: Suspicion
     is_sure: bool
     turned_by: int
+    fits_well: bool
 
     @property
     def gain(self) -> float:
@@ -56,7 +58,7 @@ def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) 
     if worse > good and best.since <= len(tables) - _TO_TURN:
         return None  # it has had its time
     is_sure = worse <= good and best.since <= len(tables) - sweeps and (slips or many is None)
-    return BearingsOff(told(best, tables[0]), is_sure, one.off[0] if told is _turned else 0)
+    return BearingsOff(told(best, tables[0]), is_sure, one.off[0] if told is _turned else 0, worse <= _GOOD)
 
 
 def _is_a_course(many: Aligned, others: float) -> bool:

@@ -33,8 +33,9 @@ class DeadBearings:
         """The bearings that have been silent long enough."""
         found = []
         for number in range(1, len(sweep.range_m) - 1):
-            # A past that has learnt of the first silences must not end the count.
-            usual = self._silent.get(number) or past.heard_share[number] >= _USUAL_SHARE
+            # A past that has learnt of the first silences must not end the count. One that knows only a few sweeps must
+            # not begin it: a corner that answers now and then may have answered in each of these.
+            usual = self._silent.get(number) or (past.is_full and past.heard_share[number] >= _USUAL_SHARE)
             if not usual or not self._between_alike(sweep, past, number):
                 if not math.isnan(sweep.range_m[number]):
                     self._silent.pop(number, None)

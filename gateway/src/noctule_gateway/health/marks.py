@@ -73,7 +73,12 @@ def _most_alike(by_sweep: Sequence[Sequence[float]]) -> list[float]:
 
 
 def runs_of(past: Past) -> list[list[int]]:
-    """Runs of stable bearings at one range; a bearing alone is no mark where there is a finer plan's neighbour."""
+    """A bearing alone is no mark where there is a finer plan's neighbour."""
+    return [run for run in reflectors_of(past) if len(run) >= 2]
+
+
+def reflectors_of(past: Past) -> list[list[int]]:
+    """Runs of stable bearings at one range."""
     runs: list[list[int]] = []
     for number in past.stable():
         last = runs[-1][-1] if runs else -2
@@ -82,4 +87,4 @@ def runs_of(past: Past) -> list[list[int]]:
             runs[-1].append(number)
         else:
             runs.append([number])
-    return [run for run in runs if len(run) >= 2]
+    return runs

@@ -7,7 +7,7 @@ neither the room nor a motion: a motion changes neighbours alike, and repeats it
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from statistics import median
 
@@ -27,15 +27,21 @@ def scatter_m(sweep: Readings, past: Past) -> float | None:
     return median(off) if len(off) >= _LEAST_BOTH else None
 
 
-def disagreement_m(sweep: Readings, past: Past) -> float | None:
-    """Median difference of neighbours that used to hear one reflector; None where too few of them answer."""
-    off = [
-        abs((sweep.range_m[b] - past.median_m[b]) - (sweep.range_m[a] - past.median_m[a]))
-        for run in runs_of(past)
-        for a, b in pairwise(run)
-    ]
-    off = [one for one in off if not math.isnan(one)]
-    return median(off) if len(off) >= _LEAST_PAIRS else None
+def disagreement_m(sweeps: Sequence[Readings], past: Past) -> float | None:
+    """Median difference of neighbours that used to hear one reflector, in the last sweep; where too few of them answer,
+    in the last two. None where these are too few.
+    """
+    pairs = [pair for run in runs_of(past) for pair in pairwise(run)]
+    for last in (sweeps[-1:], sweeps[-2:]):
+        off = [
+            abs((sweep.range_m[b] - past.median_m[b]) - (sweep.range_m[a] - past.median_m[a]))
+            for sweep in last
+            for a, b in pairs
+        ]
+        off = [one for one in off if not math.isnan(one)]
+        if len(off) >= _LEAST_PAIRS:
+            return median(off)
+    return None
 
 
 def change_m(sweep: Readings, before: Readings, at: Iterable[int], least: int = _LEAST_BOTH) -> float | None:

@@ -48,13 +48,18 @@ class Past:
         """Of all bearings."""
         return sum(self.heard_share) / len(self.heard_share)
 
+    @property
+    def is_full(self) -> bool:
+        """It has as many entries as it ever has."""
+        return len(self.rows) == _KEPT
+
     def fits_plan(self, sweep: Readings) -> bool:
         """The sweep was made at the same bearings, and its air measured or assumed alike."""
         return sweep.air_measured == self.air_measured and _same_bearings(sweep.bearing_rad, self.bearing_rad)
 
     def add(self, sweep: Readings, but: Collection[int] = ()) -> bool:
         """Take in a sweep that is well; False if it is passed over. At the bearings ``but`` it stays as it was."""
-        if len(self.rows) == _KEPT and self.skipped < _EVERY - 1:
+        if self.is_full and self.skipped < _EVERY - 1:
             self.skipped += 1
             return False
         self.skipped = 0

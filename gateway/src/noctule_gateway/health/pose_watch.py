@@ -14,7 +14,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.bearings_off import bearings_off
-from noctule_gateway.health.changed_arc import arc_nats, elsewhere_nats
+from noctule_gateway.health.changed_arc import arc_nats, stands
 from noctule_gateway.health.likelihood import shifted_nats, stay_fit, usual_fit
 from noctule_gateway.health.marks import marks_of
 from noctule_gateway.health.noise import LEAST_M, NOISY_M, change_m, disagreement_m, scatter_m
@@ -27,13 +27,12 @@ from noctule_gateway.health.suspicion import Suspicion
 _WORSE, _WORSE_OF_THREE = 0.2, 0.15  # nats a reading, than usual: looked at closely
 _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
-_ARC_LEADS = 25.0  # nats, over another place
 _ARC_FREEDOM = 9.0  # nats: which of 1,800 arcs, from which of four sweeps on
 _LEAST_SHIFT_GAIN = 3.5
 _CLEAR_MOTION_GAIN = 8.0  # where the readings fit the past as usual
 _MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
 _JUMP_LEADS = 3.0  # nats, over a motion: where both explain the same marks, it does so by 4
-_ASKED, _TO_SHIFT = 4, 2  # sweeps together
+_ASKED, _TO_SHIFT, _TO_STAND = 4, 2, 2  # sweeps together
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
 _LEAST_STABLE = 8  # bearings: fewer tell too little
 _LEAST_REPEATED = 2  # echoes: of two false ones both come again by chance in one sweep of a million
@@ -103,6 +102,8 @@ class PoseWatch:
         off = bearings_off(tables, usual_fit(past), past.mean_heard_share)
         if off is None or (shift is not None and self._shift_gain(past, shift) > off.gain):
             return None
+        if shift is not None and shift.moved_m and not off.fits_well:
+            return None  # slips can explain nearly anything a little, marks that fit a motion only a motion
         if off.gain < arc_nats([seen.sweep for seen in self._last], past) - _ARC_FREEDOM:
             return None
         if off.turned_by and not self._as_far(past, off.turned_by):
@@ -167,13 +168,13 @@ class PoseWatch:
         return [Suspicion(kind, shift.gain, words)]
 
     def _elsewhere(self, sweep: Readings, past: Past) -> list[Suspicion]:
-        """Nothing fits the sweep, nor one of the two before, and it repeats that one; not where a change in one arc
-        explains it better.
+        """Nothing fits the sweep, nor one of the two before, and it repeats that one; not where only one arc of the
+        room has changed.
         """
         if self._last[-1].fit >= -_FOREIGN:
             return []
-        if arc_nats([sweep], past) > sum(elsewhere_nats(sweep, past)) + _ARC_LEADS:
-            return []  # the room has changed in one arc: the unit stands where it stood
+        if stands([seen.sweep for seen in self._last][-_TO_STAND:], past):
+            return []
         foreign = [seen.sweep for seen in list(self._last)[-3:-1] if seen.fit < -_FOREIGN]
         changes = [change_m(sweep, before, range(len(sweep.range_m)), _LEAST_REPEATED) for before in foreign]
         if not any(change is not None and change < NOISY_M for change in changes):
@@ -182,7 +183,7 @@ class PoseWatch:
         return [Suspicion(messages.FAULT_KIND_MOVED, 10.0, words)]
 
     def _noisy(self, sweep: Readings, past: Past) -> Suspicion | None:
-        scatter, disagreement = scatter_m(sweep, past), disagreement_m(sweep, past)
+        scatter, disagreement = scatter_m(sweep, past), disagreement_m([seen.sweep for seen in self._last], past)
         if scatter is None or disagreement is None or min(scatter, disagreement) < LEAST_M:
             return None
         if math.sqrt(scatter * disagreement) < NOISY_M:
