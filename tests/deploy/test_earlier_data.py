@@ -1,10 +1,10 @@
 """Data that programs of an earlier commit have written are taken over, each sweep as it was.
 
 ``earlier/`` holds what gateway and mapper of commit 8a18af2 (2026-11-28) had written when they ended: the log of a unit
-with firmware 0.2.0 of that commit, carried once around the demo's paper room, and the store of the mapper that read it.
+with firmware 0.2.0 of that commit, carried once around the demo's paper room, and the store of the mapper that read it,
+each as SQLite's own statements make it again.
 """
 
-import lzma
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -28,9 +28,10 @@ def afterwards() -> Instant:
 def unpacked(folder: Path, name: str, version: int) -> tuple[Path, list[bytes]]:
     """The file, and the sweeps in it as they were written."""
     path = folder / name
-    path.write_bytes(lzma.decompress((Path(__file__).parent / "earlier" / f"{name}.xz").read_bytes()))
+    statements = (Path(__file__).parent / "earlier" / f"{path.stem}.sql").read_text()
     table = {"u1.sqlite": "sweeps", "paper-room.sqlite3": "sweep"}[name]
     with closing(sqlite3.connect(path)) as database:
+        database.executescript(statements)
         assert database.execute("PRAGMA user_version").fetchone() == (version,)
         records = database.execute(f"SELECT record FROM {table} ORDER BY log_sequence").fetchall()
     assert len(records) == COUNT
