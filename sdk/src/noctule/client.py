@@ -38,7 +38,7 @@ from noctule.unit_reader import UnitReader
 from noctule.unit_records import sift
 
 QUERY_TIMEOUT_S = 5.0
-REJOIN_S = 3.0  # a gateway is on a restarted router again within some 2 s
+REJOIN_S = 3.0  # a gateway tries a router that was restarted each second
 _LOOK_AGAIN_S = 0.2
 _LONGEST_ERROR = 2000  # bytes of a service's own words
 
