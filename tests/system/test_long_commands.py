@@ -100,7 +100,7 @@ def many_sweeps(path: Path, count: int) -> None:
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A survey that takes each command longer than a second."""
+    """A survey with which each command is busy for a second after it has shown how far it is."""
     path = tmp_path_factory.mktemp("many") / "many.jsonl"
     many_sweeps(path, 2000)
     return path
@@ -125,7 +125,7 @@ def test_it_shows_how_far_it_is_and_ends_by_ctrl_c(
     listens_at = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     running = OnTerminal(tmp_path, *(listens_at if word == "ENDPOINT" else word for word in command))
     try:
-        wait_until(lambda: says in running.shown(), f"a line that says {says!r}")
+        wait_until(lambda: says in running.shown(), f"a line that says {says!r}", every_s=0.02)
         assert running.process.poll() is None, running.shown()
         assert running.status_by_ctrl_c() == status, running.shown()
         assert "Traceback" not in running.shown()
