@@ -89,7 +89,7 @@ def test_a_unit_that_is_forgotten_is_read_again_from_its_log_and_no_other_is(
         store.commit(sweeps, [cursor(sweeps[-1].log_sequence)])
 
     reader = UnitReader("u1", None, deliver, Counter())
-    assert not reader.read(LogRecords(log_id=LOG, head=3, tail=1, sweeps=own), reader.cursor)
+    assert not reader.read(LogRecords(log_id=LOG, head=3, tail=1, sweeps=own))
     assert store.sweeps()[1:] == own
     assert store.cursors()["u1"] == cursor(3)
     store.close()
