@@ -92,9 +92,8 @@ def _sure(state: State, library: Sequence[Candidates], config: MapperConfig) -> 
 
 
 def _confirmed(state: State, config: MapperConfig) -> State:
-    """The state without what the map is worth more without, the poses fitted once more: an object that is heard little
-    may stand only because the poses have moved to suit it. What two or three places hear of a cylinder hardly tests it,
-    so without one the map must be worth less by some nats.
+    """The state without what the map is worth hardly less without, the poses fitted once more: an object that is heard
+    little may stand only because the poses have moved to suit it.
     """
     while True:
         claims = state.scene.claims(state.objects, state.links)
@@ -105,8 +104,7 @@ def _confirmed(state: State, config: MapperConfig) -> State:
                 return state
             fewer = [one for other, one in enumerate(state.objects) if other != number]
             tried = _state(fewer, state.scene, config)
-            proof_nats = _LEAST_PROOF_NATS if isinstance(state.objects[number], Circle) else 0.0
-            if tried.worth > state.worth - proof_nats:
+            if tried.worth > state.worth - _LEAST_PROOF_NATS:
                 state = tried
                 break
         else:
