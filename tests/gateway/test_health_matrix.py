@@ -116,7 +116,11 @@ def test_a_fault_is_named_in_time_and_never_wrongly(name: str) -> None:
         (84007, 16, "noise of 10 cm"),  # late: in one sweep too few neighbours answered
         (84093, 11, "play of 9 degrees in one sense"),  # turned: play explained it by 14 nats more, and 15 were asked
         (84124, 11, "play of 9 degrees in one sense"),  # late: the other sense seemed to be off by 67 degrees
-        (105086, 11, "play of 9 degrees in one sense"),  # late: the other sense seemed off from its last readings on
+        (
+            105086,
+            11,
+            "play of 9 degrees in one sense",
+        ),  # late: last readings of the other sense seemed off, too
         (84186, 5, "covered by a cloth"),  # a bearing is silent: a corner that answers one time in three
         (86088, 29, "moved 20 cm"),  # slipped: slips explained it a little, three marks to the millimetre
     ],

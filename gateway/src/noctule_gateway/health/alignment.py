@@ -48,25 +48,30 @@ def with_play(tables: Sequence[Table]) -> Aligned:
     none, count = tables[0].none, len(tables[0].rows[0])
     ahead, ahead_starts = _since_any_reading(tables, True)
     back, back_starts = _since_any_reading(tables, False)
-    # Only to choose: of one sweep alone one of so many angles, from one of so many readings on, often gains a little by
-    # chance. What is then compared with other explanations is the gain itself.
-    choice = math.log(count / 2 * len(tables[0].rows))
+    # Only to choose: of one sweep alone one of so many angles often gains a little by chance. What is then compared
+    # with other explanations is the gain itself.
+    choice = math.log(count / 2)
 
     def likely(ends: tuple[int, int]) -> tuple[float, int]:
         a, b = ends
         return ahead[a] + back[b] - choice * ((a != none) + (b != none)), -abs(a - none) - abs(b - none)
 
+    def aligned(ends: tuple[int, int]) -> Aligned:
+        a, b = ends
+        since = min(ahead_starts[a], back_starts[b])
+        path = [
+            (a if table.forward else b) if number >= since else none
+            for number, table in enumerate(tables)
+            for _ in table.rows
+        ]
+        off = sorted((a - none, b - none))
+        return Aligned((off[0], off[1]), ahead[a] + back[b], since, last_fit(tables, path, path))
+
     most = 2 * int(_MOST_PLAY_RAD / tables[0].step_rad)
     whole = range(none % 2, count, 2)
     a, b = max(((a, b) for a in whole for b in whole if abs(a - b) <= most), key=likely)
-    since = min(ahead_starts[a], back_starts[b])
-    path = [
-        (a if table.forward else b) if number >= since else none
-        for number, table in enumerate(tables)
-        for _ in table.rows
-    ]
-    off = sorted((a - none, b - none))
-    return Aligned((off[0], off[1]), ahead[a] + back[b], since, last_fit(tables, path, path))
+    # The last readings of a sweep may fit some angle by chance: since play began, it fits less well than none.
+    return max(map(aligned, ((a, b), (a, none), (none, b))), key=lambda each: each.fit)
 
 
 def last_fit(tables: Sequence[Table], path: Sequence[int], compared: Sequence[int]) -> float:

@@ -87,7 +87,11 @@ class PoseWatch:
         return self._elsewhere(sweep, past)
 
     def learn_from(self, sweep: Readings, past: Past) -> None:
-        """The sweep is well, and not in the past yet: this is how well one usually fits."""
+        """The sweep is well, and not in the past yet: this is how well one usually fits. The past is about to change,
+        and what the last sweeps are under it.
+        """
+        for seen in self._last:
+            seen.table = None
         if len(past) >= _LEAST_ENTRIES:
             self.usual.append(stay_fit(sweep, past))
 
