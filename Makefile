@@ -10,30 +10,30 @@ test soak: export OPENBLAS_NUM_THREADS := 1
 # Else each process compiles all its modules again: a command that starts takes four times the processor's time.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test soak bench lint lint-types lint-python lint-firmware docs screenshots hardware wheels wheel-simulator setup setup-demo packages-run \
-  packages-test firmware firmware-demo kernels clean
+.PHONY: demo test soak bench lint lint-types lint-python lint-firmware docs docs-pages screenshots hardware wheels \
+  wheel-simulator setup setup-demo packages-run packages-test firmware firmware-demo kernels clean
 
 demo: packages-run setup-demo firmware-demo
 	@python deploy/demo/run.py
 
 test: packages-test setup firmware kernels
 	cd firmware/simulator && sh ../../deploy/cargo.sh test --release --quiet
-	sh tests/twice.sh --numprocesses 5 --dist loadfile --no-loadscope-reorder --maxfail 15  # broken for all: each waits
+	sh tests/twice.sh --numprocesses 5 --dist loadfile --no-loadscope-reorder --maxfail 15  # each may wait for minutes
 
 # These keep up with the clock, so each has the machine to itself; the others run in simulated time, the tests of a file
 # in one process, which maps its rooms once for all of them.
 BY_THE_CLOCK := tests/system/test_fleet.py tests/viewer/test_browser.py
 
 soak: packages-test setup firmware kernels
-	sh tests/twice.sh -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
-	sh tests/twice.sh -m soak --timeout 1800 $(BY_THE_CLOCK)
+	pytest -m soak --timeout 1800 --numprocesses 3 --dist loadfile --no-loadscope-reorder --durations 15 $(addprefix --ignore ,$(BY_THE_CLOCK))
+	pytest -m soak --timeout 1800 $(BY_THE_CLOCK)
 
 bench: packages-test setup firmware
 	-@sh deploy/packages.sh bench
 	PYTHONPATH=tests python tests/bench/run.py
 
 lint: packages-test setup firmware
-	$(MAKE) --no-print-directory --jobs 2 --output-sync lint-types lint-python lint-firmware docs
+	$(MAKE) --no-print-directory --jobs 2 --output-sync lint-types lint-python lint-firmware docs-pages
 
 lint-types:
 	pyright
@@ -49,7 +49,9 @@ lint-firmware:
 	cd firmware/simulator && sh ../../deploy/cargo.sh fmt --check && sh ../../deploy/cargo.sh clippy --quiet --all-targets -- --deny warnings
 
 # The documentation as pages for a browser, in .site/; a broken link fails.
-docs: packages-test setup
+docs: packages-test setup docs-pages
+
+docs-pages:
 	@NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --config-file deploy/docs/mkdocs.yml
 	@echo "Open .site/index.html"
 

@@ -34,7 +34,7 @@ settings.load_profile("noisy machine")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A service among five tests' programs may be starved while it closes; those tests that time it say so (AS_PROMISED).
-os.environ[CLOSE_VARIABLE] = "120"
+os.environ[CLOSE_VARIABLE] = "60"
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -190,9 +190,10 @@ def test_of_units_of_another_room_than_the_known_one_none_is_found() -> None:
         ((0.0, 2.0), ((-3.0, 0.0), (-1.0, -1.0)), [], []),  # beyond the crossing too
         ((-30.0, 1.0), ((0.0, 0.0), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [True]),
         ((-30.0, 1.0), ((-3.0, -3.0), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [False]),  # an edge that juts out
+        ((-30.0, 1.0), ((-1.78, -1.78), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [False]),  # the same, 5 cm from it
         ((80.0, 2.0), ((0.0, 0.0), (0.0, 0.0)), [], []),  # nearly parallel
     ],
-    ids=["right angle", "passing through", "60 degrees", "edge", "flat"],
+    ids=["right angle", "passing through", "60 degrees", "edge", "edge, one foot beside it", "flat"],
 )
 def test_walls_cross_where_both_may_end(
     other: tuple[float, float],

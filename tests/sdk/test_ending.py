@@ -14,7 +14,7 @@ from noctule import ending
 WITHIN_S = 5.0
 BUSY_WITHIN_S = 25.0  # by the clock of a machine that does much else
 # The kernel's signal is the last resort: who is starved for 0.3 s ends by it, and not with status 1.
-PATIENT = "from noctule import ending as its\nits._KILLED_WITHIN_S = 60.0\n"
+PATIENT = "from noctule import ending as its\nits._KILLED_AFTER_S = 60.0\n"
 
 # A mutex that is locked twice waits for ever, in C, where no signal ends the wait. PyDLL keeps Python's lock meanwhile.
 HANG = """
@@ -83,8 +83,8 @@ def test_one_of_which_something_hangs_ends_with_status_1(program: str) -> None:
 
 
 def test_the_last_resort_comes_within_the_time_that_is_promised() -> None:
-    assert ending._LOG_WITHIN_S < ending._KILLED_WITHIN_S
-    assert ending.close_within_s() + ending._KILLED_WITHIN_S < WITHIN_S
+    assert ending._LOG_WITHIN_S < ending._KILLED_AFTER_S
+    assert ending.close_within_s() + ending._KILLED_AFTER_S < WITHIN_S
 
 
 @pytest.mark.parametrize(("text", "seconds", "warns"), [("90", 90.0, False), ("0", 4.0, True), ("long", 4.0, True)])
@@ -98,7 +98,7 @@ def test_a_slow_host_gives_more_time(
 
 def test_what_did_not_close_is_said_in_the_log() -> None:
     # A process that others starve for half a second ends without a word; this one has longer.
-    patient = "from noctule import ending as its\nits._LOG_WITHIN_S = its._KILLED_WITHIN_S = 60.0\n"
+    patient = "from noctule import ending as its\nits._LOG_WITHIN_S = its._KILLED_AFTER_S = 60.0\n"
     program = patient + BEGIN + "import os, signal; os.kill(os.getpid(), signal.SIGTERM); hang(ctypes.CDLL(None))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1

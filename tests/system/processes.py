@@ -21,13 +21,15 @@ from typing import TypeVar
 
 import psutil
 
+from noctule.ending import CLOSE_VARIABLE
+
 ROOT = Path(__file__).parents[2]
 T = TypeVar("T")
 PATIENCE_S = 240.0
 """How long a test waits for what a loaded machine may take its time over. It is no promise of the product."""
-END_WITHIN_S = 130.0
-AS_PROMISED = {"NOCTULE_CLOSE_WITHIN_S": "4"}
-"""For the environment of a program that is timed while it ends: the tests' others have two minutes (conftest.py)."""
+END_WITHIN_S = 70.0
+AS_PROMISED = {CLOSE_VARIABLE: "4"}
+"""For the environment of a program that is timed while it ends: the others have a minute (conftest.py)."""
 _PAUSE_S = 0.1
 
 

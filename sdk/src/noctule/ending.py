@@ -18,8 +18,8 @@ from typing import NoReturn
 
 CLOSE_VARIABLE = "NOCTULE_CLOSE_WITHIN_S"  # names the seconds, where a slow host needs more
 _CLOSE_WITHIN_S = 4.0  # for the service to close what it has open
-_LOG_WITHIN_S = 0.5  # and then to say that it did not manage to
-_KILLED_WITHIN_S = 0.8
+_LOG_WITHIN_S = 0.5  # after that, to say that it did not manage to
+_KILLED_AFTER_S = 0.8  # in the same way, by the kernel
 NOT_CLOSED = 1  # the exit status then
 _STOPPED = 130  # by Ctrl-C
 _OUTPUT_LOST = 120  # as Python has it
@@ -40,8 +40,8 @@ def close_within_s() -> float:
 
 
 class Ending:
-    """The end of this process: ``begun`` is set by SIGTERM, SIGINT or begin(), and soon the process has ended: half a
-    second after close_within_s().
+    """The end of this process: ``begun`` is set by SIGTERM, SIGINT or begin(), and the process has ended half a second
+    after close_within_s() at the latest.
 
     If it has not ended by itself it is ended with status 1 and nothing is cleaned up, so what a service has said is
     stored must be on the disk at any moment. Make one, in the main thread, when the program starts.
@@ -69,7 +69,7 @@ class Ending:
             # This clock is a thread in C: it needs no lock of the interpreter, and still runs while that shuts down.
             within_s = self._close_within_s
             faulthandler.dump_traceback_later(within_s + _LOG_WITHIN_S, exit=True, file=self._nowhere)
-            signal.setitimer(signal.ITIMER_REAL, within_s + _KILLED_WITHIN_S)  # the kernel's SIGALRM, if that fails
+            signal.setitimer(signal.ITIMER_REAL, within_s + _KILLED_AFTER_S)  # the kernel's SIGALRM, if that fails
             self.begun.set()
         last_resort = threading.Timer(within_s, _give_up, (within_s,))
         last_resort.daemon = True

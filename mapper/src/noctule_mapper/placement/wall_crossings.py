@@ -1,4 +1,4 @@
-"""Corners lie where two walls cross that both end there, whoever hears the corner and whoever the walls."""
+"""Corners lie where two walls cross that both end there, no matter which unit hears the corner or the walls."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -52,8 +52,9 @@ def wall_crossings(
     place_m = np.linalg.solve(normal, line[walls, 1][..., None])[..., 0]
     tangent = np.stack([-normal[..., 1], normal[..., 0]], axis=-1)
     along_m = np.einsum("cwi,ci->cw", tangent, place_m)
-    # To which side of the crossing the wall goes on: it is touched on one side only.
-    side = np.where(along_m < low_m[walls] + _ONE_SIDE_M, 1, np.where(along_m > high_m[walls] - _ONE_SIDE_M, -1, 0))
+    # To which side of the crossing the wall goes on, where it is touched on one side only.
+    is_end = (along_m < low_m[walls] + _ONE_SIDE_M) | (along_m > high_m[walls] - _ONE_SIDE_M)
+    side = np.where(is_end, np.sign((low_m + high_m)[walls] / 2 - along_m), 0)
     is_convex = side[:, 0] * np.einsum("ci,ci->c", tangent[:, 0], normal[:, 1]) < 0
     of_wall = covariance[walls]
     variance_m2 = of_wall[..., 1, 1] - 2 * along_m * of_wall[..., 0, 1] + along_m**2 * of_wall[..., 0, 0]
