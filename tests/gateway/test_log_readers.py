@@ -31,10 +31,10 @@ def readers() -> Iterator[LogReaders]:
 def test_a_frozen_client_with_many_queries_holds_up_no_other(readers: LogReaders) -> None:
     """A frozen reader held both log readers for 12 s."""
     thaw, answered = threading.Event(), threading.Event()
-    frozen = [readers.submit("frozen", "u1", lambda _: thaw.wait(PATIENCE_S), no_one_is_late) for _ in range(10)]
+    frozen = [readers.submit("frozen", "u1", lambda _: thaw.wait(PATIENCE_S), no_one_is_late, 0) for _ in range(10)]
     try:
         assert all(frozen)
-        assert readers.submit("healthy", "u1", lambda _: answered.set(), no_one_is_late)
+        assert readers.submit("healthy", "u1", lambda _: answered.set(), no_one_is_late, 0)
         assert answered.wait(PATIENCE_S / 4)
         assert not thaw.is_set()
     finally:
@@ -48,20 +48,21 @@ def test_what_floods_is_cut_off_and_named_until_it_has_stopped(readers: LogReade
         begun.set()
         thaw.wait(PATIENCE_S)
 
-    assert readers.submit("flood", "u1", first, no_one_is_late)
+    assert readers.submit("flood", "u1", first, no_one_is_late, 0)
     assert begun.wait(PATIENCE_S)
+    most = 1 + log_readers.MAX_WAITING  # the unit's first, and these besides
     taken = [
-        readers.submit("flood", "u1", lambda _, number=number: order.append(number), no_one_is_late)
+        readers.submit("flood", "u1", lambda _, number=number: order.append(number), no_one_is_late, 0)
         for number in range(1000)
     ]
-    assert taken == [True] * log_readers.MAX_WAITING + [False] * (1000 - log_readers.MAX_WAITING)
-    assert readers.refused == 936
-    assert readers.cut_off() == "queries refused, too many of one client wait: flood (936)"
+    assert taken == [True] * most + [False] * (1000 - most)
+    assert readers.refused == 935
+    assert readers.cut_off() == "queries refused, too many of one client wait: flood (935)"
     thaw.set()
-    while not readers.submit("flood", "u1", lambda _: last.set(), no_one_is_late):
+    while not readers.submit("flood", "u1", lambda _: last.set(), no_one_is_late, 0):
         pass
     assert last.wait(PATIENCE_S)
-    assert order == list(range(log_readers.MAX_WAITING))
+    assert order == list(range(most))
 
 
 def test_queries_that_their_client_has_given_up_are_not_answered_before_those_that_it_waits_for() -> None:
@@ -73,12 +74,12 @@ def test_queries_that_their_client_has_given_up_are_not_answered_before_those_th
         begun.set()
         thaw.wait(PATIENCE_S)
 
-    assert readers.submit("reader", "u1", first, no_one_is_late)
+    assert readers.submit("reader", "u1", first, no_one_is_late, 0)
     assert begun.wait(PATIENCE_S)
-    assert readers.submit("reader", "u1", lambda _: answered.append("given up"), lambda: answered.append("late"))
+    assert readers.submit("reader", "u1", lambda _: answered.append("given up"), lambda: answered.append("late"), 0)
     clock[0] = log_readers.STALE_AFTER_S
-    assert readers.submit("reader", "u1", lambda _: answered.append("awaited"), no_one_is_late)
-    assert readers.submit("reader", "u1", lambda _: last.set(), no_one_is_late)
+    assert readers.submit("reader", "u1", lambda _: answered.append("awaited"), no_one_is_late, 0)
+    assert readers.submit("reader", "u1", lambda _: last.set(), no_one_is_late, 0)
     thaw.set()
     assert last.wait(PATIENCE_S)
     assert answered == ["late", "awaited"]
@@ -98,7 +99,7 @@ def test_a_client_that_still_waits_is_told_to_ask_again_and_not_left_without_a_r
 def test_clients_without_number_are_refused(readers: LogReaders) -> None:
     thaw = threading.Event()
     taken = [
-        readers.submit(f"c{number}", "u1", lambda _: thaw.wait(PATIENCE_S), no_one_is_late) for number in range(1000)
+        readers.submit(f"c{number}", "u1", lambda _: thaw.wait(PATIENCE_S), no_one_is_late, 0) for number in range(1000)
     ]
     thaw.set()
     assert sum(taken) == log_readers.MAX_CLIENTS
@@ -106,8 +107,8 @@ def test_clients_without_number_are_refused(readers: LogReaders) -> None:
 
 def test_an_answer_that_fails_does_not_end_its_clients_turn(readers: LogReaders) -> None:
     answered = threading.Event()
-    readers.submit("one", "u1", lambda _: 1 // 0, no_one_is_late)
-    readers.submit("one", "u1", lambda _: answered.set(), no_one_is_late)
+    readers.submit("one", "u1", lambda _: 1 // 0, no_one_is_late, 0)
+    readers.submit("one", "u1", lambda _: answered.set(), no_one_is_late, 0)
     assert answered.wait(PATIENCE_S)
 
 
@@ -130,7 +131,7 @@ def test_a_client_that_asks_for_much_at_once_leaves_the_gateway_time_for_others(
             done.set()
 
     for _ in range(asked):
-        assert readers.submit("flood", "u1", answer, no_one_is_late)
+        assert readers.submit("flood", "u1", answer, no_one_is_late, 0)
     begin.set()
     assert done.wait(PATIENCE_S)
     rests_s = [following - ended for (_, ended), (following, _) in pairwise(spans_s)]
@@ -151,7 +152,7 @@ def test_a_reader_of_many_units_that_asks_each_log_once_is_no_crowd(readers: Log
             done.set()
 
     for number in range(units):
-        assert readers.submit("reader", f"u{number}", answer, no_one_is_late)
+        assert readers.submit("reader", f"u{number}", answer, no_one_is_late, 0)
     begin.set()
     assert done.wait(PATIENCE_S)
     assert set(records) == {MAX_RECORDS}
@@ -169,9 +170,9 @@ def test_one_long_answer_does_not_keep_a_crowded_client_waiting_long() -> None:
         clock[0] += long_s
 
     try:
-        assert readers.submit("", "u1", long_answer, no_one_is_late)
+        assert readers.submit("", "u1", long_answer, no_one_is_late, 0)
         for _ in range(log_readers.CROWD + 1):
-            assert readers.submit("", "u1", lambda _: None, late.set)
+            assert readers.submit("", "u1", lambda _: None, late.set, 0)
         begin.set()
         assert late.wait(long_s)  # many times that without a limit
     finally:

@@ -124,7 +124,7 @@ class Gateway:
         self._audit, self._refused = AuditLog(data, whose), AuditLog(data, whose, REFUSALS)
         self._outbox = Outbox()
         self._held = HeldBytes()
-        self._readers = LogReaders(held=self._held)
+        self._readers = LogReaders()
         self._newer = NewerFields()
         self._status: bus.StatePublisher | None = None
         self._watch: BusWatch | None = None

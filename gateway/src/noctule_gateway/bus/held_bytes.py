@@ -3,26 +3,32 @@
 import threading
 from collections import Counter
 
-MOST_OF_ONE = 2**22  # an update has an image of up to 2**20
-MOST_OF_ALL = 2**25  # on a bus without certificates a client can go by any number of names
-_BESIDES = 2**9  # bytes that a query takes besides
+MOST_OF_ONE_BYTES = 2**22  # an update has an image of up to 2**20
+MOST_OF_ALL_BYTES = 2**25  # on a bus without certificates a client can go by any number of names
+_OVERHEAD_BYTES = 2**9  # that a query takes besides
 
 
 class HeldBytes:
     """Counts them; from any thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, parts: int = 1) -> None:
+        """``parts``: its limits are those above, divided by so many."""
+        self._parts = parts
         self._lock = threading.Lock()
         self._of: Counter[str] = Counter()
         self._of_all = 0
 
     def hold(self, client: str, size_bytes: int) -> str:
-        """Hold a query of that size, which has room where no other is held. Why it can't be held; empty if it is."""
-        size_bytes += _BESIDES
+        """Hold a query of that size; one query alone always has room. Returns why it can't be held, empty if it is."""
+        size_bytes += _OVERHEAD_BYTES
         with self._lock:
             for held, most, whose in (
-                (self._of[client], MOST_OF_ONE, f"other queries of {client or 'clients without a name'}"),
-                (self._of_all, MOST_OF_ALL, "other queries"),
+                (
+                    self._of[client],
+                    MOST_OF_ONE_BYTES // self._parts,
+                    f"other queries of {client or 'clients without a name'}",
+                ),
+                (self._of_all, MOST_OF_ALL_BYTES // self._parts, "other queries"),
             ):
                 if held and held + size_bytes > most:
                     return f"{whose} have {held} of {most} bytes that may wait: ask again when they are answered"
@@ -32,7 +38,7 @@ class HeldBytes:
 
     def let_go(self, client: str, size_bytes: int) -> None:
         """The query is answered."""
-        size_bytes += _BESIDES
+        size_bytes += _OVERHEAD_BYTES
         with self._lock:
             self._of_all -= size_bytes
             self._of[client] -= size_bytes

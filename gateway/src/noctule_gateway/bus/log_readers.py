@@ -42,9 +42,9 @@ class _Query:
 class LogReaders:
     """Runs ``answer``s, those of one client in their order. What is too much is refused, and ``cut_off`` says whose."""
 
-    def __init__(self, now: Callable[[], float] = monotonic, held: HeldBytes | None = None) -> None:
+    def __init__(self, now: Callable[[], float] = monotonic) -> None:
         self.refused = 0
-        self._now, self._held = now, held or HeldBytes()
+        self._now, self._held = now, HeldBytes()
         self._lock = threading.Lock()
         # Of each client that is being answered
         self._waiting: dict[str, deque[_Query]] = {}
@@ -58,7 +58,7 @@ class LogReaders:
         unit: str,
         answer: Callable[[int], object],
         say_late: Callable[[], object],
-        size_bytes: int = 0,
+        size_bytes: int,
     ) -> bool:
         """Have ``answer`` called soon, with the most records that it may hold; False where it is refused. From any
         thread, never waiting. The query is one for the log of ``unit`` and has ``size_bytes``.
@@ -69,8 +69,8 @@ class LogReaders:
         client, query = client[:LONGEST_NAME], _Query(unit, self._now(), size_bytes, answer, say_late)
         with self._lock:
             waiting = self._waiting.get(client)
-            has_room = len(self._waiting) < MAX_CLIENTS if waiting is None else _excess([*waiting, query]) < MAX_WAITING
-            if has_room and not self._held.hold(client, size_bytes):
+            refusal = self._too_many(waiting, query) or self._held.hold(client, size_bytes)
+            if not refusal:
                 if waiting is None:
                     self._waiting[client] = deque([query])
                     self._threads.submit(self._answer_next, client)
@@ -84,8 +84,16 @@ class LogReaders:
                 self._cut_off[client] = self._cut_off.get(client, 0) + 1
                 news = self._cut_off[client] == 1
         if news:
-            _log.warning("client %s asks for more of the logs than can be answered: it is refused", client or "?")
+            _log.warning("a query of client %s for a log is refused: %s", client or "?", refusal)
         return False
+
+    def _too_many(self, waiting: Collection[_Query] | None, query: _Query) -> str:
+        """Why there is no place for ``query`` beside those of its client that wait; empty if there is one."""
+        if waiting is None:
+            return "" if len(self._waiting) < MAX_CLIENTS else f"{MAX_CLIENTS} other clients wait for answers"
+        if _excess([*waiting, query]) <= MAX_WAITING:
+            return ""
+        return f"{len(waiting)} others of it wait: end it, or have it wait for each answer"
 
     def cut_off(self) -> str:
         """Whose queries are refused now, and why; empty where nobody's are."""

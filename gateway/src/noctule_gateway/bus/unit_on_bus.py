@@ -15,7 +15,7 @@ from noctule.newer_fields import NewerFields
 from noctule.refusals import Refusals
 from noctule.rivals import Rivals
 from noctule.site import PoseKey
-from noctule_gateway.bus.command_cache import CommandCache, Refused, Server
+from noctule_gateway.bus.command_cache import STOP, CommandCache, Refused, Server
 from noctule_gateway.bus.held_bytes import HeldBytes
 from noctule_gateway.bus.log_readers import LONGEST_NAME, STALE_AFTER_S, LogReaders
 from noctule_gateway.bus.log_reply import read_records
@@ -24,6 +24,8 @@ from noctule_gateway.errors import LogError
 from noctule_gateway.served_unit import ServedUnit
 
 _MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
+# A unit's stops have limits of their own: only other stops to this unit can leave no room for one. 64 KB of a client.
+_PARTS_FOR_STOPS = 64
 _REFUSED = "clients that are refused"
 _TOO_LATE = f"the query waited longer than {STALE_AFTER_S:g} s in the gateway: ask again, one query at a time"
 
@@ -44,7 +46,8 @@ class UnitOnBus:
         note_refused: Refused,
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
-        self._outbox, self._readers, self._held = outbox, readers, held
+        self._outbox, self._readers = outbox, readers
+        self._held, self._held_stops = held, HeldBytes(_PARTS_FOR_STOPS)
         site, unit = served.site.name, served.unit
         self._newer = newer
         self._commands, self._callers, self._note_refused = CommandCache(server, note_refused), callers, note_refused
@@ -109,7 +112,7 @@ class UnitOnBus:
                 query.reply(self._log_key, records, encoding=bus.encoding(LogRecords))
 
     def _on_command(self, query: zenoh.Query) -> None:
-        payload = query.payload.to_bytes() if query.payload else b""
+        payload, size_bytes = query.payload.to_bytes() if query.payload else b"", _size_bytes(query)
         attached = query.attachment.to_bytes() if query.attachment else b""
         request_id = ""
         try:
@@ -122,36 +125,37 @@ class UnitOnBus:
             why = str(error)
             command = str(query.key_expr).rpartition("/")[2]
             self._note_refused(command, request_id, caller.claimed(attached), why)
-            self._say_refused(query, why)
+            self._say_refused(query, size_bytes, why)
             return
         self._newer.note(request, payload)
-        size_bytes = _size_bytes(query)
-        if why := self._held.hold(who.name, size_bytes):
+        held = self._held_stops if name == STOP else self._held
+        refusal = held.hold(who.name, size_bytes)
+        if refusal:
             self._commands.refused += 1
-            self._note_refused(name, request_id, who, why)
-            self._say_refused(query, why)
+            self._note_refused(name, request_id, who, refusal)
+            self._say_refused(query, size_bytes, refusal)
             return
 
         reply = self._commands.carry_out(name, request, who)
-        reply.add_done_callback(lambda done: self._answer(who.name, size_bytes, partial(_reply, query, done)))
+        reply.add_done_callback(lambda done: self._answer(held, who.name, size_bytes, partial(_reply, query, done)))
 
-    def _say_refused(self, query: zenoh.Query, why: str) -> None:
+    def _say_refused(self, query: zenoh.Query, size_bytes: int, why: str) -> None:
         """In words, if there are not too many to be said."""
-        size_bytes = _size_bytes(query)
-        if self._held.hold(_REFUSED, size_bytes):
+        refusal = self._held.hold(_REFUSED, size_bytes)
+        if refusal:
             query.drop()
         else:
-            self._answer(_REFUSED, size_bytes, partial(_refuse, query, why))
+            self._answer(self._held, _REFUSED, size_bytes, partial(_refuse, query, why))
 
-    def _answer(self, client: str, size_bytes: int, answer: Callable[[], None]) -> None:
+    def _answer(self, held: HeldBytes, client: str, size_bytes: int, answer: Callable[[], None]) -> None:
         """Have a query that is held answered soon."""
 
         def put() -> None:
-            self._held.let_go(client, size_bytes)
+            held.let_go(client, size_bytes)
             answer()
 
         if not self._outbox.post(put):
-            self._held.let_go(client, size_bytes)
+            held.let_go(client, size_bytes)
 
 
 def _size_bytes(query: zenoh.Query) -> int:
