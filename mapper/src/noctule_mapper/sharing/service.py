@@ -137,8 +137,8 @@ def _step(
 
 
 def other_mappers(session: zenoh.Session, sites: Sequence[str], but: str) -> dict[str, str]:
-    """Of those ``sites`` that a mapper other than ``but`` maps now: that mapper's name; SILENCE where one may, for
-    somebody did not answer in time.
+    """Of those ``sites`` that a mapper other than ``but`` maps now: that mapper's name; SILENCE where one may,
+    because somebody did not answer in time.
 
     All are asked before the first answer is awaited: where a mapper is cut off, each question takes its time-out.
     """

@@ -125,6 +125,7 @@ class SiteProcess:
             self._silent_since_s = now_s if self._silent_since_s is None else self._silent_since_s
             if now_s - self._silent_since_s >= SILENT_S:
                 _log.warning("nobody has said within %g s whether site %s is mapped: it is now", SILENT_S, self.site)
+                self._silent_since_s = None
                 return True
         if other is not None:
             self._not_before_s = now_s + _ASK_AGAIN_S
