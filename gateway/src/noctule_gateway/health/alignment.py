@@ -70,7 +70,7 @@ def with_play(tables: Sequence[Table]) -> Aligned:
     most = 2 * int(_MOST_PLAY_RAD / tables[0].step_rad)
     whole = range(none % 2, count, 2)
     a, b = max(((a, b) for a in whole for b in whole if abs(a - b) <= most), key=likely)
-    # The last readings of a sweep may fit some angle by chance: since play began, it fits less well than none.
+    # An angle that only a sweep's last readings fit by chance: since play began no angle fits better.
     return max(map(aligned, ((a, b), (a, none), (none, b))), key=lambda each: each.fit)
 
 

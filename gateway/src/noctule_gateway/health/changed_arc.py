@@ -12,12 +12,11 @@ from itertools import accumulate
 from statistics import median
 
 from noctule_gateway.health import likelihood
-from noctule_gateway.health.marks import reflectors_of
+from noctule_gateway.health.marks import ALIKE_M, reflectors_of
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
 _WIDEST_RAD = math.radians(150.0)  # of what is 80 cm wide and 30 cm away: 106 degrees, and the beam's 20 at each end
-_NEAR_M = 0.012  # readings of one reflector: noise of 3 mm, and a cycle of 40 kHz late, 4.3 mm
 _AGAIN_M, _AGAIN_SHARE = 0.005, 0.002  # their median, in air that is 1 kelvin warmer or colder
 
 
@@ -60,7 +59,7 @@ def stands(sweeps: Sequence[Readings], past: Past) -> bool:
 
 def _hears_again(run: Sequence[int], sweeps: Sequence[Readings], past: Past) -> bool:
     off_m = [sweep.range_m[n] - past.median_m[n] for sweep in sweeps for n in run]
-    near_m = [one_m for one_m in off_m if abs(one_m) <= _NEAR_M]
+    near_m = [one_m for one_m in off_m if abs(one_m) <= ALIKE_M]
     if 2 * len(near_m) < len(sweeps) * sum(past.heard_share[n] for n in run):
         return False
     return abs(median(near_m)) <= _AGAIN_M + _AGAIN_SHARE * past.median_m[run[0]]

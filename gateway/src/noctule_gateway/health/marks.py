@@ -12,7 +12,7 @@ from noctule_gateway.health.readings import Readings
 
 _ONE_REFLECTOR_M = 0.03
 _LEAST_HEARD = 2
-_ALIKE_M = 0.012  # readings of one reflector: noise of 3 mm, and a cycle of 40 kHz late, 4.3 mm
+ALIKE_M = 0.012  # readings of one reflector: noise of 3 mm, and a cycle of 40 kHz late, 4.3 mm
 _ALONE_M, _TOGETHER_M = 0.0043, 0.002  # what each reading of a mark errs by, and all of them together
 
 
@@ -66,14 +66,14 @@ def _most_alike(by_sweep: Sequence[Sequence[float]]) -> list[float]:
     """
     every = [one for each in by_sweep for one in each]
     for among in (by_sweep[-1], every):
-        middle = max(among, key=lambda one: sum(abs(one - other) <= _ALIKE_M for other in among), default=math.nan)
-        if sum(abs(middle - other) <= _ALIKE_M for other in among) >= _LEAST_HEARD:
-            return [one for one in every if abs(middle - one) <= _ALIKE_M]
+        middle = max(among, key=lambda one: sum(abs(one - other) <= ALIKE_M for other in among), default=math.nan)
+        if sum(abs(middle - other) <= ALIKE_M for other in among) >= _LEAST_HEARD:
+            return [one for one in every if abs(middle - one) <= ALIKE_M]
     return []
 
 
 def runs_of(past: Past) -> list[list[int]]:
-    """A bearing alone is no mark where there is a finer plan's neighbour."""
+    """The reflectors that two or more bearings hear: one that a single bearing hears is no mark."""
     return [run for run in reflectors_of(past) if len(run) >= 2]
 
 

@@ -87,8 +87,8 @@ class PoseWatch:
         return self._elsewhere(sweep, past)
 
     def learn_from(self, sweep: Readings, past: Past) -> None:
-        """The sweep is well, and not in the past yet: this is how well one usually fits. The past is about to change,
-        and what the last sweeps are under it.
+        """The sweep is well, and not in the past yet: this is how well one usually fits. The past changes next,
+        so the tables made from it are dropped.
         """
         for seen in self._last:
             seen.table = None

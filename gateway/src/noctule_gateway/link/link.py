@@ -168,7 +168,7 @@ class Link:
     def order(self, order: Order) -> int:
         """Have the unit carry ``order`` out; OrderSettled comes with the ticket returned. Raises CommandError."""
         if not self.identified:
-            raise CommandError("the unit is not connected: noctule units says why")
+            raise CommandError("the unit is not connected: noctule units SITE says why")
         ticket = self._orders.add(order)
         self._tell_settings()
         return ticket

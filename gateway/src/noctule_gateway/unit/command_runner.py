@@ -150,7 +150,7 @@ class CommandRunner:
     def _begin_with_settings(self, command: _Command) -> None:
         present = self._link.settings
         if not self._link.identified:
-            raise CommandError("the unit is not connected: noctule units says why")
+            raise CommandError("the unit is not connected: noctule units SITE says why")
         if present is None:
             self._await_settings.append(command)
         elif command.name == SETTINGS:
