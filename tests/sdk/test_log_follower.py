@@ -1,10 +1,12 @@
 """A follower has every sweep once and in order: what was logged before it began, and whose sign on the bus was lost."""
 
+import queue
+
 from sdk.followed import PATIENCE_S, POLL_S, LoggedUnit, Store
 from system.processes import wait_until
 
 from noctule import bus, keys
-from noctule.messages_pb2 import Cursor, UnitStatus
+from noctule.messages_pb2 import Cursor, LogRecords, Sweep, UnitStatus
 
 
 def test_what_was_logged_before_and_after_the_start_comes_in_order(open_session, follow):
@@ -87,6 +89,41 @@ def test_a_log_that_has_gone_back_is_found_though_statuses_come(open_session, fo
         return "ends at 3 and was read to 5" in caplog.text
 
     wait_until(is_found, "nobody notices", every_s=POLL_S / 20)
+
+
+def test_a_status_that_was_made_before_a_sweep_takes_nothing_from_the_sweeps_sign(open_session, follow):
+    """Both come while the log is asked. The sweep waited for the unit's next status, or for the next poll."""
+    session, queries, sweeps = open_session(), queue.Queue(), []
+    key = keys.log("room", "u1")
+
+    def answer(query, head):
+        with query:
+            begin = int(query.parameters.get("from"))
+            records = LogRecords(log_id="a", head=head, tail=1, sweeps=sweeps[begin - 1 : head])
+            query.reply(key, records.SerializeToString())
+
+    def sweep():
+        sweeps.append(Sweep(site="room", unit="u1", log_id="a", log_sequence=len(sweeps) + 1))
+        live.put(sweeps[-1].SerializeToString())
+
+    queryable = session.declare_queryable(key, queries.put)
+    store = Store()
+    follower = follow(store, poll_s=3600.0)
+    live = bus.declare_publisher(session, keys.sweep("room", "u1"), Sweep)
+    wait_until(lambda: live.matching_status.matching, "nobody listens")
+    sweep()
+    first = queries.get(timeout=PATIENCE_S)
+    sweep()
+    wait_until(lambda: follower._client.counters()["delivered"] >= 2, "the sweep does not come")
+    status = bus.StatePublisher(session, keys.unit_status("room", "u1"), UnitStatus)
+    status.put(UnitStatus(unit="u1", log_id="a", log_head=1, log_tail=1))
+    wait_until(lambda: follower._units["u1"].told, "the status does not come")
+    answer(first, head=1)  # it was read before the second was committed
+    store.wait_for(lambda stored: stored.of("u1") == [1])
+    answer(queries.get(timeout=PATIENCE_S), head=2)
+    store.wait_for(lambda stored: stored.of("u1") == [1, 2])
+    queryable.undeclare()
+    status.close()
 
 
 def test_a_log_that_refuses_its_questions_is_asked_later_and_later_though_statuses_come(open_session, follow):

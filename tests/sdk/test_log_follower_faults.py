@@ -281,6 +281,13 @@ def test_what_is_held_while_a_store_hangs_is_bounded_and_nothing_is_lost(open_se
 
     wait_until(has_no_room, "all answers are held")
     assert follower._answer_bytes <= max(most_bytes, longest_bytes)
+
+    def is_asked_later():
+        for number, unit in enumerate(units):  # a sign that comes again has the log asked beside the store's thread
+            session.put(keys.sweep("room", f"u{number}"), unit.sweeps[-1].SerializeToString())
+        return any(each.asks.not_before_s - monotonic() > 3 * log_follower.FIRST_RETRY_S for each in has_no_room())
+
+    wait_until(is_asked_later, "what has no room is asked again and again", every_s=0.02)
     go_on.set()
     store.wait_for(lambda stored: len(stored.sweeps) == 12 * 21 + 1)
     assert all(store.of(f"u{number}") == list(range(1, 22 + (number == 0))) for number in range(12))

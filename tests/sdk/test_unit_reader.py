@@ -34,7 +34,7 @@ class Asking(UnitReader):
 
     def came(self, *live):
         for sweep in live:
-            self.strangers.came(sweep)
+            self.strangers.note(sweep)
         self.strangers.ask()
         return any(self.is_behind(sweep.log_id, sweep.log_sequence) for sweep in live)
 

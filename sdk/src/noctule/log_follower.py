@@ -19,8 +19,8 @@ from noctule.messages_pb2 import Cursor, Sweep, UnitStatus
 from noctule.subscription import Subscription
 from noctule.unit_reader import UnitReader
 
-# In the answers to all questions that are under way: each question gets its share, of at least FEW and at most PAGE.
-MOST_RECORDS = 8000
+MOST_RECORDS = 8000  # in the answers to all questions that are under way
+# A question's share of these, by how many are under way when it is asked; at least FEW, at most PAGE.
 FEW, PAGE = 20, 500
 MOST_BYTES = 25_000_000  # of answers that wait to be read; one that does not fit is asked for again
 FIRST_RETRY_S = 0.1
@@ -69,7 +69,8 @@ class _Unit:
 
     def hear(self, log_id: str, head: int) -> None:
         """Somebody says that a log goes so far."""
-        if self.reader.is_behind(log_id, head):
+        known = self.sign is not None and self.sign[0] == log_id and self.sign[1] >= head
+        if not known and self.reader.is_behind(log_id, head):
             self.sign = log_id, head
 
     @property
@@ -114,7 +115,7 @@ class LogFollower:
         self._due: dict[str, None] = {}  # units to see to, in the order in which they came up
         self._asking = 0  # questions under way, and answers that are not read
         self._answers: dict[str, tuple[LogReply, int]] = {}  # by unit, with its bytes
-        self._answer_bytes, self._turn = 0, False
+        self._answer_bytes, self._shortest_next = 0, True
         self._poll_at_s = monotonic() + poll_s
         self._thread = threading.Thread(target=self._run, name=f"noctule-follow-{client.site}", daemon=True)
         self._subscriptions: list[Subscription] = []
@@ -171,7 +172,7 @@ class LogFollower:
     def _on_sweep(self, sweep: Sweep) -> None:
         with self._changed:
             if unit := self._unit(sweep.unit):
-                unit.reader.strangers.came(sweep)
+                unit.reader.strangers.note(sweep)
                 unit.hear(sweep.log_id, sweep.log_sequence)
         self._ask_if_due(sweep.unit)  # without waiting for the worker
 
@@ -198,7 +199,7 @@ class LogFollower:
         size_bytes = len(reply.payload) if reply else 0
         with self._changed:
             if self._answer_bytes and self._answer_bytes + size_bytes > MOST_BYTES:
-                self._units[name].asks.pause()
+                self._units[name].asks.failed()
                 self._end_question(name, more=True)
             else:
                 self._answers[name] = answer, size_bytes
@@ -269,9 +270,9 @@ class LogFollower:
         with self._changed:
             if not self._answers:
                 return None
-            self._turn = not self._turn
             shortest = min(self._answers, key=lambda name: self._answers[name][1])
-            name = shortest if self._turn else next(iter(self._answers))
+            name = shortest if self._shortest_next else next(iter(self._answers))
+            self._shortest_next = not self._shortest_next
             answer, size_bytes = self._answers.pop(name)
             self._answer_bytes -= size_bytes
             return name, answer

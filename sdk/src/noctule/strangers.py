@@ -20,29 +20,29 @@ class Strangers:
 
     def __init__(self, unit: str, counts: Counter[str]) -> None:
         self._unit, self._counts = unit, counts
-        self._came: dict[tuple[str, int, int], bool] = {}  # log_id, log_sequence, hash: whether the log was asked since
+        self._live: dict[tuple[str, int, int], bool] = {}  # log_id, log_sequence, hash: whether the log was asked since
         self._own: dict[int, int] = {}  # hashes of the log's newest sweeps, by log_sequence
         self._told = False
 
-    def came(self, sweep: Sweep) -> None:
+    def note(self, sweep: Sweep) -> None:
         """A sweep came live. Of a flood only the first are looked at."""
-        if len(self._came) < _MOST:
-            self._came.setdefault((sweep.log_id, sweep.log_sequence, _hash(sweep)), False)
+        if len(self._live) < _MOST:
+            self._live.setdefault((sweep.log_id, sweep.log_sequence, _hash(sweep)), False)
 
     def ask(self) -> None:
         """The log is asked now."""
-        self._came = dict.fromkeys(self._came, True)
+        self._live = dict.fromkeys(self._live, True)
 
     def compare(self, records: LogRecords, sweeps: Sequence[Sweep], read_to: int) -> None:
         """Compare with the log's answer, with its ``sweeps``, by which it is read up to ``read_to``."""
         self._own |= {sweep.log_sequence: _hash(sweep) for sweep in sweeps[-_MOST:]}
         while len(self._own) > _MOST:
             del self._own[next(iter(self._own))]
-        for came in [came for came, asked in list(self._came.items()) if asked]:
-            log_id, sequence, content = came
+        for one in [one for one, asked in list(self._live.items()) if asked]:
+            log_id, sequence, content = one
             if log_id == records.log_id and read_to < sequence <= records.head:
                 continue  # compared when the log has been read so far
-            del self._came[came]
+            del self._live[one]
             beyond = sequence > records.head
             if log_id == records.log_id and (beyond or content != self._own.get(sequence, content)):
                 self._refuse(sequence, records)
