@@ -259,7 +259,7 @@ class Client:
         """Have a unit carry out a command; ``done`` and ``error`` of the reply tell how it went.
 
         A request without an id gets one; to try again use the same id, then it is carried out once at most.
-        Where no unit of the site is served, one is waited for, up to REJOIN_S: the router may have been restarted.
+        Where no unit of the site is served, this one is waited for, up to REJOIN_S: the router may have been restarted.
         Raises NotServedError: no gateway serves the unit; TlsError: the folder can't be used; BusError: there was no
         reply within ``timeout_s``, or we may not command it; KeyFormatError: a name that is none, or a wildcard.
         """
@@ -270,18 +270,21 @@ class Client:
         attachment = caller.attachment(self._name, self._tls_folder, key, payload)
         reply = next(self._ask(key, payload, timeout_s, attachment), None)
         if reply is None:
-            if unit not in self._rejoined():
+            if unit not in self._rejoined(unit):
                 raise self._not_served(unit)
             reply = next(self._ask(key, payload, timeout_s, attachment), None)  # it may have come since
         if reply is None:
             raise BusError(f"unit {unit!r} was not given the command: the routers let only operators command units")
         return self._intake.decode(CommandReply, reply)
 
-    def _rejoined(self) -> set[str]:
-        """The units that are served, as soon as one of them is, or after REJOIN_S."""
-        until_s = monotonic() + REJOIN_S
-        while not (units := self.units()) and monotonic() < until_s:
+    def _rejoined(self, unit: str) -> set[str]:
+        """The units that are served: at once where some are, else as soon as ``unit`` is, or after REJOIN_S."""
+        until_s, units = monotonic() + REJOIN_S, self.units()
+        if units:
+            return units  # a mistyped name costs no wait
+        while unit not in units and monotonic() < until_s:
             sleep(_LOOK_AGAIN_S)
+            units = self.units()
         return units
 
     def publish_pose(self, unit: str, pose: Pose) -> None:

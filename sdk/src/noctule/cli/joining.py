@@ -7,7 +7,7 @@ from pathlib import Path
 
 from noctule import bus, keys, sites, tls
 from noctule.client import Client
-from noctule.errors import NotServedError
+from noctule.errors import NotServedError, SilenceError
 
 SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
 _MOST_NAMED = 20
@@ -15,7 +15,10 @@ _MOST_NAMED = 20
 
 def what_there_is(client: Client) -> str:
     """For one who has mistyped a name: which units the site has, and which other sites there are."""
-    units = sorted(client.units())
+    try:
+        units = sorted(client.units())
+    except SilenceError:  # must not replace the error that this is said beside
+        units = []
     if len(units) > _MOST_NAMED:
         units = [*units[:_MOST_NAMED], "..."]
     others = [site for site in sites.on_bus(client.session) if site != client.site]

@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from json import dumps
@@ -23,7 +24,7 @@ from noctule.ages import age
 from noctule.cli.joining import joined, nothing_found
 from noctule.cli.replies import state
 from noctule.client import Client
-from noctule.errors import BusError
+from noctule.errors import BusError, SilenceError
 from noctule.messages_pb2 import ServiceStatus
 from noctule.plain_text import plain
 from noctule.site import Site, load
@@ -65,7 +66,8 @@ def show_site(site: str, connect: list[str], tls: Path | None, json: bool, goes_
             first = seen.unwell_first().shown(console.width)
             with awake.told_to_end() as over, Live(first, console=console, auto_refresh=False) as live:
                 while not over.wait(_LOOK_EVERY_S):
-                    live.update(_Seen.of(client, file, pool).unwell_first().shown(console.width), refresh=True)
+                    with suppress(SilenceError):  # what was seen last stands
+                        live.update(_Seen.of(client, file, pool).unwell_first().shown(console.width), refresh=True)
         else:
             # A reader that is no terminal gets whole lines.
             console = Console(width=None if sys.stdout.isatty() else _WIDEST)
