@@ -38,6 +38,8 @@ NOT_TYPED = {
     "mkdir -p data && export NOCTULE_USER=$(id -u):$(id -g) && docker compose up --detach": _DOCKER,
     "sudo ec2device --port=USB": _ADAPTER,
     "sudo ec2writeflash --port=USB --mode=c2 --hex --run firmware/build/unit-7.hex": _ADAPTER,
+    "sudo ec2readflash --port=USB --mode=c2 --len=0x7FE0 --bin read.bin": _ADAPTER,
+    "cmp --bytes=32736 read.bin image.bin": _ADAPTER,
     "sudo device8051 -slist": _ADAPTER,
     "sudo flash8051 -sn EC3000000 -tif c2 -erasemode page -upload firmware/build/unit-7.hex": _ADAPTER,
     "cargo test --release": _SIMULATOR_TESTS,
@@ -124,7 +126,7 @@ LINES = {
         shows="There is no screen here",
     ),
     "noctule units attic.toml": Typed(shows="u7 "),
-    "noctule watch attic": Typed(until="."),
+    "noctule watch attic": Typed(until=r"\bu\d"),
     "noctule record attic attic.jsonl": Typed(until=".", into="attic.jsonl"),
     "noctule-gateway run site.toml --data /var/lib/noctule": _GATEWAY,
     "noctule-gateway run site.toml --data /var/lib/noctule --connect tcp/router-1:7447": Typed(
@@ -139,6 +141,10 @@ LINES = {
     "noctule-sim --room l-shaped --units 3 --speed 10": _SIMULATOR,
     "noctule-sim --room lounge": _SIMULATOR,
     "noctule-sim --pty /run/units": Typed(until="unit 1.*unit-1"),
+    "noctule-sim --room attic-room.toml --svg attic.svg": Typed(more="&& grep -q '<svg' attic.svg"),
+    "noctule-sim --room attic-room.toml --site attic-room-site.toml": Typed(
+        more="&& grep -q 'closed = false' attic-room-site.toml"
+    ),
     "noctule-mapper share --name m1 --site attic --site hall --data mapper-data": Typed(
         "noctule-mapper share --name m1 --site attic --site hall --data shared-data", _SHARE, until="maps site hall"
     ),
@@ -171,6 +177,8 @@ LINES = {
         "noctule replay paper.jsonl --site s --speed max", until="has been published"
     ),
     "noctule log SITE UNIT --from N": Typed("noctule log attic u7 --from 1", shows='"unit": ?"u7"'),
+    "noctule import radar.csv --angle angle --range distance_cm --x x_m --y y_m --heading heading_deg"
+    " --forward-deg 90 --no-echo 0": Typed(shows="44 places"),
     "noctule import SCAN --angle C --range C": Typed(
         "noctule import radar.csv --angle angle --range distance_cm --out scan.jsonl"
     ),
@@ -182,11 +190,15 @@ LINES = {
     "noctule update IMAGE --site S": replace(
         _CAMPAIGN, instead="noctule update firmware/build/update.hex --site attic"
     ),
+    "noctule rpc attic u7 settings": Typed(shows="4080.5"),
     "noctule rpc SITE UNIT COMMAND": Typed("noctule rpc attic u7 status", shows="u7"),
     "noctule-mapper fit SURVEY [--contour FILE] [--svg FILE] [--rrd FILE] [--view] [--contacts FILE] [--method M]"
     " [--rule R] [--sensor F] [--config F]": Typed(
         "noctule-mapper fit paper.jsonl --contour contour.json --contacts contacts.csv --method refined --rule pcr6+"
         " --config contour.config.toml"
+    ),
+    "noctule-mapper calibrate wall.jsonl --wall-distance 0.3 --site attic.toml": Typed(
+        more="&& grep -qF '[sensor]' attic.toml"
     ),
     "noctule-mapper calibrate SURVEY [--wall-distance M] [--facing-deg D] [--unit NAME] [--site FILE]"
     " [--out FILE]": Typed("noctule-mapper calibrate wall.jsonl --wall-distance 0.3 --out sensor.toml"),

@@ -2,14 +2,15 @@
 
 import json
 import re
+import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from docs.blocks import blocks
-from docs.walk import Walk
+from docs.walk import Walk, kill
 from mapper.live_site import paper_survey
-from system.processes import PATIENCE_S, ROOT, free_ports, wait_until
+from system.processes import END_WITHIN_S, ROOT, free_ports, listens, wait_until
 
 from mapper import wall_survey
 from noctule import survey
@@ -17,6 +18,12 @@ from noctule.client import Client
 
 ROOM_PATH = "{ corners_m = [[0.5, 0.5], [3.5, 0.5]], spacing_m = 0.2, closed = false }"  # of the simulator's page
 UNITS = {"attic": {"u7": 1, "u1": 2}, "site": {"u3": 3}}  # by site file: unit and serial number; u3 is left to a test
+STARTED = {  # with the test's own ports behind them, which running_site() fills in
+    "noctule-sim --room attic-room.toml": "--units 3 --speed 12 --exact-clocks --tcp 127.0.0.1:{first_port}",
+    "noctule-gateway run attic.toml --data gateway-data": "--listen {endpoint}",
+    "noctule-mapper run --site attic --data mapper-data": "--connect {endpoint} --rerun none",
+}
+"""The lines of the pages that start the site's programs."""
 
 
 @contextmanager
@@ -25,22 +32,29 @@ def running_site(folder: Path) -> Iterator[str]:
     first_port, _, _, zenoh_port = free_ports(4)
     write_files(folder, first_port)
     endpoint = f"tcp/127.0.0.1:{zenoh_port}"
-    walk, started = Walk(folder, endpoint), []
-    lines = {
-        "noctule-sim --room attic-room.toml": f"--units 3 --speed 12 --exact-clocks --tcp 127.0.0.1:{first_port}",
-        "noctule-gateway run attic.toml --data gateway-data": f"--listen {endpoint}",
-        "noctule-mapper run --site attic --data mapper-data": f"--connect {endpoint} --rerun none",
-    }
+    walk = Walk(folder, endpoint)
+    started: dict[Path, subprocess.Popen[bytes]] = {}
+
+    def all_run() -> bool:
+        for log, process in started.items():
+            assert process.poll() is None, f"{log.stem} ended with {process.returncode}:\n{log.read_text()}"
+        return True
+
     try:
-        started += [walk.starts(line, folder / f"{line.split()[0]}.log", more) for line, more in lines.items()]
+        for line, ours in STARTED.items():
+            log = folder / f"{line.split()[0]}.log"
+            started[log] = walk.starts(line, log, ours.format(first_port=first_port, endpoint=endpoint))
+        wait_until(lambda: all_run() and listens(zenoh_port), "no router")  # a client would wait for ever for one
         with Client("attic", connect=[endpoint]) as client:
-            wait_until(lambda: client.contour() is not None, "no map")
+            wait_until(lambda: all_run() and client.contour() is not None, "no map")
         yield endpoint
     finally:
-        for process in started:
+        for process in started.values():
             process.terminate()
-        for process in started:
-            process.wait(PATIENCE_S)
+        for process in started.values():
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(END_WITHIN_S)
+            kill(process)
 
 
 def write_files(folder: Path, unit_port: int) -> None:

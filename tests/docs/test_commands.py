@@ -7,7 +7,7 @@ from docs.blocks import Command, blocks, commands, inline
 from docs.parsing import UnknownError, is_command, parse
 from readmes import pages
 
-_USAGE_COLUMN = re.compile(r"\s{2,}.*$")  # what a command does, beside it
+USAGE_COLUMN = re.compile(r"\s{2,}.*$")  # what a command does, beside it
 
 
 def in_blocks() -> list[Command]:
@@ -31,7 +31,7 @@ def unknown(found: list[Command]) -> list[str]:
     wrong = []
     for command in found:
         try:
-            parse(_USAGE_COLUMN.sub("", command.text))
+            parse(USAGE_COLUMN.sub("", command.text))
         except (UnknownError, ValueError) as error:
             wrong.append(f"{command}\n    {error}")
     return wrong

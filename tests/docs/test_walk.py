@@ -9,18 +9,12 @@ from pathlib import Path
 import pytest
 from docs.blocks import Command
 from docs.lines import LINES, NOT_TYPED, SLOW
-from docs.site_of_pages import running_site
-from docs.test_commands import in_blocks
+from docs.site_of_pages import STARTED, running_site
+from docs.test_commands import USAGE_COLUMN, in_blocks
 from docs.walk import Walk
 from system.processes import ROOT
 
 pytestmark = pytest.mark.timeout(1800)  # of a page, on a machine that does much else
-USAGE_COLUMN = re.compile(r"\s{2,}.*$")  # what a command does, beside it
-STARTED = {  # by the fixture
-    "noctule-sim --room attic-room.toml",
-    "noctule-gateway run attic.toml --data gateway-data",
-    "noctule-mapper run --site attic --data mapper-data",
-}
 
 
 def lines_of_pages() -> dict[str, list[Command]]:
@@ -41,7 +35,7 @@ class Site:
 
     folder: Path
     endpoint: str
-    typed: set[str] = field(default_factory=STARTED.copy)
+    typed: set[str] = field(default_factory=lambda: set(STARTED))
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +89,6 @@ def test_a_line_that_takes_long_does_what_its_page_says(line: str, tmp_path: Pat
 
 def test_the_tables_of_lines_name_lines_of_the_pages_and_tests_that_are_there() -> None:
     of_pages = {command.text for commands in LINES_OF_PAGES.values() for command in commands}
-    assert not (gone := (LINES.keys() | NOT_TYPED.keys() | SLOW.keys() | STARTED) - of_pages), gone
+    assert not (gone := (LINES.keys() | NOT_TYPED.keys() | SLOW.keys() | STARTED.keys()) - of_pages), gone
     tests = re.findall(r"tests/\S+\.py", (Path(__file__).parent / "lines.py").read_text())
     assert tests and not (gone := [test for test in tests if not (ROOT / test).is_file()]), gone

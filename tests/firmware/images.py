@@ -90,7 +90,7 @@ def _write(path: Path, text: str, folder: Path) -> None:
     before = path.stat()
     path.write_text(text)
     includers = [other for other in folder.rglob("*.[ch]") if f'{path.name}"' in other.read_text()]
-    if path.suffix == ".h" and all(other.suffix == ".c" for other in includers):
+    if path.suffix == ".h" and includers and all(other.suffix == ".c" for other in includers):
         os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
         for other in includers:
             other.touch()

@@ -218,13 +218,13 @@ def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed:
 
 def test_a_wall_whose_feet_are_one_spot_goes_on_no_farther_than_its_far_corner() -> None:
     """Both its feet are echoes of that corner. Without it the wall would end with them, 10 cm beyond the corner.
-    The room's cylinder, which is missed, is another matter.
+    The room's cylinder, which may be missed, is another matter.
     """
     room, true, surveyed = taped_room(np.random.default_rng(50110))
     told = posed_label_fit(room, surveyed, true).room
     verdict = judge_fixed(aligned(mapped(surveyed), room, true), room, surveyed, told)
     assert "wall 5" in verdict.due
-    assert "wall 5" not in verdict.missed
+    assert set(verdict.missed) <= {"cylinder 0"}
     assert verdict.false == ()
 
 

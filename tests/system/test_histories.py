@@ -219,7 +219,7 @@ def test_faults_of_every_program_that_overlap_cost_no_sweep(tmp_path: Path) -> N
 )
 def test_histories_drawn_from_seeds_cost_no_sweep_that_retention_does_not_count(seeds: range, keep_s: float) -> None:
     """A history takes some 2 s of a processor. For more of either kind: ``PYTHONPATH=tests python -m system.histories
-    --seeds 200-399 --hosts 4``, with ``--keep-s 8`` for the other.
+    --seeds 200-399 --hosts 6``, with ``--keep-s 8`` for the other.
     """
     told = play("--seeds", f"{seeds[0]}-{seeds[-1]}", "--keep-s", str(keep_s), "--hosts", "6")
     assert told.count(": 0 findings in") == len(seeds)

@@ -106,6 +106,7 @@ def test_a_unit_that_sweeps_is_updated_and_loses_no_sweep(tmp_path: Path, image:
         (whole_before,) = {each.log_head for each in told}  # none but on a busy machine, where the command comes late
         after = at.wait_for(UnitStatus.STATE_SWEEPING)
         assert after.firmware == "0.9.0"
+        assert not after.detail or any(words in after.detail for words in OF_THE_HOST), after.detail
 
         def logged() -> list[Sweep]:
             return list(client.history("u1"))[: whole_before + 2]

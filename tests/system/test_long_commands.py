@@ -102,7 +102,7 @@ def many_sweeps(path: Path, count: int) -> None:
 def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A survey with which each command is busy for a second after it has shown how far it is."""
     path = tmp_path_factory.mktemp("many") / "many.jsonl"
-    many_sweeps(path, 2000)
+    many_sweeps(path, 10_000)
     return path
 
 

@@ -1,4 +1,4 @@
-"""A site as the viewer hears it, at a time that a test sets."""
+"""What tests let the viewer hear: statuses of a mapper and of units."""
 
 from noctule.messages_pb2 import (
     ServiceStatus,

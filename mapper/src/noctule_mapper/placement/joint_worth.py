@@ -34,7 +34,7 @@ _WEAK = 1e-6  # of landmarks' values that nothing tells
 
 def joint_nats(placed: Sequence[PlacedUnit], fixed: int, groups: Sequence[Members] = ()) -> float:
     """The worth of units that stand where their echoes have them together; the first ``fixed`` poses are known,
-    ``groups`` are the units' plateaus by landmark, if somebody has them.
+    ``groups`` are the units' plateaus by landmark, if known.
     """
     if len(placed) < 2:
         return 0.0

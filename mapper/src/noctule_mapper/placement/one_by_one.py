@@ -1,6 +1,4 @@
-"""Each unit by itself, with all others where they are: whether it should stand elsewhere, and how much its pose stands
-out.
-"""
+"""Each unit by itself, with all others where they are: whether it should stand elsewhere, and what else comes near."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -60,9 +58,9 @@ def _moves(placed: Sequence[PlacedUnit], view: UnitView, fixed: int, pairs: Pair
 def challengers(
     placed: Sequence[PlacedUnit], view: UnitView, views: Sequence[UnitView], fixed: int, pairs: Pairs
 ) -> list[Hypothesis]:
-    """The arrangement with the unit held at its best other places, after each other of ``views`` has gone where all are
-    worth more then. In a room that looks alike from several sides the search follows only a few of the many
-    arrangements, and may have none of these.
+    """The arrangement with the unit held at its best other places, and at last nowhere, after each other of ``views``
+    has gone where all are worth more then. In a room that looks alike from several sides the search follows only a few
+    of the many arrangements, and may have none of these.
     """
     around = _others(placed, view.unit)
     here, elsewhere = _standings(placed, view, around, pairs)

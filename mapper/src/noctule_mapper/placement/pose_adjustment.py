@@ -33,7 +33,7 @@ def grouped(
     known_marks: Landmarks | None = None,
 ) -> tuple[Members, ...]:
     """Which plateaus of the units were made by the same landmark; ``groups`` are those of the first ``known`` units,
-    ``known_marks`` their landmarks, if somebody has these.
+    ``known_marks`` their landmarks, if known.
     """
     made = [list(group) for group in groups]
     for number in range(known, len(units)):
@@ -55,7 +55,7 @@ def _with_plateaus(
     number: int,
     marks: Landmarks | None = None,
 ) -> list[list[tuple[int, int]]]:
-    """The groups with the plateaus of one more unit; ``marks`` are their landmarks, if somebody has these."""
+    """The groups with the plateaus of one more unit; ``marks`` are their landmarks, if known."""
     made, unit = [list(group) for group in groups], units[number]
     landmark = np.full(len(unit.view), -1)
     if made and len(unit.view):
@@ -177,7 +177,9 @@ class Problem:
 
 
 def problem_of(units: Sequence[PlacedUnit], groups: Sequence[Members], known: int) -> Problem:
-    """The landmarks of ``groups`` and the units' poses, to be fitted; the first ``known`` poses are stated."""
+    """The landmarks of those ``groups`` that several plateaus share or that lie at crossings, and the units' poses, to
+    be fitted; the first ``known`` poses are stated.
+    """
     rows = rows_of(units, groups)
     walls, *points = kinds = all_models(rows)
     at = corners_at(rows, kinds)

@@ -6,8 +6,9 @@ information (Louis 1982, Eq. 3.1, claim by claim).
 
 Poses that nobody knows exactly are unknowns of the same steps. The first step takes what they have wrong for the error
 of each range, or most echoes would be no object's, and so it moves the poses only part of the way. The next steps allow
-for about half as much each time (graduated non-convexity, Blake and Zisserman 1987). With nothing allowed from the
-second step on, many echoes would be lost, and with them what draws the poses to where they belong.
+for less and less, about half as much each time where poses err by up to 3 cm (graduated non-convexity, Blake and
+Zisserman 1987). With nothing allowed from the second step on, many echoes would be lost, and with them what draws the
+poses to where they belong.
 """
 
 from collections.abc import Sequence
@@ -109,14 +110,14 @@ def _allowed(data: Evidence, iterations: int) -> list[float]:
     """What part of the errors that echoes share each step allows for: all, and at last nothing. Where poses may move
     steps between allow for less and less, down to about what a range errs by.
     """
-    fine, halvings = data.echoes.is_fine, 0
+    fine, between = data.echoes.is_fine, 0
     times = float((data.echoes.shared_sigma_m / data.range_sigma_m)[fine].max(initial=1.0))
     if len(data.stands.open):
-        halvings = min(int(np.ceil(np.log2(times))), _MOST_HALVINGS)
-    return [times ** (-step / (halvings + 1)) for step in range(halvings + 1)] + [0.0] * (iterations - 1)
+        between = min(int(np.ceil(np.log2(times))), _MOST_BETWEEN)
+    return [times ** (-step / (between + 1)) for step in range(between + 1)] + [0.0] * (iterations - 1)
 
 
-_MOST_HALVINGS = 3  # about as many as there are from 3 cm to the 2 mm of a plateau's range
+_MOST_BETWEEN = 3  # each about halves what is allowed, from 3 cm to the 2 mm of a plateau's range
 
 
 def _score(
