@@ -64,6 +64,7 @@ def test_logs_and_commands_that_fill_the_room_under_an_operators_name_leave_its_
 ) -> None:
     """A log's client is what it says: one that called itself by an operator's name had the operator's stop refused."""
     monkeypatch.setattr(held_bytes, "MOST_OF_ONE_BYTES", 10_000)
+    filling = bytes(4400)  # two leave no room for a stop, which takes more than 512 bytes
     thaw, begun, ended = threading.Event(), list[tuple[str, Future[CommandReply]]](), threading.Semaphore(0)
 
     def read(*_asked: object) -> bytes:
@@ -84,10 +85,10 @@ def test_logs_and_commands_that_fill_the_room_under_an_operators_name_leave_its_
 
     with running(site_file(tmp_path, ("u1", 7, "socket://127.0.0.1:9", FIXED)), tmp_path / "data", router):
         for _ in range(10):
-            router.get(log, handler, payload=bytes(3000), attachment=b"session anna", timeout=PATIENCE_S)
+            router.get(log, handler, payload=filling, attachment=b"session anna", timeout=PATIENCE_S)
         assert all(ended.acquire(timeout=PATIENCE_S) for _ in range(8)), "not all other queries of the log are refused"
         for number in range(10):
-            request = CommandRequest(request_id=f"r{number}", image=bytes(3000)).SerializeToString()
+            request = CommandRequest(request_id=f"r{number}", image=filling).SerializeToString()
             router.get(home, handler, payload=request, attachment=anna, timeout=PATIENCE_S)
         assert all(ended.acquire(timeout=PATIENCE_S) for _ in range(8)), "not all other commands are refused"
         request = CommandRequest(request_id="s").SerializeToString()
