@@ -2,6 +2,7 @@
 
 import queue
 
+from sdk.conftest import until_matching
 from sdk.followed import PATIENCE_S, POLL_S, LoggedUnit, Store
 from system.processes import wait_until
 
@@ -110,7 +111,7 @@ def test_a_status_that_was_made_before_a_sweep_takes_nothing_from_the_sweeps_sig
     store = Store()
     follower = follow(store, poll_s=3600.0)
     live = bus.declare_publisher(session, keys.sweep("room", "u1"), Sweep)
-    wait_until(lambda: live.matching_status.matching, "nobody listens")
+    until_matching(live)
     sweep()
     first = queries.get(timeout=PATIENCE_S)
     sweep()
