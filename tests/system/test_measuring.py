@@ -137,8 +137,12 @@ def test_a_motor_that_loses_steps_is_told_by_the_units_own_check_even_with_three
         found = wait_until(flagged, "no sweep is flagged")
         assert list(found[0].faults) == [FAULT_KIND_SLIPPED]
         assert found[0].suspect_before >= 10  # firmware/README.md: a check after ten sweeps, or eleven
-        told = wait_until(lambda: next((one for one in client.unit_statuses() if one.faults), None), "no fault is told")
-        assert told.HasField("slip_rad") and told.counters["sweeps_flagged"] > 0
+
+        def counted() -> UnitStatus | None:  # a status may be made between the fault and its count
+            return next((one for one in client.unit_statuses() if one.faults and one.counters["sweeps_flagged"]), None)
+
+        told = wait_until(counted, "no fault is told and counted")
+        assert told.HasField("slip_rad")
         units = wait_until(lambda: _line_with(bench.noctule("units", "bench"), "slipped"), "units does not tell it")
         assert "its home switch showed" in units
 
