@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mapper.fixed_units import fixed_room, survey_fixed
+from mapper.placed_units import EXACTLY, placed, view_with
 from mapper.placement_oracle import echoes_at, tellable
 from mapper.room import Room
 from mapper.unknown_units import IRREGULAR, NEAR_ITS_MIDDLE, judged_room, rectangle, units_anywhere
@@ -23,27 +24,13 @@ from noctule_mapper.placement.pair_poses import pair_poses
 from noctule_mapper.placement.pairs import Pairs, moved
 from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
 from noctule_mapper.placement.pose_scores import Tolerance, matched
-from noctule_mapper.placement.reflector_models import PlacedUnit, all_models, rows_of
+from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.silence import point_silent, silence_nats, surroundings
-from noctule_mapper.placement.unit_views import UnitView, view_of
+from noctule_mapper.placement.unit_views import UnitView
 from noctule_mapper.placement.unknown_poses import LEAST_NATS, find_poses
 from noctule_mapper.placement.unplaced import Unplaced
-from noctule_mapper.placement.wall_crossings import corners_at, wall_crossings
 
-EXACTLY = np.zeros((3, 3))
 HALVES = rectangle(5.0, 3.0)
-ALL_AROUND_DEG = np.arange(-180.0, 180.0, 4.5)
-
-
-def placed(room: Room, poses: np.ndarray, seed: int = 1) -> list[PlacedUnit]:
-    """Units at their true poses, with what they hear there."""
-    swept = [one.sweep for one in survey_fixed(room, poses, np.random.default_rng(seed))]
-    units = []
-    for number, pose in enumerate(poses, start=1):
-        view = view_of(f"u{number}", [sweep for sweep in swept if sweep.unit == f"u{number}"], MapperConfig())
-        assert view is not None
-        units.append(PlacedUnit(view, pose, EXACTLY))
-    return units
 
 
 def is_near(pose: np.ndarray, true: np.ndarray) -> bool:
@@ -76,24 +63,6 @@ def test_units_a_little_off_are_adjusted_to_their_places() -> None:
     for _ in range(2):
         moved_off = adjusted(moved_off, grouped(moved_off), known=1)
     assert all(is_near(unit.pose, true) for unit, true in zip(moved_off, NEAR_ITS_MIDDLE, strict=True))
-
-
-def view_with(ranges_m: dict[float, float], looks_deg: np.ndarray = ALL_AROUND_DEG) -> UnitView:
-    """A unit that looked all around, if not told, and heard a reflector in each of the directions, in degrees."""
-    direction_rad = np.radians(list(ranges_m))
-    look_m = np.full(len(looks_deg), np.inf)
-    for direction_deg, range_m in ranges_m.items():
-        look_m[np.abs((looks_deg - direction_deg + 180) % 360 - 180) < 9] = range_m
-    count = len(ranges_m)
-    return UnitView(
-        unit="u",
-        direction_rad=direction_rad,
-        direction_sigma_rad=np.full(count, math.radians(1)),
-        range_m=np.array(list(ranges_m.values())),
-        range_sigma_m=np.full(count, 0.005),
-        look_rad=np.radians(looks_deg),
-        look_m=look_m,
-    )
 
 
 def cost_nats(others: list[PlacedUnit], view: UnitView, pose: tuple[float, float, float]) -> float:
@@ -180,46 +149,6 @@ def test_of_units_of_another_room_than_the_known_one_none_is_found() -> None:
     (known,), strangers = placed(IRREGULAR, NEAR_ITS_MIDDLE[:1]), placed(elsewhere, NEAR_ITS_MIDDLE[:2] * (1.2, -1, 1))
     found, left_open = find_poses([known], [replace(one.view, unit=f"s{at}") for at, one in enumerate(strangers)])
     assert (found, [one.unit for one in left_open]) == ([], ["s0", "s1"])
-
-
-# Of walls y = 1 and others: alpha in degrees, rho, and where both are touched along their tangents.
-@pytest.mark.parametrize(
-    ("other", "touched_m", "place_m", "is_acute"),
-    [
-        ((0.0, 2.0), ((0.0, 0.0), (-1.0, -1.0)), [(2.0, 1.0)], [False]),
-        ((0.0, 2.0), ((-3.0, 0.0), (-1.0, -1.0)), [], []),  # beyond the crossing too
-        ((-30.0, 1.0), ((0.0, 0.0), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [True]),
-        ((-30.0, 1.0), ((-3.0, -3.0), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [False]),  # an edge that juts out
-        ((-30.0, 1.0), ((-1.78, -1.78), (0.0, 0.0)), [(math.sqrt(3), 1.0)], [False]),  # the same, 5 cm from it
-        ((80.0, 2.0), ((0.0, 0.0), (0.0, 0.0)), [], []),  # nearly parallel
-    ],
-    ids=["right angle", "passing through", "60 degrees", "edge", "edge, one foot beside it", "flat"],
-)
-def test_walls_cross_where_both_may_end(
-    other: tuple[float, float],
-    touched_m: tuple[tuple[float, float], tuple[float, float]],
-    place_m: list[tuple[float, float]],
-    is_acute: list[bool],
-) -> None:
-    line = np.array([(math.pi / 2, 1.0), (math.radians(other[0]), other[1])])
-    low_m, high_m = np.array(touched_m).T
-    found = wall_crossings(line, np.zeros((2, 2, 2)), low_m, high_m, np.ones(2, bool))
-    assert found.place_m == pytest.approx(np.reshape(place_m, (-1, 2)))
-    assert found.is_acute.tolist() == is_acute
-
-
-@pytest.mark.parametrize(("off_m", "is_there"), [(0.0, True), (0.3, False)])
-def test_a_corner_that_one_unit_hears_is_where_walls_that_two_others_hear_cross(off_m: float, is_there: bool) -> None:
-    """Walls y = 1 and x = 2. The corner is right ahead of a unit that hears neither."""
-    one, other = view_with({90.0: 1.0}), view_with({0.0: 1.0})
-    ahead = view_with({45.0: 1.5 * math.sqrt(2) + off_m})
-    poses = np.array([(0.0, 0.0, 0.0), (1.0, -1.0, 0.0), (0.5, -0.5, 0.0)])
-    units = [PlacedUnit(view, pose, EXACTLY) for view, pose in zip((one, other, ahead), poses, strict=True)]
-    rows = rows_of(units, [((0, 0),), ((1, 0),), ((2, 0),)])
-    found = corners_at(rows, all_models(rows))
-    assert list(found.corner) == ([2] if is_there else [])
-    assert found.walls.tolist() == ([[0, 1]] if is_there else [])
-    assert (found.nats > 0) == is_there
 
 
 def deaf(view: UnitView) -> UnitView:

@@ -1,9 +1,6 @@
 """What tests let the viewer hear: statuses of a mapper and of units."""
 
-from noctule.messages_pb2 import (
-    ServiceStatus,
-    UnitStatus,
-)
+from noctule.messages_pb2 import ServiceStatus, UnitStatus
 from noctule_viewer.board import documents
 from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import UnitHealth, UnitsHealth

@@ -17,11 +17,6 @@ from noctule.messages_pb2 import (
 from noctule_viewer.board import documents, drawing
 
 
-@pytest.fixture
-def site() -> Site:
-    return Site()
-
-
 def test_a_site_without_trouble_is_well(site: Site) -> None:
     site.mapper()
     for number in range(1, 4):

@@ -22,11 +22,6 @@ from noctule_viewer.board.site_state import SiteState
 from noctule_viewer.board.unit_health import LONGEST_SWEEP_S, Health
 
 
-@pytest.fixture
-def site() -> Site:
-    return Site()
-
-
 def test_a_unit_whose_gateway_was_killed_is_away_though_its_last_status_was_good(site: Site) -> None:
     site.unit("u1")
     assert [unit.health for unit in site.units()] == [Health.WELL]
