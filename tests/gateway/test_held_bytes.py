@@ -11,11 +11,18 @@ from system.processes import PATIENCE_S
 
 from noctule import keys
 from noctule.messages_pb2 import Caller, CommandReply, CommandRequest
-from noctule_gateway.bus import held_bytes, unit_on_bus
+from noctule_gateway import service
+from noctule_gateway.bus import log_readers, unit_on_bus
 from noctule_gateway.bus.held_bytes import MOST_OF_ALL_BYTES, MOST_OF_ONE_BYTES, HeldBytes
 from noctule_gateway.unit.unit_server import UnitServer
 
 PART = MOST_OF_ONE_BYTES // 4
+
+
+def give_each_client_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """10,000 bytes each for queries of logs and for commands."""
+    for module in (service, log_readers):
+        monkeypatch.setattr(module, "HeldBytes", lambda: HeldBytes(10_000))
 
 
 def test_each_client_has_its_limit_and_all_have_one_and_a_first_query_has_room_whatever_its_size() -> None:
@@ -35,7 +42,7 @@ def test_one_request_that_comes_again_and_again_while_it_is_under_way_fills_no_m
     tmp_path: Path, router: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each of them waits for the same reply; their number had no limit, and each may have a megabyte."""
-    monkeypatch.setattr(held_bytes, "MOST_OF_ONE_BYTES", 10_000)
+    give_each_client_less(monkeypatch)
     reply, given = Future[CommandReply](), list[str]()
     monkeypatch.setattr(UnitServer, "command", lambda _server, name, *_: given.append(name) or reply)
     request = CommandRequest(request_id="r", image=bytes(3000)).SerializeToString()
@@ -63,7 +70,7 @@ def test_logs_and_commands_that_fill_the_room_under_an_operators_name_leave_its_
     tmp_path: Path, router: zenoh.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A log's client is what it says: one that called itself by an operator's name had the operator's stop refused."""
-    monkeypatch.setattr(held_bytes, "MOST_OF_ONE_BYTES", 10_000)
+    give_each_client_less(monkeypatch)
     filling = bytes(4400)  # two leave no room for a stop, which takes more than 512 bytes
     thaw, begun, ended = threading.Event(), list[tuple[str, Future[CommandReply]]](), threading.Semaphore(0)
 

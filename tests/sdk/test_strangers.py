@@ -48,6 +48,6 @@ def test_a_stranger_who_races_the_gateway_alters_no_sweep_and_costs_none(open_se
 
     read = []
     asyncio.run(both(read))
-    wait_until(lambda: follower.counters()["refused"] > 0, "no stranger is told")
+    wait_until(lambda: follower.counters()["refused"] > 0, "no stranger is counted")
     assert store.sweeps == read == unit.sweeps
     assert follower.counters()["lost"] == 0

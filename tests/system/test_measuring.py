@@ -141,7 +141,7 @@ def test_a_motor_that_loses_steps_is_told_by_the_units_own_check_even_with_three
         def counted() -> UnitStatus | None:  # a status may be made between the fault and its count
             return next((one for one in client.unit_statuses() if one.faults and one.counters["sweeps_flagged"]), None)
 
-        told = wait_until(counted, "no fault is told and counted")
+        told = wait_until(counted, "no fault is stated and counted")
         assert told.HasField("slip_rad")
         units = wait_until(lambda: _line_with(bench.noctule("units", "bench"), "slipped"), "units does not tell it")
         assert "its home switch showed" in units

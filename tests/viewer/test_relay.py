@@ -67,12 +67,12 @@ def test_the_relay_shows_on_the_bus_of_its_site_how_it_is_and_which_mapper_has_a
 
         wait_until(told, "a mapper with another Rerun is not told", every_s=0.5)
         publisher.put(ServiceStatus(site="house", name="old", role="mapper", rerun=got[0].rerun))
-        wait_until(lambda: got[-1].detail == "", "a mapper with the same Rerun is told")
+        wait_until(lambda: got[-1].detail == "", "a mapper with the same Rerun gets a warning")
         publisher.put(ServiceStatus(site="house", name="old", role="mapper", rerun_recording="sites"))
         takes_off = "what old draws is not seen here, because this page shows one site: take #sites off its --rerun"
         wait_until(lambda: got[-1].detail == takes_off, "a mapper that draws for a page of several sites is not told")
         publisher.put(ServiceStatus(site="house", name="old", role="mapper", rerun_recording="house"))
-        wait_until(lambda: got[-1].detail == "", "a mapper that draws for this page is told")
+        wait_until(lambda: got[-1].detail == "", "a mapper that draws for this page gets a warning")
         publisher.close()
         running.end("viewer")
 

@@ -11,9 +11,8 @@ _OVERHEAD_BYTES = 2**9  # that a query takes besides
 class HeldBytes:
     """Counts them; from any thread."""
 
-    def __init__(self, parts: int = 1) -> None:
-        """``parts``: its limits are those above, divided by so many."""
-        self._parts = parts
+    def __init__(self, most_of_one_bytes: int = MOST_OF_ONE_BYTES, most_of_all_bytes: int = MOST_OF_ALL_BYTES) -> None:
+        self._most_of_one_bytes, self._most_of_all_bytes = most_of_one_bytes, most_of_all_bytes
         self._lock = threading.Lock()
         self._of: Counter[str] = Counter()
         self._of_all = 0
@@ -23,12 +22,8 @@ class HeldBytes:
         size_bytes += _OVERHEAD_BYTES
         with self._lock:
             for held, most, whose in (
-                (
-                    self._of[client],
-                    MOST_OF_ONE_BYTES // self._parts,
-                    f"other queries of {client or 'clients without a name'}",
-                ),
-                (self._of_all, MOST_OF_ALL_BYTES // self._parts, "other queries"),
+                (self._of[client], self._most_of_one_bytes, f"other queries of {client or 'clients without a name'}"),
+                (self._of_all, self._most_of_all_bytes, "other queries"),
             ):
                 if held and held + size_bytes > most:
                     return f"{whose} have {held} of {most} bytes that may wait: ask again when they are answered"

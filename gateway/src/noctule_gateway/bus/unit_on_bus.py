@@ -24,8 +24,8 @@ from noctule_gateway.errors import LogError
 from noctule_gateway.served_unit import ServedUnit
 
 _MOST_AHEAD_S = 60.0  # of the host's clock; a pose from beyond would stand for all until then
-# A unit's stops have limits of their own: only other stops to this unit can leave no room for one. 64 KB of a client.
-_PARTS_FOR_STOPS = 64
+# A unit's stops have limits of their own: only other stops to this unit can leave no room for one.
+_STOPS_OF_ONE_BYTES, _STOPS_OF_ALL_BYTES = 2**16, 2**19
 _REFUSED = "clients that are refused"
 _TOO_LATE = f"the query waited longer than {STALE_AFTER_S:g} s in the gateway: ask again, one query at a time"
 
@@ -47,7 +47,7 @@ class UnitOnBus:
     ) -> None:
         self._log, self._track, self._clock = served.log, served.track, served.clock
         self._outbox, self._readers = outbox, readers
-        self._held, self._held_stops = held, HeldBytes(_PARTS_FOR_STOPS)
+        self._held, self._held_stops = held, HeldBytes(_STOPS_OF_ONE_BYTES, _STOPS_OF_ALL_BYTES)
         site, unit = served.site.name, served.unit
         self._newer = newer
         self._commands, self._callers, self._note_refused = CommandCache(server, note_refused), callers, note_refused

@@ -26,8 +26,15 @@ def improved(hypothesis: Hypothesis, views: Sequence[UnitView], fixed: int, pair
     until none gains by that. The first ``fixed`` poses are known. The search misses it where a unit joined early and
     went by the few that stood already.
     """
-    placed, nats = hypothesis.placed, joint_nats(hypothesis.placed, fixed)
-    began_nats = nats
+    began_nats = joint_nats(hypothesis.placed, fixed)
+    placed, nats = _improved(hypothesis.placed, began_nats, views, fixed, pairs)
+    return replace(hypothesis, placed=placed, worth_nats=hypothesis.worth_nats + nats - began_nats)
+
+
+def _improved(
+    placed: tuple[PlacedUnit, ...], nats: float, views: Sequence[UnitView], fixed: int, pairs: Pairs
+) -> tuple[tuple[PlacedUnit, ...], float]:
+    """The same of units that are worth ``nats`` where they are placed, with what they are worth then."""
     for _ in range(_MOST_ROUNDS):
         round_nats = nats
         for view in views:
@@ -37,7 +44,7 @@ def improved(hypothesis: Hypothesis, views: Sequence[UnitView], fixed: int, pair
                     placed, nats = other, other_nats
         if nats == round_nats:
             break
-    return replace(hypothesis, placed=placed, worth_nats=hypothesis.worth_nats + nats - began_nats)
+    return placed, nats
 
 
 def _moves(placed: Sequence[PlacedUnit], view: UnitView, fixed: int, pairs: Pairs) -> Iterator[tuple[PlacedUnit, ...]]:
@@ -70,10 +77,11 @@ def challengers(
     for other in elsewhere[:_MOST_CHALLENGERS]:
         if other.worth_nats > least_nats:
             held = around.with_unit(view, other, fixed)
-            rival = improved(_arrangement(held, fixed), rest, fixed, pairs)
+            rival = _followed(held, rest, fixed, pairs)
             if not any(is_same(rival.pose_of(view.unit), one.pose) for one in here):  # it may have been pulled back
                 found.append(rival)
-    return [*found, _arrangement(tuple(adjusted(around.units, around.groups, fixed)), fixed)]
+    nowhere = tuple(adjusted(around.units, around.groups, fixed))
+    return [*found, Hypothesis(nowhere, (), (), joint_nats(nowhere, fixed))]
 
 
 def moved_as_one(
@@ -98,13 +106,14 @@ def moved_as_one(
                 shift = moved(known.pose, inverse(other.pose)[None])[0]
                 there = [replace(one, pose=moved(shift, one.pose[None])[0]) for one in sought]
                 units = (*rest, *there)
-                held = _arrangement(tuple(adjusted(units, grouped(units), fixed)), fixed)
-                found.append(improved(held, views, fixed, pairs))
+                found.append(_followed(tuple(adjusted(units, grouped(units), fixed)), views, fixed, pairs))
     return found
 
 
-def _arrangement(placed: tuple[PlacedUnit, ...], fixed: int) -> Hypothesis:
-    return Hypothesis(placed, (), (), joint_nats(placed, fixed))
+def _followed(held: tuple[PlacedUnit, ...], views: Sequence[UnitView], fixed: int, pairs: Pairs) -> Hypothesis:
+    """The arrangement after each of ``views`` has gone where all are worth more."""
+    placed, nats = _improved(held, joint_nats(held, fixed), views, fixed, pairs)
+    return Hypothesis(placed, (), (), nats)
 
 
 @dataclass(frozen=True, eq=False)  # of arrays

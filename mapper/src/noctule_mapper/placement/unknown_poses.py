@@ -58,9 +58,10 @@ def find_poses(known: Sequence[PlacedUnit], unknown: Sequence[UnitView]) -> tupl
     at = {one.view.unit: one for one in placed[len(known) :]}
     leads = {view.unit: _among(best, rivals, view.unit) for view in unknown}
     hopeful = [view for view in unknown if view.unit in at and leads[view.unit].suffices()]
-    parts = _parts(placed) if hopeful else []
+    parts = _parts(placed)
     by_unit = [one for view in hopeful for one in challengers(placed, view, unknown, len(known), pairs)]
-    as_one = [one for part in parts for one in moved_as_one(part, unknown, placed, len(known), pairs)]
+    moved_parts = parts if hopeful else []
+    as_one = [one for part in moved_parts for one in moved_as_one(part, unknown, placed, len(known), pairs)]
     placed_nats = joint_nats(placed, len(known))
     names = {one.view.unit for one in known}
     adrift = {one.view.unit for part in parts if not names & {one.view.unit for one in part} for one in part}
