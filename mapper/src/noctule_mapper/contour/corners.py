@@ -6,16 +6,18 @@ corner, and no limit on gaps alone gets an L right.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.assignment import assignment
 from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
+from noctule_mapper.contour.likelihood import shaded
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
 from noctule_mapper.contour.silence import silence_of_link
 from noctule_mapper.readings.evidence import Evidence
+from noctule_mapper.readings.looks import Looks
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ def link_ends(
     end_gap_m, start_gap_m = _gaps_m(lines, longest_m, config)
     for i, j in np.argwhere(np.isfinite(end_gap_m)):
         corner = Crossing(lines[i], lines[j])
-        price = _gap_price(float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config)
+        price = _gap_price(corner, float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config, objects)
         price += heard(corner) if heard else heard_price(corner, data, config)
         price -= support(corner) if support else 0.0
         if data.looks is not None and price < config.linking.open_end_nats:  # dearer, both ends stay open
@@ -92,13 +94,27 @@ def link_ends(
     return [Link(numbers[i], numbers[j]) for i, j in enumerate(starts) if j < len(lines)]
 
 
-def _gap_price(end_gap_m: float, start_gap_m: float, data: Evidence, config: RefinementConfig) -> float:
-    """Price of a link for its gap, as if nobody had looked at it: of fine sweeps the looks tell more."""
+def _gap_price(
+    corner: Crossing,
+    end_gap_m: float,
+    start_gap_m: float,
+    data: Evidence,
+    config: RefinementConfig,
+    objects: Sequence[Reflector],
+) -> float:
+    """Price of a link for its gap, as if nobody had looked at it: of fine sweeps the looks tell more. Along a dense
+    path somebody has looked, unless a cylinder among ``objects`` hides the corner.
+    """
     gap_m = abs(end_gap_m) + abs(start_gap_m)
-    if data.looks is None:
-        return min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
     unseen = config.linking.link_nats + config.linking.unseen_nats_per_m * gap_m
-    return unseen + config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
+    unseen += config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
+    if data.looks is not None:
+        return unseen
+    seen = min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
+    if seen > unseen and any(isinstance(one, Circle) and shaded(corner, one, data.echoes).any() for one in objects):
+        as_looks = replace(data, looks=Looks(data.echoes, np.ones(len(data.echoes))))
+        return min(seen, unseen + silence_of_link(corner, as_looks, config, objects))
+    return seen
 
 
 def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig) -> tuple[np.ndarray, np.ndarray]:

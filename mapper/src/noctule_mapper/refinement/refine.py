@@ -8,7 +8,7 @@ import numpy as np
 from noctule_mapper.config import MapperConfig, RefinementConfig, for_rare_stops
 from noctule_mapper.contacts.voting import Contacts, Kind, join_contacts
 from noctule_mapper.contour.contour import Contour, Cylinder
-from noctule_mapper.contour.corners import contour_of, crossing, is_known
+from noctule_mapper.contour.corners import Link, contour_of, crossing, is_known
 from noctule_mapper.contour.likelihood import gains
 from noctule_mapper.contour.reflectors import Circle, Line, Reflector
 from noctule_mapper.readings.echoes import Echoes
@@ -122,7 +122,7 @@ def _fitted(data: Evidence, found: Contacts, config: MapperConfig) -> Final:
         claims = scene.claims(objects, links)
         open_spread, steps = not data.echoes.calibrated.all(), settings.search.last_steps
         last = settle(objects, links, claims, scene.data, settings, steps, open_spread, wary=True)
-        sure = _determined(last, claims, scene, config)
+        sure = _determined(last, links, claims, scene, config)
         if len(sure) == len(objects):
             return Final(last, scene.data, weighed, claims, links, best.worth)
         objects, links = sure, links_of(sure, scene, config)
@@ -166,7 +166,9 @@ def _directions(weighed: Evidence) -> Evidence:
 _LOOSE_M = 0.01  # so little a plateau's range weighs beside its readings
 
 
-def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfig) -> list[Reflector]:
+def _determined(
+    last: Settled, links: Sequence[Link], claims: Claims, scene: Scene, config: MapperConfig
+) -> list[Reflector]:
     """The fitted objects that the echoes determine well enough. A wall of fine sweeps is judged as if poses and sensors
     were known: their errors stay in its stated covariance.
     """
@@ -175,10 +177,23 @@ def _determined(last: Settled, claims: Claims, scene: Scene, config: MapperConfi
         one
         for number, one in enumerate(last.fit.objects)
         if determined(
-            one,
+            _to_its_corners(number, last.fit.objects, links),
             (posed if isinstance(one, Line) and scene.data.has_fine else last.fit).held_covariance_of(number),
             len(np.unique(scene.data.place[made_by(number, claims, last.share)])),
             scene.data,
             config,
         )
     ]
+
+
+def _to_its_corners(number: int, objects: Sequence[Reflector], links: Sequence[Link]) -> Reflector:
+    """The object; a wall that meets others at both its ends reaches from the one corner to the other, however little of
+    it was heard between them.
+    """
+    one = objects[number]
+    before = [crossing(objects, link).point for link in links if link.second == number]
+    after = [crossing(objects, link).point for link in links if link.first == number]
+    if not (isinstance(one, Line) and before and after):
+        return one
+    low_m, high_m = float(one.tangent @ before[0]), float(one.tangent @ after[0])
+    return replace(one, low_m=min(low_m, one.low_m), high_m=max(high_m, one.high_m))
