@@ -22,7 +22,7 @@ from noctule_mapper.placement.landmarks import landmarks_of
 from noctule_mapper.placement.one_by_one import challengers, improved, moved_as_one
 from noctule_mapper.placement.pair_poses import pair_poses
 from noctule_mapper.placement.pairs import Pairs, moved
-from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of
+from noctule_mapper.placement.pose_adjustment import adjusted, grouped, problem_of, regrouped
 from noctule_mapper.placement.pose_scores import Tolerance, matched
 from noctule_mapper.placement.reflector_models import PlacedUnit
 from noctule_mapper.placement.silence import point_silent, silence_nats, surroundings
@@ -293,6 +293,16 @@ def test_a_unit_alone_is_worth_nothing_and_each_at_its_place_adds_to_the_worth()
 def test_units_that_hear_nothing_are_worth_nothing_together() -> None:
     units = [replace(one, view=deaf(one.view)) for one in placed(IRREGULAR, NEAR_ITS_MIDDLE)]
     assert joint_nats(units, fixed=1) == 0.0
+
+
+def test_two_plateaus_that_seem_one_reflector_count_apart_where_that_is_likelier() -> None:
+    """In this L-shaped room u1 hears a wall that passes for an acute corner with what u5 hears. Taken apart, it makes a
+    corner with another wall, which four units hear.
+    """
+    room, poses = judged_room(41035)
+    units = placed(room, poses, 41035)
+    groups = regrouped(units, grouped(units))
+    assert worth(units) > joint_nats(units, 1, groups) + 10
 
 
 def test_a_unit_that_stood_nowhere_is_found_once_all_others_stand() -> None:

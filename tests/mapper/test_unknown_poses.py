@@ -26,7 +26,7 @@ from noctule_mapper.messages import contour_message
 
 # Rooms that were judged before and never looked at while the mapper was made.
 FIRST_SEED, ROOMS = 93_000, 10  # each kind of room once, random ones seven times
-LEAST_FOUND = 0.5
+LEAST_FOUND = 0.7  # 28 of 32 are found, less three binomial sigmas: 0.875 - 3 sqrt(0.875 0.125 / 32)
 
 
 @cache
@@ -140,9 +140,7 @@ def test_nine_of_ten_found_poses_are_within_5_cm_and_2_degrees() -> None:
 
 @pytest.mark.soak
 def test_most_of_the_units_whose_places_the_room_can_tell_are_found() -> None:
-    """Nine of ten are wanted; 142 of 157 were found in other rooms (accuracy.md). LEAST_FOUND leaves room
-    for chance.
-    """
+    """Nine of ten are wanted; 142 of 157 were found in other rooms (accuracy.md)."""
     due = sum(len(one.tellable) for one in rooms())
     found = sum(len(set(one.outcome.right) & set(one.tellable)) for one in rooms())
     assert found >= LEAST_FOUND * due

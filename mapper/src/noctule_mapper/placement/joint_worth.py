@@ -41,6 +41,20 @@ def joint_nats(placed: Sequence[PlacedUnit], fixed: int, groups: Sequence[Member
     if not groups:
         placed = [*placed[:fixed], *sorted(placed[fixed:], key=lambda one: one.view.unit)]
         groups = regrouped(placed, grouped(placed))
+        return max(_nats(placed, fixed, one) for one in (groups, *_parted(groups)))
+    return _nats(placed, fixed, groups)
+
+
+def _parted(groups: Sequence[Members]) -> list[tuple[Members, ...]]:
+    """The groups with one that two plateaus share taken apart. What two units hear at one place may be one reflector or
+    two; whether either is a wall that makes a corner with others decides it, and no pair knows that of itself.
+    """
+    pairs = [number for number, group in enumerate(groups) if len(group) == 2]
+    return [(*groups[:at], *((one,) for one in groups[at]), *groups[at + 1 :]) for at in pairs]
+
+
+def _nats(placed: Sequence[PlacedUnit], fixed: int, groups: Sequence[Members]) -> float:
+    """The worth with these ``groups``."""
     if not len(groups):  # no unit has a plateau: nothing tells where any stands
         return 0.0
     exact = [replace(one, covariance=np.zeros((3, 3))) for one in placed]

@@ -20,8 +20,8 @@ if TYPE_CHECKING:  # what seeks poses is loaded when one is sought
 _MOST_KNOWN_SIGMA_M = 0.2  # a worse stated pose tells others nothing
 _TELLING_SWEEPS = 4  # of a unit: more tell the same again, and fewer are worth no search each
 # A found pose enters the fit as if stated, but the fit hears the same echoes once more: with so many times its error
-# they count by a ninth too much.
-_AS_STATED = 3.0
+# they count by a quarter too much.
+_AS_STATED = 2.0
 _COARSE = "its sweeps are too coarse: it must sweep by steps of half a beam or less (4.5 degrees, say)"
 
 
