@@ -56,9 +56,9 @@ def _with_one_sided(state: State, config: MapperConfig) -> State:
         rough = sorted(((_rough_worth(one, state, config), one) for one in found), key=lambda one: -one[0])
         near = [objects for worth, objects in rough[:MOST_FITTED] if worth > state.worth - _NEAR_NATS]
         tried = [_state(one, scene, config) for one in near]
-        unforced = [one for one in tried if one.fitted_worth - state.fitted_worth > state.of_poses - one.of_poses]
-        better = max(unforced, key=lambda one: one.fitted_worth, default=state)
-        if better.fitted_worth < state.fitted_worth + _LEAST_RISE_NATS:
+        unforced = [one for one in tried if one.worth - state.worth > state.of_poses - one.of_poses]
+        better = max(unforced, key=lambda one: one.worth, default=state)
+        if better.worth < state.worth + _LEAST_RISE_NATS:
             break
         state = better
     return state
