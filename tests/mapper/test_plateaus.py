@@ -5,13 +5,14 @@ import pytest
 from mapper.fixed_units import BEARINGS_RAD, FIXED, survey_fixed
 from mapper.room import BEARINGS_RAD as COARSE_RAD
 from mapper.room import LabelledSweep, Physics, Room, survey_labelled
+from mapper.small_scene import evidence_of
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.readings.angles import wrapped
 from noctule_mapper.readings.echoes import echoes_of, join
 from noctule_mapper.readings.evidence import Evidence, evidence
 from noctule_mapper.readings.looks import looks_of
-from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
+from noctule_mapper.readings.plateaus import Plateaus, distinct, of_fine_sweeps, plateaus
 from noctule_mapper.readings.sweep import step_rad
 
 CONFIG = RefinementConfig()
@@ -76,6 +77,26 @@ def test_every_reading_that_listened_is_a_look_and_sweeps_of_one_place_share_the
     assert looks.weight.sum() == pytest.approx(len(BEARINGS_RAD))
     silent = np.concatenate([np.isnan(one.sweep.range_m) for one in surveyed])
     assert np.array_equal(looks.echoes.range_m > 4.0, silent)
+
+
+@pytest.mark.parametrize(
+    ("second", "kept"),
+    [
+        ((0.0, 0.0, 5.0, 2.0043), [0]),  # a cycle late (25 us, 4.3 mm), overlapping: one reflector
+        ((0.0, 0.0, 5.0, 2.02), [0, 1]),  # 2 cm farther away: a wall and its corner 28 cm aside, d^2 / (2 R)
+        ((0.0, 0.0, 25.0, 2.0043), [0, 1]),  # 20 degrees wide each, so they do not overlap
+        ((0.5, 0.0, 5.0, 2.0043), [0, 1]),  # from another place
+    ],
+)
+def test_of_plateaus_that_are_of_one_reflector_the_one_of_most_readings_stands(
+    second: tuple[float, float, float, float], kept: list[int]
+) -> None:
+    x_m, y_m, direction_deg, range_m = second
+    data = evidence_of([(0.0, 0.0, 0.0, 2.0), (x_m, y_m, np.radians(direction_deg), range_m)])
+    for readings, expected in ((np.array([9, 4]), kept), (np.array([4, 9]), [1] if kept == [0] else kept)):
+        left = distinct(Plateaus(data, readings, np.full(2, np.radians(20))), CONFIG)
+        assert left.readings.tolist() == readings[expected].tolist()
+        assert left.evidence.echoes.range_m.tolist() == data.echoes.range_m[expected].tolist()
 
 
 @pytest.mark.parametrize(

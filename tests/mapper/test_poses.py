@@ -24,13 +24,16 @@ from scipy.stats import chi2
 from system.processes import two_processes
 
 from noctule.messages_pb2 import Sweep
-from noctule_mapper.config import LimitConfig, SensorConfig
+from noctule_mapper.config import LimitConfig, RefinementConfig, SensorConfig
 from noctule_mapper.contour.contour import Contour, PoseState
 from noctule_mapper.mapper import Mapper
+from noctule_mapper.readings.echoes import echoes_of, join
+from noctule_mapper.readings.evidence import evidence, with_stands
 from noctule_mapper.readings.stands import Stands, deviation
 from noctule_mapper.readings.sweep import from_message
 from noctule_mapper.refinement.joint_fit import Shared
 from noctule_mapper.refinement.pose_errors import Errors
+from noctule_mapper.refinement.pose_rounds import known_as_fitted
 from noctule_mapper.refinement.poses import stated_nats
 
 # No room from these seeds on was ever looked at while the mapper was made.
@@ -214,6 +217,29 @@ def test_no_map_is_made_that_suits_the_stated_poses_better_than_the_echoes(seed:
     verdict = judge_fixed(aligned(mapped(surveyed), room, true), room, surveyed, told)
     assert len(verdict.due) > 4
     assert (verdict.missed, verdict.false) == ((), ())
+
+
+@pytest.mark.parametrize("seed", [71074, 71128])
+def test_two_units_make_no_wall_of_a_corner_that_both_hear(seed: int) -> None:
+    """In the one room ranges agreed only as far as the poses were known beforehand; in the other late echoes parted the
+    corner's plateaus, and each half counted.
+    """
+    room, true, surveyed = taped_room(np.random.default_rng(seed), 2)
+    told = posed_label_fit(room, surveyed, true).room
+    verdict = judge_fixed(aligned(mapped(surveyed), room, true), room, surveyed, told)
+    assert len(verdict.due) > 1
+    assert (verdict.missed, verdict.false) == ((), ())
+
+
+def test_what_poses_may_have_wrong_excuses_no_range_once_they_are_fitted() -> None:
+    surveyed = stated_by_tape(survey_fixed(ROOM, TRUE[:1], np.random.default_rng(1)), TRUE[:1])
+    echoes = join([echoes_of(one.sweep, number, 0.0032) for number, one in enumerate(surveyed)])
+    stated = evidence(echoes, echoes.sigma_m, 4.0, RefinementConfig())
+    fitted = with_stands(stated, known_as_fitted(stated.stands))
+    residual_m = np.full(len(echoes), 0.02)
+    # 2 cm are less than a tape's 3, but six times what a range errs by: 18 nats, of 6.2 that it could gain.
+    assert (stated.gain(residual_m) > 5).all()
+    assert (fitted.gain(residual_m) < -8).all()
 
 
 def test_a_wall_whose_feet_are_one_spot_goes_on_no_farther_than_its_far_corner() -> None:

@@ -33,7 +33,7 @@ def left(walls: Sequence[Line], heard: Sequence[tuple[float, float, float, float
 
     def fitted(objects: Sequence[Reflector]) -> State:
         explained = scene.explain(scene.claims(objects, [])).unexplained < 0.5
-        return State(list(objects), [], explained, scene.worth_of(objects, []), scene, 0.0)
+        return State(list(objects), [], explained, scene.worth_of(objects, []), scene, 0.0, 0.0)
 
     library = [line_candidates(np.array([RIVAL]), data, CONFIG)]
     return sure_map(fitted(walls), library, scene, fitted, lambda _: [], CONFIG).objects

@@ -22,7 +22,7 @@ from noctule_mapper.refinement.em_fit import settle
 from noctule_mapper.refinement.exchanges import met_walls, others_for
 from noctule_mapper.refinement.model_selection import add_objects, is_heard_enough, trimmed
 from noctule_mapper.refinement.one_sided import one_sided_cylinders
-from noctule_mapper.refinement.pose_rounds import followed
+from noctule_mapper.refinement.pose_rounds import followed, with_poses_as_fitted
 from noctule_mapper.refinement.poses import stated_nats
 from noctule_mapper.refinement.state import State
 from noctule_mapper.refinement.whole_map import MOST_FITTED, sure_map
@@ -30,11 +30,11 @@ from noctule_mapper.refinement.whole_map import MOST_FITTED, sure_map
 
 def best_map(data: Evidence, found: Contacts, config: MapperConfig) -> State:
     """The objects that explain the echoes for the least price, and which walls meet."""
-    state = State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0)
+    state = State([], [], np.zeros(len(data.echoes), bool), 0.0, Scene(data, config.refinement), 0.0, 0.0)
     if not len(data.echoes):
         return state
     ways = _WAYS if data.has_fine and not data.stands.is_doubted.any() else _WAYS[:1]
-    best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].worth)
+    best, library = max((_grown(state, way, found, config) for way in ways), key=lambda grown: grown[0].fitted_worth)
     if data.has_fine:
         best = _improved(best, library, config)
     else:
@@ -104,7 +104,7 @@ def _confirmed(state: State, config: MapperConfig) -> State:
                 return state
             fewer = [one for other, one in enumerate(state.objects) if other != number]
             tried = _state(fewer, state.scene, config)
-            if tried.worth > state.worth - _LEAST_PROOF_NATS:
+            if tried.fitted_worth > state.fitted_worth - _LEAST_PROOF_NATS:
                 state = tried
                 break
         else:
@@ -112,7 +112,7 @@ def _confirmed(state: State, config: MapperConfig) -> State:
 
 
 _DOUBTFUL_NATS = 40.0  # that an object may explain alone and still be worth nothing when the poses move
-_LEAST_PROOF_NATS = 3.0
+_LEAST_PROOF_NATS = 2.0
 
 
 @dataclass(frozen=True)
@@ -156,10 +156,13 @@ _LEAST_RISE_NATS = 1.0  # a round that adds less only exchanges objects for thei
 
 
 def _state(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> State:
-    objects, links, scene, of_poses = _settled(objects, scene, config)
-    explanation = scene.explain(scene.claims(objects, links))
-    worth = scene.worth(objects, links, explanation) + of_poses
-    return State(objects, links, explanation.unexplained < 0.5, worth, scene, of_poses)
+    fit = _settled(objects, scene, config)
+    explanation = fit.scene.explain(fit.scene.claims(fit.objects, fit.links))
+    worth = fitted_worth = fit.scene.worth(fit.objects, fit.links, explanation) + fit.of_poses
+    if fit.as_fitted is not fit.scene:
+        fitted_worth = fit.as_fitted.worth_of(fit.objects, fit.links) + fit.of_poses
+    explained = explanation.unexplained < 0.5
+    return State(fit.objects, fit.links, explained, worth, fit.scene, fit.of_poses, fitted_worth)
 
 
 def _exchanged(state: State, library: Sequence[Candidates], config: MapperConfig) -> State:
@@ -189,7 +192,7 @@ def _improved(state: State, library: Sequence[Candidates], config: MapperConfig)
     """The state after exchanges of any kind, one at a time, until none is worth more."""
     for _ in range(_MOST_EXCHANGES):
         tries = _tries(state, library, config)
-        better = next((one for one in tries if one.worth > state.worth + _LEAST_GAIN_NATS), None)
+        better = next((one for one in tries if one.fitted_worth > state.fitted_worth + _LEAST_GAIN_NATS), None)
         if better is None:
             break
         state = better
@@ -232,18 +235,29 @@ def _meetings(
     return met_walls(objects, walls, made, explanation.unexplained >= 0.5, scene.data, config)
 
 
-def _settled(
-    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link], Scene, float]:
+@dataclass(frozen=True)
+class _Fitted:
+    """Objects as fitted and which of them meet, the scene that follows their poses, what these are worth, and the scene
+    with the poses exactly as fitted.
+    """
+
+    objects: list[Reflector]
+    links: list[Link]
+    scene: Scene
+    of_poses: float
+    as_fitted: Scene
+
+
+def _settled(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _Fitted:
     """Fit and link; drop objects one by one while what is left explains the echoes for less; then fit again."""
     while True:
-        objects, links, scene, of_poses = _fit_and_link(objects, scene, config)
-        kept = objects
+        fit = _fit_and_link(objects, scene, config)
+        kept, links, scene = fit.objects, fit.links, fit.scene
         while (fewer := _without_one(kept, links, scene, config)) is not None:
             kept = fewer
             links = links_of(kept, scene, config)
-        if len(kept) == len(objects):
-            return objects, links, scene, of_poses
+        if len(kept) == len(fit.objects):
+            return fit
         objects = kept
 
 
@@ -271,23 +285,22 @@ def _without_one(
 _SUSPECTS = 4  # the objects worth least, whose removal is tried
 
 
-def _fit_and_link(
-    objects: Sequence[Reflector], scene: Scene, config: MapperConfig
-) -> tuple[list[Reflector], list[Link], Scene, float]:
-    """Fit the objects, and with them the poses, which the scene follows; and what the poses are worth then."""
-    objects, links, of_poses = list(objects), links_of(objects, scene, config), 0.0
+def _fit_and_link(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _Fitted:
+    """Fit the objects, and with them the poses, which the scene follows."""
+    objects, links, of_poses, as_fitted = list(objects), links_of(objects, scene, config), 0.0, scene
     for _ in range(2):
         claims = scene.claims(objects, links)
         fitted = settle(objects, links, claims, scene.data, config.refinement, iterations=2)
         of_poses = stated_nats(scene.data.stands, fitted.shared, fitted.errors)
-        scene = followed(scene, fitted)
+        before, scene = scene, followed(scene, fitted)
+        as_fitted = with_poses_as_fitted(before, fitted) if len(before.data.stands.open) else scene
         moved = fitted.fit.objects
         objects = [
             trimmed(one, _made_mask(number, claims, fitted.share, scene.data), moved, scene.data, config)
             for number, one in enumerate(moved)
         ]
         links = links_of(objects, scene, config)
-    return objects, links, scene, of_poses
+    return _Fitted(objects, links, scene, of_poses, as_fitted)
 
 
 def made_by(number: int, claims: Claims, share: np.ndarray) -> np.ndarray:

@@ -82,6 +82,19 @@ def followed(scene: Scene, fitted: Settled) -> Scene:
     return Scene(with_stands(scene.data, after), scene.config)
 
 
+def with_poses_as_fitted(scene: Scene, fitted: Settled) -> Scene:
+    """The scene with the poses exactly as ``fitted``."""
+    after = known_as_fitted(at_fitted(scene.data.stands, fitted.shared, fitted.errors))
+    return Scene(with_stands(scene.data, after), scene.config)
+
+
+def known_as_fitted(stands: Stands) -> Stands:
+    """The stands as if the fit knew their poses as well as any fit may."""
+    known = stands.known.copy()
+    known[stands.open] = _LEAST_KNOWN
+    return replace(stands, known=known)
+
+
 def _still(data: Evidence, final: Final, fitted: Callable[[Evidence], Final]) -> tuple[Evidence, Final]:
     """The evidence at the fitted poses and fitted once more from there, as long as that is worth more."""
     for _ in range(_MOST_ROUNDS if data.stands.may_move else 0):

@@ -14,7 +14,7 @@ from noctule_mapper.contour.reflectors import Circle, Line, Reflector
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence, agreeing, evidence, joined, newest_of_each_beam, with_stands
 from noctule_mapper.readings.looks import Looks
-from noctule_mapper.readings.plateaus import of_fine_sweeps, plateaus
+from noctule_mapper.readings.plateaus import distinct, of_fine_sweeps, plateaus_as_heard
 from noctule_mapper.readings.spread import estimate_sigma_m
 from noctule_mapper.readings.stands import with_sensors_as_now, with_sensors_stated_as
 from noctule_mapper.readings.turning import reconciled
@@ -23,7 +23,7 @@ from noctule_mapper.refinement.em_fit import Settled, settle
 from noctule_mapper.refinement.map_search import best_map, links_of, made_by
 from noctule_mapper.refinement.model_selection import determined, may_be_a_corner, sure_stretch
 from noctule_mapper.refinement.pose_errors import sensors_of, with_poses_known
-from noctule_mapper.refinement.pose_rounds import Final, posed
+from noctule_mapper.refinement.pose_rounds import Final, at_fitted, posed
 from noctule_mapper.refinement.poses import unit_poses
 from noctule_mapper.refinement.touches import with_touches
 
@@ -72,7 +72,8 @@ def _refined(data: Evidence, found: Contacts, config: MapperConfig, units: Seque
     contour = replace(contour, cylinders=_surely_cylinders(contour.cylinders, final, config))
     spread_m = last.range_sigma_m[: len(data.echoes)]
     poses = unit_poses(data, last, units)
-    placed = replace(data, range_sigma_m=spread_m)
+    stands = at_fitted(data.stands, last.shared, last.errors)
+    placed = with_stands(replace(data, range_sigma_m=spread_m), stands)
     sensors = sensors_of(last.normal, data.stands, int(last.fit.offsets[-1]))
     contour = with_touches(contour, objects, final.links, placed, sensors, units, config.refinement)
     return replace(contour, poses=poses, range_sigma_m=float(np.median(spread_m))), spread_m
@@ -138,7 +139,7 @@ def _weighed(data: Evidence, found: Contacts, settings: RefinementConfig) -> tup
     """
     data, fine = _agreed(data, settings), of_fine_sweeps(data)
     beams = np.nonzero(~fine)[0][newest_of_each_beam(data.take(~fine))]
-    flat = plateaus(data.take(fine), settings)
+    flat = distinct(plateaus_as_heard(data.take(fine), settings), settings).evidence
     none = np.zeros(len(flat.echoes))
     no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none, none)
     return joined(data.take(beams), flat), join_contacts([found.take(beams), no_contacts])

@@ -21,3 +21,5 @@ class State:
     worth: float
     scene: Scene
     of_poses: float  # how much of the worth is that of the poses
+    # The worth with the poses exactly as fitted: that they may be wrong excuses no range. Decisions go by this.
+    fitted_worth: float
