@@ -3,10 +3,11 @@
 import math
 
 import numpy as np
-from numba import f8, i8, njit, types
+from numba import f8, i8, types
 
 from noctule_mapper.contacts.voting import Kind
 from noctule_mapper.grid import compiling, regions
+from noctule_mapper.grid.compiling import compiled
 
 _NO_CONTACT = int(Kind.NONE)
 _READ, _KINDS = (types.Array(of, 1, "A", readonly=True) for of in (f8, i8))
@@ -15,10 +16,10 @@ TIE_CELLS = 1e-6  # a cell so near the edge of a cone is inside
 compiling.announce()
 
 
-_epsilon_m = njit("f8(f8, f8, f8)", cache=True)(regions.bounded_epsilon_m)
+_epsilon_m = compiled("f8(f8, f8, f8)")(regions.bounded_epsilon_m)
 
 
-@njit(f8[:, ::1](f8, f8, f8, _READ, _READ, f8, f8, f8, f8, f8), cache=True)
+@compiled(f8[:, ::1](f8, f8, f8, _READ, _READ, f8, f8, f8, f8, f8))
 def beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest):
     """``regions.Cones`` of one sweep: the beams (n,) that have a range, by rising axis. Where one cone ends at the
     next, both have the same number there, so that no direction is in both.
@@ -47,7 +48,7 @@ def beams(x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigma
     return cones
 
 
-@njit(f8[:, ::1](_KINDS, _READ, _READ, _READ, _READ, _READ, f8, f8), cache=True)
+@compiled(f8[:, ::1](_KINDS, _READ, _READ, _READ, _READ, _READ, f8, f8))
 def contact_arcs(kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas, cell_m):
     """``regions.Arcs`` of the echoes (n,) that have a contact."""
     arcs, found = np.empty((len(kind), 5)), 0
@@ -59,7 +60,7 @@ def contact_arcs(kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas, cell_m
     return arcs[:found]
 
 
-@njit("f8(f8, f8)", cache=True)
+@compiled("f8(f8, f8)")
 def tip_m(range_m, eps_m):
     """No point of a contact region is farther from its contact: by the law of cosines 3 eps / R round at R + eps, and
     never beyond the far side.
@@ -67,7 +68,7 @@ def tip_m(range_m, eps_m):
     return min(eps_m * math.sqrt(10 + 9 * eps_m / range_m), 2 * range_m + eps_m)
 
 
-@njit("UniTuple(f8, 5)(UniTuple(f8, 5), f8, f8, f8)", cache=True)
+@compiled("UniTuple(f8, 5)(UniTuple(f8, 5), f8, f8, f8)")
 def _widened(box, x, y, reach):
     """``box`` with the square of half side ``reach`` about (x, y) in it, and the greatest half side so far."""
     return (
@@ -79,7 +80,7 @@ def _widened(box, x, y, reach):
     )
 
 
-@njit("UniTuple(i8, 5)(f8[:,::1])", cache=True)
+@compiled("UniTuple(i8, 5)(f8[:,::1])")
 def cone_box(cones):
     """The least column and row, the greatest column and row that ``cones`` can touch, and their farthest reach, in
     cells.
@@ -90,7 +91,7 @@ def cone_box(cones):
     return math.floor(box[0]), math.floor(box[1]), math.ceil(box[2]), math.ceil(box[3]), math.ceil(box[4])
 
 
-@njit("UniTuple(i8, 5)(f8[:,::1], f8)", cache=True)
+@compiled("UniTuple(i8, 5)(f8[:,::1], f8)")
 def arc_box(arcs, cell_m):
     """The same of contact regions, the reach from their contacts."""
     box = (np.inf, np.inf, -np.inf, -np.inf, 0.0)
@@ -101,7 +102,7 @@ def arc_box(arcs, cell_m):
     return math.floor(box[0]), math.floor(box[1]), math.ceil(box[2]), math.ceil(box[3]), math.ceil(box[4])
 
 
-@njit("UniTuple(i8, 4)(f8, f8, f8)", cache=True)
+@compiled("UniTuple(i8, 4)(f8, f8, f8)")
 def sector_box(low_rad, high_rad, reach):
     """The least column and row, the greatest column and row of the cells between two directions, half a turn apart at
     most, and within ``reach`` of (0, 0). The sector holds a direction whose cosine against its middle is that of its

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,6 +44,7 @@ class GridTile:
     free: np.ndarray
 
 
+@lru_cache
 def _sectors(width_rad: float) -> int:
     """Of a circle about a sensor, a power of two: sensors of nearly one width share their table."""
     needed = 2 * math.pi / max(width_rad, _NARROWEST_BEAM_RAD) * _SECTORS_PER_BEAM

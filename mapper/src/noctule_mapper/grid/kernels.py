@@ -8,15 +8,15 @@ where it can't write there.
 import math
 
 import numpy as np
-from numba import njit
 
 from noctule_mapper.fusion import sensor_model
+from noctule_mapper.grid.compiling import compiled
 from noctule_mapper.grid.geometry import TIE_CELLS, arc_box, beams, cone_box, contact_arcs, sector_box, tip_m
 
-_direction_trust = njit(cache=True)(sensor_model.direction_trust)  # Eq. 5
-_off_arc = njit(cache=True)(sensor_model.off_arc)  # Eq. 6-7
-_free_level = njit(cache=True)(sensor_model.free_level)
-_arc_level = njit(cache=True)(sensor_model.arc_level)
+_direction_trust = compiled(sensor_model.direction_trust)  # Eq. 5
+_off_arc = compiled(sensor_model.off_arc)  # Eq. 6-7
+_free_level = compiled(sensor_model.free_level)
+_arc_level = compiled(sensor_model.arc_level)
 
 # The directory of the tiles, as in module ``tiles``: state, window, slots, spare.
 _TILES = "i8[::1], i4[:,::1], i8[:,::1], i4[::1]"
@@ -38,14 +38,14 @@ _HALF = 1 << LANE_BITS - 1
 _MIDDLES = np.uint64(sum(1 << LANE_BITS * k + LANE_BITS - 1 for k in range(sensor_model.FREE_LEVELS)))
 
 
-@njit("i8(UniTuple(i8, 5), i8, i8)", cache=True)
+@compiled("i8(UniTuple(i8, 5), i8, i8)")
 def most_tiles(box, strokes, side):
     """No more tiles than these are touched by so many strokes inside ``box``."""
     wide, high = box[2] // side - box[0] // side + 1, box[3] // side - box[1] // side + 1
     return min(wide * high, strokes * (2 * box[4] // side + 2) ** 2)
 
 
-@njit("b1(UniTuple(i8, 5), i8, i8[::1], i4[:,::1], i8)", cache=True)
+@compiled("b1(UniTuple(i8, 5), i8, i8[::1], i4[:,::1], i8)")
 def has_room(box, strokes, state, window, side):
     """Whether the window holds ``box`` and there are spare slots for the tiles that so many strokes may touch."""
     first_column, first_row, last_column, last_row = box[0] // side, box[1] // side, box[2] // side, box[3] // side
@@ -55,7 +55,7 @@ def has_room(box, strokes, state, window, side):
     return inside and state[SPARE_SLOTS] >= most_tiles(box, strokes, side)
 
 
-@njit(cache=True)
+@compiled
 def _new_slot(row, column, state, window, slots, spare):
     """The next spare slot, for the tile in ``row`` and ``column`` of the window, which has none."""
     state[SPARE_SLOTS] -= 1
@@ -65,7 +65,7 @@ def _new_slot(row, column, state, window, slots, spare):
     return slot
 
 
-@njit(cache=True)
+@compiled
 def _settle(slot, state, slots, fresh, counts, side):
     """Move the fresh counts of a tile's cells to ``counts``."""
     first_row = (slots[slot, ROW] - state[CORNER_ROW]) * side
@@ -87,7 +87,7 @@ def _settle(slot, state, slots, fresh, counts, side):
     slots[slot, STROKES] = 0
 
 
-@njit([_SETTLE.format("u2"), _SETTLE.format("u4")], cache=True)
+@compiled([_SETTLE.format("u2"), _SETTLE.format("u4")])
 def settle_all(state, slots, fresh, counts, side):
     """Move all fresh counts to ``counts``; the arrays are as in module ``tiles``."""
     for slot in range(len(slots)):
@@ -95,7 +95,7 @@ def settle_all(state, slots, fresh, counts, side):
             _settle(slot, state, slots, fresh, counts, side)
 
 
-@njit([_CONES.format("u2"), _CONES.format("u4")], cache=True)
+@compiled([_CONES.format("u2"), _CONES.format("u4")])
 def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp):
     """Count cones in (``sign`` 1) or out (-1): each of their cells at its level of trust. Whether there was room for
     it: where not, nothing is done.
@@ -131,21 +131,24 @@ def stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh,
                     slots[slot, FAN], slots[slot, STAMP] = state[FANS], stamp
         place = row * wide + column
         square, ring = int((cones[n, 5] + TIE_CELLS) ** 2), int(cones[n, 5] / ring_cells) + 1
+        ring_after = min(ring + 1, len(rings) - 1)
         for turned in range(first, last):
             trust = _direction_trust((turned + 0.5) * sector_rad - axis_rad, width_rad)  # Eq. 5
             if trust > 0:
                 one = np.uint64(1) << np.uint64(LANE_BITS * _free_level(trust))
                 change = one if sign > 0 else ~one + np.uint64(1)
-                sector = np.uint64(turned % sectors)
-                end, last_end = rings[ring, sector], rings[min(ring + 1, len(rings) - 1), sector]
-                while end < last_end and cells[1, np.uint64(end)] <= square:
-                    end += 1
-                for k in range(rings[0, sector], end):  # Eq. 7
+                sector = np.uint64(turned & (sectors - 1))  # their number is a power of two
+                for k in range(rings[0, sector], rings[ring, sector]):  # Eq. 7
                     flat[np.uint64(place + cells[0, np.uint64(k)])] += change
+                # In the ring where the reach ends, a cell beyond it adds 0 to the sensor's own: that costs less than a
+                # branch, which the processor could not predict.
+                for k in range(rings[ring, sector], rings[ring_after, sector]):
+                    within = np.int64(cells[1, np.uint64(k)] <= square)
+                    flat[np.uint64(place + within * cells[0, np.uint64(k)])] += np.uint64(within) * change
     return True
 
 
-@njit([_SWEEP.format("u2"), _SWEEP.format("u4")], cache=True)
+@compiled([_SWEEP.format("u2"), _SWEEP.format("u4")])
 def stroke_sweep(
     x_m, y_m, heading_rad, bearing_rad, range_m, width_rad, sigma_m, sigmas, cell_m, farthest,
     cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp,
@@ -157,7 +160,7 @@ def stroke_sweep(
     return stroke_cones(cones, cells, rings, reach, state, window, slots, spare, fresh, counts, side, sign, stamp)
 
 
-@njit(cache=True)
+@compiled
 def _angle_rad(aside, along):
     """atan2(aside, along): near the axis by its series, which leaves out less than rounding does."""
     if not 0 <= abs(aside) < 0.1 * along:
@@ -168,7 +171,7 @@ def _angle_rad(aside, along):
     return slope * (1 - square * (1 / 3 - square * tail))
 
 
-@njit(cache=True)
+@compiled
 def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     """The level of what a contact region says of a place (Eq. 5-8, with the region's 6 eps / R for width), -1 where it
     says nothing; (along_x, along_y) is the direction of its contact.
@@ -183,13 +186,13 @@ def _level_on_arc(dx_m, dy_m, range_m, along_x, along_y, eps_m):
     return _arc_level(trust, off) if trust > 0 else -1
 
 
-@njit("i8(i8, i8)", cache=True)
+@compiled("i8(i8, i8)")
 def most_arc_cells(arcs, reach):
     """No more cells than these are touched by so many arcs."""
     return arcs * (2 * reach + 1) ** 2
 
 
-@njit(_ARCS, cache=True)
+@compiled(_ARCS)
 def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp):
     """Add (``sign`` 1) or take off (-1) the terms of contact regions in each of their cells. Whether there was room for
     it: where not, nothing is done.
@@ -240,7 +243,7 @@ def stroke_arcs(arcs, cell_m, state, window, slots, spare, rows, spare_rows, hel
     return True
 
 
-@njit(_CONTACTS, cache=True)
+@compiled(_CONTACTS)
 def stroke_contacts(
     kind, x_m, y_m, range_m, direction_rad, sigma_m, sigmas,
     cell_m, state, window, slots, spare, rows, spare_rows, held, sums, terms, side, sign, stamp,
