@@ -15,7 +15,7 @@ PINRSF, PORSF = 0x01, 0x02
 # From nothing to 3.3 V; Silicon Labs asks for 1 ms at most.
 RISES_MS = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
 DIPS = (0, 0, 1, 3, 10, 40)
-# The supply is off for 0.1 s, rises, and is unsteady for 0.6 s; then the loader looks at the application for 0.3 s.
+# The supply is off for 0.1 s, rises, and is unsteady for 0.6 s; then the loader looks at the application for 0.4 s.
 STARTED_WITHIN_S = 1.5
 
 
