@@ -42,8 +42,8 @@ def arc_nats(sweeps: Sequence[Readings], past: Past) -> float:
 
 
 def repeated_nats(sweeps: Sequence[Readings], past: Past) -> float:
-    """The same where what has changed, an arc or the whole place, is heard again from sweep to sweep. What a motor that
-    slips makes the unit hear changes in each sweep, so it is held against this.
+    """By how many nats a change that is heard again in each later sweep explains them better than the past; 0 or more.
+    The change is in the likeliest arc or everywhere. Slips are held against this: they change in each sweep.
     """
     best = 0.0
     for first in range(len(sweeps)):
@@ -51,8 +51,8 @@ def repeated_nats(sweeps: Sequence[Readings], past: Past) -> float:
         for number, sweep in enumerate(sweeps[first + 1 :], first + 1):
             there = Past(past.bearing_rad, [before.range_m for before in sweeps[first:number]])
             for n, range_m in enumerate(sweep.range_m):
-                by_bearing[n] += math.log(likelihood.likelihood(there, n, range_m))
-                by_bearing[n] -= math.log(likelihood.likelihood(past, n, range_m))
+                again, still = (likelihood.likelihood(which, n, range_m) for which in (there, past))
+                by_bearing[n] += math.log(again / still)
         best = max(best, sum(by_bearing), _likeliest(by_bearing, past.bearing_rad)[0] - ARC_FREEDOM)
     return best
 
