@@ -77,7 +77,7 @@ def raw(kind: int, payload: bytes) -> bytes:
 
 
 def test_a_unit_starts_in_less_than_half_a_second():
-    # 0.3 s of it are the CRC of the application at 12 MHz.
+    # 0.4 s of it are the CRC of the application at 12 MHz.
     with stepped_unit() as unit:
         unit.receive(Hello, 0.5)
 

@@ -2,20 +2,23 @@
 
 import subprocess
 from itertools import count, pairwise
+from pathlib import Path
 from random import Random
 
 import pytest
 from firmware.images import built_with_fault
+from firmware.small_programs import Run
 from firmware.stepped_unit import SteppedUnit, stepped_unit
 
 from noctule_gateway.wire.frames import AskSettings, Loader, Outcome, Settings, Store, TrimTemperature
 
 # RSTSRC's bits (Silicon Labs' SI_C8051F340_Register_Enums.h)
-PINRSF, PORSF = 0x01, 0x02
+PINRSF, PORSF, FERROR = 0x01, 0x02, 0x40
+HAL = Path(__file__).parents[2] / "firmware" / "hal"
 # From nothing to 3.3 V; Silicon Labs asks for 1 ms at most.
 RISES_MS = (0.01, 0.1, 1.0, 10.0, 100.0, 1000.0)
 DIPS = (0, 0, 1, 3, 10, 40)
-# The supply is off for 0.1 s, rises, and is unsteady for 0.6 s; then the loader looks at the application for 0.3 s.
+# The supply is off for 0.1 s, rises, and is unsteady for 0.6 s; then the loader looks at the application for 0.4 s.
 STARTED_WITHIN_S = 1.5
 
 
@@ -77,6 +80,28 @@ def test_without_its_guard_a_slow_rise_spoils_the_flash(tmp_path):
     command = ["noctule-sim", "--control", "--laps", "0", "--firmware", image]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert is_harmed(SteppedUnit(process))
+
+
+WATCHED = f"""
+#include "{HAL}/supply.c"
+#include "{HAL}/flash.c"
+
+void main(void) {{
+    uint8_t cause = RSTSRC;
+    start();
+    if (cause & {FERROR}) {{ send(cause); send(cause); for (;;); }}
+    receive();
+    flash_write(0xF400, 0x0F); send(flash_read(0xF400));
+    VDM0CN = VDM0CN_VDMEN; wait_us(150); RSTSRC = RSTSRC_PORSF;
+    flash_write(0xF400, 0x0F); send(flash_read(0xF400));
+    for (;;);
+}}
+"""
+
+
+def test_flash_is_written_only_while_the_monitor_says_that_the_supply_is_good(running: Run):
+    with running(WATCHED) as board:
+        assert board.ask(b"g", 2) == bytes([0xFF, 0x0F])
 
 
 def test_a_reset_by_its_pin_is_told():

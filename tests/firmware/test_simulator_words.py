@@ -4,6 +4,7 @@ import contextlib
 import os
 import pty
 import re
+import socket
 import subprocess
 import zlib
 from pathlib import Path
@@ -55,6 +56,16 @@ def test_a_site_file_has_the_rooms_units_and_no_other_is_overwritten(tmp_path):
     assert (made.name, made.clock, made.units) == (of_the_demo.name, of_the_demo.clock, of_the_demo.units)
     again = subprocess.run(command, capture_output=True, text=True, check=False)
     assert again.returncode == 1 and "File exists" in again.stderr
+
+
+def test_a_port_that_is_taken_is_named_with_what_to_do():
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        command = ["noctule-sim", "--firmware", IMAGE, "--tcp", f"127.0.0.1:{port}", "--duration", "0.1"]
+        ended = subprocess.run(command, capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert f"port {port} is taken, where unit 1 would listen" in ended.stderr
+    assert "end the program that listens there, or give another port" in ended.stderr
 
 
 def read_to_the_end(terminal: int) -> bytes:

@@ -89,7 +89,10 @@ def alarms(kind: str, seed: int) -> set[int]:
         ("a door at 30 cm", 104100),  # these three hear one to three other reflectors, all where they were
         ("a door at 30 cm", 104102),
         ("a door at 30 cm", 104113),
+        ("a door at 30 cm", 63048),  # slips explain what is heard past the door's edge
+        ("a door at 30 cm", 63062),
         ("a door", 20004),
+        ("a door", 63065),  # one of three other reflectors was not heard in half of the sweeps
         ("a door", 20011),
         ("two people", 20010),
         ("two people", 20024),

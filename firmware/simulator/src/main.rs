@@ -58,6 +58,11 @@ enum SimulatorError {
     Fleet(#[from] FleetError),
     #[error(transparent)]
     Control(#[from] ControlError),
+    #[error(
+        "port {port} is taken, where unit {serial} would listen (--tcp {tcp}): end the program that listens there, \
+             or give another port; with port 0 each unit takes a free one"
+    )]
+    PortTaken { tcp: String, serial: u32, port: u16 },
     #[error("{what}: {source}")]
     Io { what: String, source: io::Error },
 }
@@ -244,8 +249,14 @@ fn peer(arguments: &Arguments, serial: u32) -> Result<Peer, SimulatorError> {
             .and_then(|()| Line::pty(&directory.join(format!("unit-{serial}"))))
             .map_err(io_error(format!("--pty {}", directory.display())))?,
         None => {
-            let what = format!("--tcp {} for unit {serial}", arguments.tcp);
-            arguments.address(serial).and_then(Line::tcp).map_err(io_error(what))?
+            let what = || format!("--tcp {} for unit {serial}", arguments.tcp);
+            let address = arguments.address(serial).map_err(io_error(what()))?;
+            Line::tcp(address).map_err(|error| match error.kind() {
+                io::ErrorKind::AddrInUse => {
+                    SimulatorError::PortTaken { tcp: arguments.tcp.clone(), serial, port: address.port() }
+                }
+                _ => io_error(what())(error),
+            })?
         }
     };
     Ok(Peer::Line(line))

@@ -53,6 +53,14 @@ fn a_ping_after_the_room_has_gone_quiet_hears_its_own_echo() {
 }
 
 #[test]
+fn a_face_off_the_axis_measures_from_where_it_stands() {
+    let mut world = world("face_offset_m = 0.05\n", WALL);
+    let range_m = range_of_ping(&mut world, 0);
+    assert_close(range_m, 2.5 - 0.05 * world.axis_rad().cos());
+    assert!((range_m - 2.5).abs() > 0.01);
+}
+
+#[test]
 fn a_ping_that_follows_too_soon_may_take_the_last_ones_sound_for_its_echo() {
     // The second bounce of the first ping comes 5 m * 2 / c = 29.1 ms after it.
     let interval_s = 0.025;

@@ -10,8 +10,8 @@ from noctule_gateway.health.course import slipped
 from noctule_gateway.health.offsets import Table
 from noctule_gateway.health.suspicion import Suspicion
 
-_GOOD, _GOOD_SLIPS = 1.6, 2.3  # nats an echo, no more than so much worse than usual: this explains the sweeps
-_FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained
+_GOOD = 1.6  # nats an echo, no more than so much worse than usual: one angle or two explain the sweeps
+_FOREIGN_ECHO = 2.6  # worse than so much: nothing is explained, nor by slips
 _LEAST_GAIN = 30.0  # of a bearing that is off over none
 _SLIPS_NATS, _PLAY_NATS = 8.0, 10.0  # over one angle, since they have more freedom
 _SLIPS_SHARE = 0.5  # of the bearings that are off: what stands in an open door changes fewer
@@ -53,7 +53,7 @@ def bearings_off(tables: Sequence[Table], usual_fit: float, heard_share: float) 
     worse = (usual_fit - best.fit) / heard_share
     if best.gain < _LEAST_GAIN or worse > _FOREIGN_ECHO:
         return None
-    good, sweeps = (_GOOD_SLIPS, _TO_SLIP) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
+    good, sweeps = (_FOREIGN_ECHO, _TO_SLIP) if slips else (_GOOD, _TO_PLAY if plays else _TO_TURN)
     told = _slipped if slips else _with_play if plays else _turned
     if worse > good and best.since <= len(tables) - _TO_TURN:
         return None  # it has had its time

@@ -30,7 +30,7 @@ def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
         return []
     if past is not None and sum(_nearer(sweep, past, number) for number in arc) < _NEW_SHARE * len(arc):
         return []
-    if past is not None and not past.agrees(sweep, range(arc[0], arc[-1] + 1)):
+    if past is not None and not past.agrees([sweep], range(arc[0], arc[-1] + 1)):
         return []  # all else has changed too: it looks elsewhere
     first, last = (round(math.degrees(sweep.bearing_rad[number])) for number in (arc[0], arc[-1]))
     nearest_m = min(sweep.range_m[number] for number in arc)

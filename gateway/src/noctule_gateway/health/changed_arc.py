@@ -16,6 +16,7 @@ from noctule_gateway.health.marks import ALIKE_M, reflectors_of
 from noctule_gateway.health.past import Past
 from noctule_gateway.health.readings import Readings
 
+ARC_FREEDOM = 9.0  # nats: which of 1,800 arcs, from which of four sweeps on
 _WIDEST_RAD = math.radians(150.0)  # of what is 80 cm wide and 30 cm away: 106 degrees, and the beam's 20 at each end
 _AGAIN_M, _AGAIN_SHARE = 0.005, 0.002  # their median, in air that is 1 kelvin warmer or colder
 
@@ -37,6 +38,22 @@ def arc_nats(sweeps: Sequence[Readings], past: Past) -> float:
     for sweep in reversed(sweeps):
         by_bearing = [sum(both) for both in zip(by_bearing, elsewhere_nats(sweep, past), strict=True)]
         best = max(best, _likeliest(by_bearing, past.bearing_rad)[0])
+    return best
+
+
+def repeated_nats(sweeps: Sequence[Readings], past: Past) -> float:
+    """By how many nats a change that is heard again in each later sweep explains them better than the past; 0 or more.
+    The change is in the likeliest arc or everywhere. Slips are held against this: they change in each sweep.
+    """
+    best = 0.0
+    for first in range(len(sweeps)):
+        by_bearing = elsewhere_nats(sweeps[first], past)
+        for number, sweep in enumerate(sweeps[first + 1 :], first + 1):
+            there = Past(past.bearing_rad, [before.range_m for before in sweeps[first:number]])
+            for n, range_m in enumerate(sweep.range_m):
+                again, still = (likelihood.likelihood(which, n, range_m) for which in (there, past))
+                by_bearing[n] += math.log(again / still)
+        best = max(best, sum(by_bearing), _likeliest(by_bearing, past.bearing_rad)[0] - ARC_FREEDOM)
     return best
 
 

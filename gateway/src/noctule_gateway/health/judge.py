@@ -157,7 +157,7 @@ class Judge:
             sensor_line.suspicions(sweep)
             or one_value.suspicions(sweep, past)
             or blocked.suspicions(sweep, past)
-            or silence.suspicions(sweep, past)
+            or silence.suspicions(sweep, past, self._watch.last)
         )
         arc = [each for each in main if each.kind == messages.FAULT_KIND_ARC_SILENT]
         spoiled = any(FAULTS[each.kind].spoils for each in main + beside if each not in arc)
@@ -176,6 +176,8 @@ class Judge:
         shown = {each.kind: each for each in map(self._as_it_stands, found)}
         clear = any(FAULTS[kind].spoils for kind in shown)
         kept = self._streaks if odd and not clear else {}  # a sweep that shows nothing clearly proves nothing
+        if self._watch.stands:  # which is proof enough
+            kept.pop(messages.FAULT_KIND_MOVED, None)
         self._streaks = kept | {kind: self._streaks.get(kind) or replace(begun) for kind in shown}
         named: list[FaultKind] = []
         for kind, each in shown.items():

@@ -71,10 +71,11 @@ class Past:
         """The bearings that mostly answer, and then at one range to within 2 cm."""
         return self._stable
 
-    def agrees(self, sweep: Readings, but: Collection[int]) -> bool:
+    def agrees(self, sweeps: Sequence[Readings], but: Collection[int]) -> bool:
         """At stable bearings other than ``but`` half of the echoes are as before; True where few answer."""
         off_m = [
             abs(sweep.range_m[n] - self.median_m[n])
+            for sweep in sweeps
             for n in self._stable
             if n not in but and not math.isnan(sweep.range_m[n])
         ]

@@ -14,7 +14,7 @@ from statistics import median
 
 from noctule import messages_pb2 as messages
 from noctule_gateway.health.bearings_off import bearings_off
-from noctule_gateway.health.changed_arc import arc_nats, stands
+from noctule_gateway.health.changed_arc import ARC_FREEDOM, arc_nats, repeated_nats, stands
 from noctule_gateway.health.likelihood import shifted_nats, stay_fit, usual_fit
 from noctule_gateway.health.marks import marks_of
 from noctule_gateway.health.noise import LEAST_M, NOISY_M, change_m, disagreement_m, scatter_m
@@ -27,12 +27,11 @@ from noctule_gateway.health.suspicion import Suspicion
 _WORSE, _WORSE_OF_THREE = 0.2, 0.15  # nats a reading, than usual: looked at closely
 _BAD = 0.8  # nats a reading, worse than usual: something is wrong
 _FOREIGN = 1.2  # worse than usual: this may be another room
-_ARC_FREEDOM = 9.0  # nats: which of 1,800 arcs, from which of four sweeps on
 _LEAST_SHIFT_GAIN = 3.5
 _CLEAR_MOTION_GAIN = 8.0  # where the readings fit the past as usual
 _MARK_NATS = 2.0  # only to choose: of motion and jump the one that explains more marks
 _JUMP_LEADS = 3.0  # nats, over a motion: where both explain the same marks, it does so by 4
-_ASKED, _TO_SHIFT, _TO_STAND = 4, 2, 2  # sweeps together
+_ASKED, _TO_SHIFT = 4, 2  # sweeps together
 _KEPT_USUAL, _LEAST_USUAL = 20, 3
 _LEAST_STABLE = 8  # bearings: fewer tell too little
 _LEAST_REPEATED = 2  # echoes: of two false ones both come again by chance in one sweep of a million
@@ -48,18 +47,25 @@ class _Seen:
 
 
 class PoseWatch:
-    """Remembers the last sweeps, and how well sweeps usually fit. ``strange``: the last one fits nothing known."""
+    """Remembers the last sweeps, and how well sweeps usually fit. ``strange``: the last one fits nothing known;
+    ``stands``: nor does it, but the unit has not been carried elsewhere.
+    """
 
     def __init__(self, usual: Sequence[float] = ()) -> None:
         self.usual: deque[float] = deque(usual, _KEPT_USUAL)
-        self.strange = False
+        self.strange = self.stands = False
         self._known: Shift | None = None  # the last one that was shown, until it is over
         self._well = 0  # sweeps in a row that fit as usual and show nothing
         self._last: deque[_Seen] = deque(maxlen=_ASKED)
 
+    @property
+    def last(self) -> Readings | None:
+        """The sweep that was taken in last."""
+        return self._last[-1].sweep if self._last else None
+
     def take(self, sweep: Readings, past: Past) -> bool:
         """Remember the sweep, to judge it and the next ones; False while the past tells too little."""
-        self.strange = False
+        self.strange = self.stands = False
         if len(self.usual) < _LEAST_USUAL or len(past.stable()) < _LEAST_STABLE:
             return False
         self._last.append(_Seen(sweep, stay_fit(sweep, past) - median(self.usual)))
@@ -108,7 +114,10 @@ class PoseWatch:
             return None
         if shift is not None and shift.moved_m and not off.fits_well:
             return None  # slips can explain nearly anything a little, marks that fit a motion only a motion
-        if off.gain < arc_nats([seen.sweep for seen in self._last], past) - _ARC_FREEDOM:
+        sweeps = [seen.sweep for seen in self._last]
+        if off.gain < arc_nats(sweeps, past) - ARC_FREEDOM:
+            return None
+        if off.suspicion.kind == messages.FAULT_KIND_SLIPPED and off.gain < repeated_nats(sweeps, past):
             return None
         if off.turned_by and not self._as_far(past, off.turned_by):
             return None
@@ -177,7 +186,8 @@ class PoseWatch:
         """
         if self._last[-1].fit >= -_FOREIGN:
             return []
-        if stands([seen.sweep for seen in self._last][-_TO_STAND:], past):
+        self.stands = stands([seen.sweep for seen in self._last if seen.fit < -_FOREIGN], past)
+        if self.stands:
             return []
         foreign = [seen.sweep for seen in list(self._last)[-3:-1] if seen.fit < -_FOREIGN]
         changes = [change_m(sweep, before, range(len(sweep.range_m)), _LEAST_REPEATED) for before in foreign]

@@ -28,8 +28,8 @@ _LEAST_READINGS = 4
 _AS_BEFORE_M = 0.025
 
 
-def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
-    """``past`` is None where none can be asked."""
+def suspicions(sweep: Readings, past: Past | None, before: Readings | None = None) -> list[Suspicion]:
+    """``past`` is None where none can be asked. ``before`` is the sweep before, where that is known."""
     listened = [n for n, one in enumerate(sweep.status) if _listened(one) or not math.isnan(sweep.range_m[n])]
     if len(listened) < _LEAST_READINGS:
         return []
@@ -40,7 +40,7 @@ def suspicions(sweep: Readings, past: Past | None) -> list[Suspicion]:
     silent = [n for n in listened if math.isnan(sweep.range_m[n])]
     nats = _nats(past, silent)
     usual = sum(share >= _USUAL_SHARE for share in past.heard_share)
-    arc = _arc(sweep, past, listened)
+    arc = _arc([sweep] if before is None else [before, sweep], past, listened)
     # A false echo falls into the past's range by chance once in eighty: such echoes are true ones, beside a silent arc.
     deaf = echoes <= _MOST_FALSE * len(listened) and nats >= _LEAST_NATS and not _hears_a_reflector(sweep)
     if deaf and not (arc and _as_before(sweep, past)):
@@ -65,8 +65,11 @@ def _as_before(sweep: Readings, past: Past) -> bool:
     return any(abs(sweep.range_m[n] - past.median_m[n]) <= _AS_BEFORE_M for n in sweep.heard)
 
 
-def _arc(sweep: Readings, past: Past, listened: Sequence[int]) -> list[Suspicion]:
-    """The widest arc without any echo, if it used to answer."""
+def _arc(sweeps: Sequence[Readings], past: Past, listened: Sequence[int]) -> list[Suspicion]:
+    """The last sweep's widest arc without any echo, if it used to answer, and what is heard beside it in all of
+    ``sweeps`` is as before.
+    """
+    sweep = sweeps[-1]
     runs: list[list[int]] = [[]]
     for number in listened:
         if math.isnan(sweep.range_m[number]):
@@ -82,7 +85,8 @@ def _arc(sweep: Readings, past: Past, listened: Sequence[int]) -> list[Suspicion
     least_rad = _ARC_OF_MARKS_RAD if marks >= _MARKS else _ARC_RAD
     if sweep.bearing_rad[usual[-1]] - sweep.bearing_rad[usual[0]] < least_rad:
         return []
-    if not past.agrees(sweep, widest) or _elsewhere_nats(sweep, past, set(listened) - set(widest)) > 0:
+    beside = set(listened) - set(widest)
+    if not past.agrees(sweeps, widest) or sum(_elsewhere_nats(each, past, beside) for each in sweeps) > 0:
         return []
     first, last = (round(math.degrees(sweep.bearing_rad[n])) for n in (widest[0], widest[-1]))
     return [Suspicion(messages.FAULT_KIND_ARC_SILENT, nats, f"no echo any more from {first} to {last} degrees")]
