@@ -1,12 +1,15 @@
 """What the status makes of what is heard on the bus: a row for each program, and how it fares."""
 
 from datetime import UTC, datetime, timedelta
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from noctule.messages_pb2 import ServiceStatus
 from noctule_deploy import fleet_file, status
+from noctule_deploy.cli.status_table import show
 from noctule_deploy.errors import RenderError
 from noctule_deploy.fleet import Fleet
 from noctule_deploy.generations import Generations
@@ -105,3 +108,20 @@ def test_the_bus_is_asked_with_an_operators_certificate_that_may_read_all_sites(
         status.own_folder(fleet, place, {"operator.anna": Generations(1, 1)})
     with pytest.raises(RenderError, match="no certificates yet: run noctule-deploy render"):
         status.own_folder(fleet, place, {})
+
+
+def shown(found: dict[str, Row], width: int, is_terminal: bool) -> list[str]:
+    written = StringIO()
+    show(list(found.values()), Console(file=written, width=width, force_terminal=is_terminal, color_system=None))
+    return written.getvalue().splitlines()
+
+
+def test_the_table_fits_a_terminal_of_80_columns_and_no_word_of_it_is_cut(fleet: Fleet) -> None:
+    complaint = "install chrony, and let the host reach a time server, " * 8 + "now"
+    found = rows(fleet, said("house", "one", complaint), *ALL_WELL[1:])
+    lines = shown(found, 80, is_terminal=True)
+    assert max(map(len, lines)) <= 80
+    assert all(any(f" {program} " in line for line in lines) for program in found)
+    assert f"gateway.attic: {complaint}" in " ".join(line.strip() for line in lines)
+    (row,) = [line for line in shown(found, 80, is_terminal=False) if "gateway.attic" in line]
+    assert complaint in row, "what is piped on has all of a program in its line"
