@@ -150,6 +150,13 @@ def test_the_check_names_a_list_of_operators_that_is_not_the_newest(made: Secure
     assert not (made.folder("mapper.cartographer.g1") / operators.FILE).exists()
 
 
+def test_the_check_of_a_fleet_that_was_never_rendered_says_so_in_one_line(made: SecuredFleet, tmp_path: Path) -> None:
+    elsewhere = render.Place(tmp_path / "elsewhere", made.place.ca)
+    (finding,) = check.check(fleet_file.load(made.file), elsewhere, NOW)
+    assert finding.text == f"nothing is rendered in {elsewhere.out} yet: run noctule-deploy render"
+    assert finding.severity is check.Severity.WRONG
+
+
 def test_a_sound_rendering_has_no_findings(made: SecuredFleet) -> None:
     assert findings(made) == []
 

@@ -50,7 +50,7 @@ web = {{ name = "localhost", port = {page}, users = {{ anna = "{hashed}" }} }}
 name = "anna"
 sites = ["*"]
 """
-PROGRAMS = ("router.one", "gateway.attic", "mapper.cartographer", "viewer.screen")
+PROGRAMS = ("router.one", "gateway.attic", "mapper.cartographer", "viewer.screen", "web.screen")
 PASSWORD = "night-flight"
 HASHED = "$2b$04$abcdefghijklmnopqrstuubKjiNwI71ul7nETs8D9Wbpfd3CpQAoS"  # bcrypt at its least cost
 READ, WRITE = (f"/rerun.sdk_comms.v1alpha1.MessageProxyService/{name}Messages" for name in ("Read", "Write"))

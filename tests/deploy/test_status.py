@@ -1,19 +1,24 @@
 """What the status makes of what is heard on the bus: a row for each program, and how it fares."""
 
 from datetime import UTC, datetime, timedelta
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+from system.processes import free_ports
 
 from noctule.messages_pb2 import ServiceStatus
-from noctule_deploy import fleet_file, status
+from noctule_deploy import fleet_file, pages, status
+from noctule_deploy.cli.status_table import show
 from noctule_deploy.errors import RenderError
-from noctule_deploy.fleet import Fleet
+from noctule_deploy.fleet import Fleet, Web
 from noctule_deploy.generations import Generations
 from noctule_deploy.render import Place
 from noctule_deploy.status import Heard, Row, State
 
 NOW = datetime(2026, 3, 1, tzinfo=UTC)
+HASHED = "$2b$04$abcdefghijklmnopqrstuubKjiNwI71ul7nETs8D9Wbpfd3CpQAoS"  # bcrypt at its least cost
 LATER = NOW + timedelta(days=400)
 SITE = 'site = "house"\n[[unit]]\nname = "u1"\nserial = 1\naddress = "/dev/ttyUSB0"\npose = "key"\n'
 FLEET = """
@@ -24,8 +29,9 @@ gateway = [
 ]
 mapper = [{ name = "m1", sites = ["*"], host = "hub" }, { name = "m2", sites = ["*"], host = "spare" }]
 operator = [{ name = "anna", sites = ["house"] }, { name = "berta", sites = ["farm", "house"] }]
-viewer = [{ name = "screen", sites = ["*"], host = "hub" }]
-"""
+viewer = [{ name = "screen", sites = ["*"], host = "hub", web = { name = "map.example", users = { anna = "HASHED" } } }]
+""".replace("HASHED", HASHED)
+PAGES = {"screen": ""}
 
 
 @pytest.fixture
@@ -53,7 +59,9 @@ ALL_WELL = (
 
 def rows(fleet: Fleet, *services: ServiceStatus, expires: dict[str, datetime] | None = None) -> dict[str, Row]:
     every = {subject: LATER for subject in fleet.subjects()} | (expires or {})
-    return {row.program: row for row in status.rows(fleet, Heard(frozenset({"one", "two"}), services), every, NOW)}
+    return {
+        row.program: row for row in status.rows(fleet, Heard(frozenset({"one", "two"}), services, PAGES), every, NOW)
+    }
 
 
 def test_each_program_has_a_row_under_its_host(fleet: Fleet) -> None:
@@ -64,6 +72,7 @@ def test_each_program_has_a_row_under_its_host(fleet: Fleet) -> None:
         "router.two": "hub",
         "mapper.m1": "hub",
         "viewer.screen": "hub",
+        "web.screen": "hub",
         "mapper.m2": "spare",
         "gateway.barn": "",
     }
@@ -80,7 +89,7 @@ def test_what_says_nothing_what_has_said_it_long_ago_and_what_complains_are_told
 
 
 def test_a_router_that_does_not_answer_is_away(fleet: Fleet) -> None:
-    found = status.rows(fleet, Heard(frozenset({"one"}), ALL_WELL), {}, NOW)
+    found = status.rows(fleet, Heard(frozenset({"one"}), ALL_WELL, PAGES), {}, NOW)
     assert {row.program: row.state for row in found if row.state is not State.WELL} == {"router.two": State.AWAY}
 
 
@@ -105,3 +114,30 @@ def test_the_bus_is_asked_with_an_operators_certificate_that_may_read_all_sites(
         status.own_folder(fleet, place, {"operator.anna": Generations(1, 1)})
     with pytest.raises(RenderError, match="no certificates yet: run noctule-deploy render"):
         status.own_folder(fleet, place, {})
+
+
+def shown(found: dict[str, Row], width: int, is_terminal: bool) -> list[str]:
+    written = StringIO()
+    show(list(found.values()), Console(file=written, width=width, force_terminal=is_terminal, color_system=None))
+    return written.getvalue().splitlines()
+
+
+def test_the_table_fits_a_terminal_of_80_columns_and_no_word_of_it_is_cut(fleet: Fleet) -> None:
+    complaint = "install chrony, and let the host reach a time server, " * 8 + "now"
+    found = rows(fleet, said("house", "one", complaint), *ALL_WELL[1:])
+    lines = shown(found, 80, is_terminal=True)
+    assert max(map(len, lines)) <= 80
+    assert all(any(f" {program} " in line for line in lines) for program in found)
+    assert f"gateway.attic: {complaint}" in " ".join(line.strip() for line in lines)
+    (row,) = [line for line in shown(found, 80, is_terminal=False) if "gateway.attic" in line]
+    assert complaint in row, "what is piped on has all of a program in its line"
+
+
+def test_a_page_that_does_not_answer_is_away(fleet: Fleet) -> None:
+    (port,) = free_ports(1)
+    web = Web.model_validate({"name": "127.0.0.1", "port": port, "users": {"anna": HASHED}})
+    trouble = pages.trouble(web)
+    assert trouble.startswith(f"https://127.0.0.1:{port} does not answer: ")
+    found = status.rows(fleet, Heard(frozenset(), (), {"screen": trouble}), {}, NOW)
+    (row,) = [row for row in found if row.program == "web.screen"]
+    assert (row.host, row.state, row.detail) == ("hub", State.AWAY, trouble)

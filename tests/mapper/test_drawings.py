@@ -170,10 +170,14 @@ def test_where_the_viewer_is_not_installed_what_to_install_is_told(file: Path, m
     assert file.with_name("map.rrd").exists(), "what was drawn stays"
 
 
-def test_a_recording_for_which_the_disk_has_no_room_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("option", ["--rrd", "--contacts", "--svg", "--contour"])
+def test_a_file_for_which_the_disk_has_no_room_is_named(option: str, tmp_path: Path) -> None:
     file = tmp_path / "survey.jsonl"
     with file.open("w") as stream:
         survey.write(paper_survey()[:2], stream)
-    result = fit(file, "--rrd", "/dev/full")  # where every write fails so
+    suffix = {"--rrd": ".rrd", "--contacts": ".csv", "--svg": ".svg", "--contour": ".json"}[option]
+    full = tmp_path / f"full{suffix}"
+    full.symlink_to("/dev/full")  # where every write fails so
+    result = fit(file, option, full)
     assert result.exit_code == 1
-    assert result.complaint.startswith("noctule-mapper: /dev/full: ") and "No space left" in result.complaint
+    assert result.complaint.startswith(f"noctule-mapper: {full}: ") and "No space left" in result.complaint

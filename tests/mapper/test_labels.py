@@ -36,6 +36,15 @@ def overlapping(found: list[Label], px_m: float = PX_M) -> list[tuple[str, str]]
     ]
 
 
+def lies_on(circle: Cylinder, label: Label, px_m: float) -> bool:
+    """Whether the box of ``label`` has a part of the ring in it."""
+    middle_m = (label.place_m[0], label.place_m[1] - 10 * px_m)  # Rerun draws a label ten pixels below its place
+    half_m = ((7 * len(label.text) + 12) / 2 * px_m, 10 * px_m)
+    off_m = np.abs(np.subtract(middle_m, (circle.x_m, circle.y_m)))
+    nearest_m, farthest_m = np.hypot(*np.maximum(off_m - half_m, 0.0)), np.hypot(*(off_m + half_m))
+    return bool(nearest_m <= circle.radius_m <= farthest_m)
+
+
 def test_a_room_has_the_lengths_of_its_walls_at_their_middles() -> None:
     found = labels(room(), {})
     assert [label.text for label in found] == ["r 0.30 m", "4.00 m", "4.00 m", "3.00 m", "3.00 m"]
@@ -82,6 +91,12 @@ def test_twenty_units_in_the_papers_room_are_all_named_whoever_was_heard_first()
         assert overlapping(found, px_m=3.73 / 340.0) == []  # the room is 3.73 m wide
         assert sorted(label.text for label in found if label.kind == "unit") == sorted(units)
         assert sum(label.kind == "wall" for label in found) == 5
+    in_order = labels(Contour(walls=walls, cylinders=circles), {f"u{n}": units[f"u{n}"] for n in range(1, 21)})
+    for label in in_order:
+        if label.kind == "unit":
+            assert not lies_on(circles[0], label, 3.73 / 340.0)
+            dots = [Cylinder(x_m=x_m, y_m=y_m, radius_m=0.001) for x_m, y_m in units.values()]
+            assert not any(lies_on(dot, label, 3.73 / 340.0) for dot in dots), "it seems to be another unit's"
 
 
 def test_a_units_name_has_its_colour_so_that_it_is_known_from_afar_and_a_shared_one_is_white() -> None:
@@ -103,10 +118,10 @@ def test_units_at_one_place_share_a_label() -> None:
 
 def test_a_label_without_room_is_left_out_and_the_more_important_one_stays() -> None:
     crowd = Contour(
-        walls=[Wall(start=Point(x_m=2.0, y_m=1.0), end=Point(x_m=2.02 + 0.001 * n, y_m=1.0)) for n in range(9)]
+        walls=[Wall(start=Point(x_m=2.0, y_m=1.0), end=Point(x_m=2.03 + 0.0001 * n, y_m=1.0)) for n in range(9)]
     )
     found = labels(crowd, {"u1": (0.0, 0.0), "u2": (4.0, 3.0)})
-    assert [label.text for label in found] == ["u1", "u2", "0.03 m"]
+    assert [label.text for label in found] == ["u1", "u2", "0.03 m", "0.03 m"]  # on a wall and above it
 
 
 def test_nothing_has_no_labels() -> None:
@@ -120,9 +135,6 @@ def test_a_units_name_keeps_off_a_cylinder_below_it_and_near_its_unit(degrees: f
     under_m = (centre_m[0] + radius_m * np.cos(at_rad), centre_m[1] + radius_m * np.sin(at_rad))
     unit_m = (under_m[0], under_m[1] + 18 * PX_M)  # its name would hang on the ring
     (name,) = [label for label in labels(room(), {"u1": unit_m}) if label.kind == "unit"]
+    assert not lies_on(Cylinder(x_m=centre_m[0], y_m=centre_m[1], radius_m=radius_m), name, PX_M)
     middle_m = (name.place_m[0], name.place_m[1] - 10 * PX_M)  # Rerun draws a label ten pixels below its place
-    half_m = (13 * PX_M, 10 * PX_M)
-    off_m = np.abs(np.subtract(middle_m, centre_m))
-    nearest_m, farthest_m = np.hypot(*np.maximum(off_m - half_m, 0.0)), np.hypot(*(off_m + half_m))
-    assert not nearest_m <= radius_m <= farthest_m, "it lies on the ring"
     assert np.hypot(*np.subtract(middle_m, unit_m)) < 30 * PX_M, "above or beside the unit"

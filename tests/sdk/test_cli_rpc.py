@@ -18,7 +18,7 @@ from noctule.messages_pb2 import (
 
 @pytest.mark.usefixtures("site")
 def test_rpc_prints_the_reply_or_why_it_was_not_done(noctule):
-    code, out, _ = finish(noctule("rpc", "--json", "room", "u1", "hello"))
+    code, out, _ = finish(noctule("rpc", "room", "u1", "hello", "--json"))
     assert code == 0 and json.loads(out)["status"]["firmware"] == "replay"
     code, out, _ = finish(noctule("rpc", "room", "u1", "status"))
     assert code == 0 and out.startswith("u1: idle\n") and re.search("^  log +1 to 3$", out, re.MULTILINE)

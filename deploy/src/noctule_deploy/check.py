@@ -33,6 +33,8 @@ class Finding:
 def check(fleet: Fleet, place: Place, now: datetime) -> list[Finding]:
     """All that is wrong, and what expires within 30 days. Raises RenderError where the generations can't be read."""
     known = generations.load(place.out)
+    if not known and fleet.subjects():
+        return [_wrong(f"nothing is rendered in {place.out} yet: run noctule-deploy render")]
     expected = generations.of_fleet(known, fleet.subjects())
     findings = list(_authority(place))
     if expected != known:

@@ -13,11 +13,11 @@ from noctule.client import Client
 from noctule.errors import BusError
 from noctule.keys import Role
 from noctule.messages_pb2 import ServiceStatus
-from noctule_deploy import zenoh_config
+from noctule_deploy import pages, zenoh_config
 from noctule_deploy.errors import RenderError
 from noctule_deploy.fleet import ROUTER, Fleet, Member
 from noctule_deploy.generations import Generations, common_name
-from noctule_deploy.hosts import programs
+from noctule_deploy.hosts import WEB, programs
 from noctule_deploy.render import Place
 
 _PATIENCE_S = 3.0
@@ -50,14 +50,19 @@ class Row:
 
 @dataclass(frozen=True)
 class Heard:
-    """What the bus says: the names of routers that answer, and the statuses of all services."""
+    """What the bus says: the names of routers that answer, and the statuses of all services. And by the name of its
+    viewer what is wrong with each page.
+    """
 
     routers: frozenset[str]
     services: tuple[ServiceStatus, ...]
+    pages: Mapping[str, str]
 
 
 def listen(fleet: Fleet, tls_folder: Path) -> Heard:
-    """Ask every router whether it answers, and every site for its services. Raises BusError where no router does."""
+    """Ask every router and every page whether it answers, and every site for its services. Raises BusError where no
+    router does.
+    """
     with ThreadPoolExecutor() as pool:  # at once: what hangs lets each question run out of time
         answers = list(pool.map(partial(_answers, tls_folder), map(zenoh_config.endpoint, fleet.router)))
         routers = frozenset(each.name for each, answer in zip(fleet.router, answers, strict=True) if answer)
@@ -70,8 +75,10 @@ def listen(fleet: Fleet, tls_folder: Path) -> Heard:
                     except BusError:  # the only one who could reply hangs, which its row shows
                         return []
 
+            asked = {each.name: pool.submit(pages.trouble, each.web) for each in fleet.viewer if each.host and each.web}
             found = list(pool.map(of_site, fleet.sites()))
-    return Heard(routers, tuple(status for statuses in found for status in statuses))
+            troubles = {name: told.result() for name, told in asked.items()}
+    return Heard(routers, tuple(status for statuses in found for status in statuses), troubles)
 
 
 def own_folder(fleet: Fleet, place: Place, known: Mapping[str, Generations]) -> Path:
@@ -113,6 +120,9 @@ def rows(fleet: Fleet, heard: Heard, expiries: Mapping[str, datetime], now: date
             subject = program.subject if program and program.subject else member.subject
             said = _said(member, subject, heard.services)
             found += _of_member(member, hosts.get(subject, ""), said, expiries.get(subject), now)
+    for viewer, trouble in heard.pages.items():
+        state = State.AWAY if trouble else State.WELL
+        found.append(Row(running[WEB, viewer].host, f"{WEB}.{viewer}", "", state, "", None, trouble))
     return sorted(found, key=lambda row: (not row.host, row.host))
 
 

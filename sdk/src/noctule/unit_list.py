@@ -50,7 +50,7 @@ def rows(
     read = _read_last(services)
     named = {unit.name for unit in site.units} if site else None
     result: list[UnitRow] = []
-    for name in sorted({*alive, *by_unit, *read, *(named or ())}, key=_natural):
+    for name in sorted({*alive, *by_unit, *read, *(named or ())}, key=natural):
         stranger = "not in the site file" if named is not None and name not in named else ""
         found = [_with_status(status, read.get(name)) for status in by_unit.get(name, [])]
         if not found:
@@ -65,7 +65,7 @@ def is_well(row: UnitRow) -> bool:
     return status is not None and status.state not in _UNWELL and not status.faults and not row.detail
 
 
-def _natural(name: str) -> list[str | int]:
+def natural(name: str) -> list[str | int]:
     """u2 before u10."""
     return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 

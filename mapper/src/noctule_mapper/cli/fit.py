@@ -62,14 +62,12 @@ def fit(
         shown.at("looking for walls and cylinders")
         result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:
-        content = survey.to_json(result) + "\n"
-        if contour.exists() and not contour.is_file():  # a device
-            contour.write_text(content)
-        else:
-            beside = contour.with_suffix(".config.toml")
-            write_whole({contour: content.encode(), beside: to_toml(parameters).encode()})
+        contents = {contour: f"{survey.to_json(result)}\n".encode()}
+        if contour.is_file() or not contour.exists():  # not beside a device
+            contents[contour.with_suffix(".config.toml")] = to_toml(parameters).encode()
+        write_whole(contents)
     if contacts:
-        contacts.write_text(surveyed.mapper.contact_report().csv())
+        write_whole({contacts: surveyed.mapper.contact_report().csv().encode()})
     print(contour_table(result))
     for left_out in surveyed.left_out:
         typer.echo(str(left_out), err=True)

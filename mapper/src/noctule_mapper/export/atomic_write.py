@@ -8,14 +8,17 @@ from pathlib import Path
 
 
 def write_whole(contents: Mapping[Path, bytes]) -> None:
-    """Write files, the old of each staying until all the new ones are on the disk. Raises OSError that names the file,
-    with nothing left behind, where one can't be written.
+    """Write files, the old of each staying until all the new ones are on the disk; a device is written as it is.
+    Raises OSError that names the file, with nothing left behind, where one can't be written.
     """
-    beside = {path.resolve(): _beside(path.resolve()) for path in contents}
+    beside = {path.resolve(): _beside(path.resolve()) for path in contents if not _is_device(path)}
     try:
         for path, content in contents.items():
             try:
-                _write(beside[path.resolve()], content)
+                if _is_device(path):
+                    path.write_bytes(content)
+                else:
+                    _write(beside[path.resolve()], content)
             except OSError as error:
                 error.filename = str(path)  # none for a full disk, and else the name of the file beside it
                 raise
@@ -27,6 +30,10 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
         for new in beside.values():
             with contextlib.suppress(OSError):
                 new.unlink(missing_ok=True)
+
+
+def _is_device(path: Path) -> bool:
+    return path.exists() and not path.is_file()
 
 
 def _beside(path: Path) -> Path:

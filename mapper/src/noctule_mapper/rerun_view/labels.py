@@ -15,7 +15,9 @@ Place = tuple[float, float]
 _MAP_SIDE_PX = 340.0
 _LETTER_PX, _PADDING_PX, _HEIGHT_PX = 7.0, 12.0, 20.0
 _HANGS_PX = 10.0  # Rerun draws the middle of a label so far below its place
+_DOT_PX = 12.0  # across a unit
 _FROM_A_DOT_PX = 18.0  # the middle of a label below or above what it names
+_FROM_A_WALL_PX = 6.0  # the edge of a label beside it
 _ASIDE = 1.05  # of a label's width: one beside a unit then clears those below the units next to it
 _BESIDE = 4  # of the places around something, those that are next to it
 _ALONG_A_WALL = (0.5, 0.35, 0.65, 0.2, 0.8)
@@ -62,13 +64,9 @@ def _wanted(contour: Contour, units_m: Mapping[str, Place], px_m: float) -> Iter
         length = f"{_length_m(wall):.2f} m{chance}"
         known = _error(walls.middle_sigma_m(wall) or 0.0)
         texts = _longest_first(length, known)
-        yield [
-            label
-            for text in texts
-            for label in _clearest(
-                [Label("wall", text, _on_wall(wall, share)) for share in _ALONG_A_WALL], None, units, px_m
-            )
-        ]
+        on = [[Label("wall", text, _on_wall(wall, share)) for share in _ALONG_A_WALL] for text in texts]
+        beside = [one for share in _ALONG_A_WALL for one in _beside_a_wall(length, _on_wall(wall, share), px_m)]
+        yield [label for choices in (*on, beside) for label in _clearest(choices, None, units, px_m)]
     for touch in contour.touches:
         yield _around("touch", touch_marks.label(touch), (touch.x_m, touch.y_m), px_m)
 
@@ -104,19 +102,28 @@ def _around(kind: str, text: str, place: Place, px_m: float) -> list[Label]:
     return [Label(kind, text, (place[0] + x_m, place[1] + y_m + hangs_m)) for x_m, y_m in shifts]
 
 
+def _beside_a_wall(text: str, place: Place, px_m: float) -> list[Label]:
+    """To the left, right, below and above."""
+    aside_m, up_m = _width_m(text, px_m) / 2 + _FROM_A_WALL_PX * px_m, _FROM_A_DOT_PX * px_m
+    shifts = ((-aside_m, 0.0), (aside_m, 0.0), (0.0, -up_m), (0.0, up_m))
+    return [Label("wall", text, (place[0] + x_m, place[1] + y_m + _HANGS_PX * px_m)) for x_m, y_m in shifts]
+
+
 def _clearest(choices: Sequence[Label], contour: Contour | None, units_m: Sequence[Place], px_m: float) -> list[Label]:
-    """``choices``, those first that cover the fewest of ``units_m`` and of the walls and cylinders of ``contour``.
-    Of those that cover as few the order stays.
+    """``choices``, those first that cover the fewest of ``units_m``, whose they would seem to be; of these, those that
+    cover the least of the walls and cylinders of ``contour``. Of those that cover as little the order stays.
     """
     walls_m = contour.walls if contour is not None else ()
-    drawn = [[((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m))] for each in walls_m]
-    drawn += [[(place, place)] for place in units_m]
-    drawn += [_ring_m(circle) for circle in (contour.cylinders if contour is not None else ())]
+    drawn = [((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m)) for each in walls_m]
+    drawn += [chord for circle in (contour.cylinders if contour is not None else ()) for chord in _ring_m(circle)]
+    half_dot_m = _DOT_PX * px_m / 2
+    dots = [((x_m - half_dot_m, y_m), (x_m + half_dot_m, y_m)) for x_m, y_m in units_m]
 
-    def covered(label: Label) -> int:
+    def covered(label: Label) -> tuple[int, int]:
         centre_m = (label.place_m[0], label.place_m[1] - _HANGS_PX * px_m)
         half_m = (_width_m(label.text, px_m) / 2, _HEIGHT_PX * px_m / 2)
-        return sum(any(_touches_box(line, centre_m, half_m) for line in lines) for lines in drawn)
+        over_m = sum(_in_box_m(line, centre_m, half_m) for line in drawn)
+        return sum(_in_box_m(dot, centre_m, half_m) > 0.0 for dot in dots), round(over_m / px_m)
 
     return sorted(choices, key=covered)
 
@@ -128,17 +135,17 @@ def _ring_m(circle: Cylinder) -> list[tuple[Place, Place]]:
     return list(zip(rim_m, [*rim_m[1:], rim_m[0]], strict=True))
 
 
-def _touches_box(line: tuple[Place, Place], centre_m: Place, half_m: Place) -> bool:
-    """Whether ``line`` has a part in the box that reaches ``half_m`` to each side of ``centre_m``."""
+def _in_box_m(line: tuple[Place, Place], centre_m: Place, half_m: Place) -> float:
+    """How long the part of ``line`` is in the box that reaches ``half_m`` to each side of ``centre_m``."""
     first, last = 0.0, 1.0
     for start, end, centre, half in zip(*line, centre_m, half_m, strict=True):
         way, low, high = end - start, centre - half - start, centre + half - start
         if way == 0.0:
             if not low < 0.0 < high:
-                return False
+                return 0.0
             continue
         first, last = max(first, min(low / way, high / way)), min(last, max(low / way, high / way))
-    return first < last
+    return max(0.0, last - first) * _apart_m(*line)
 
 
 def _overlap(one: Label, other: Label, px_m: float) -> bool:

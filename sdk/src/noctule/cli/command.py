@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.core import TyperGroup
 
 from noctule.cli.asked import Addressed, Asked
 from noctule.cli.options import DEFAULT_CONNECT, Connect, SiteName, UnitName
@@ -34,7 +35,16 @@ class Home(StrEnum):
 
 _HOMES = {Home.SWITCH: "HOME_SWITCH", Home.STOP: "HOME_STOP", Home.OPENING_SWITCH: "HOME_OPENING_SWITCH"}
 
-rpc = typer.Typer(no_args_is_help=True)
+
+class _JsonAnywhere(TyperGroup):
+    """``--json`` may also stand behind the command, as it does elsewhere."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+        others = [each for each in args if each != "--json"]
+        return super().parse_args(ctx, others if others == args else ["--json", *others])
+
+
+rpc = typer.Typer(no_args_is_help=True, cls=_JsonAnywhere)
 
 
 @rpc.callback()
@@ -43,7 +53,7 @@ def _address(
     site: SiteName,
     unit: UnitName,
     json: Annotated[
-        bool, typer.Option("--json", help="The reply as JSON: noctule rpc --json SITE UNIT status.")
+        bool, typer.Option("--json", help="The reply as JSON: noctule rpc SITE UNIT status --json.")
     ] = False,
 ) -> None:
     """Have a unit carry out a command. Each command has its own options: noctule rpc SITE UNIT COMMAND --help."""

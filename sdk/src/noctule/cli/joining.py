@@ -8,6 +8,7 @@ from pathlib import Path
 from noctule import bus, keys, sites, tls
 from noctule.client import Client
 from noctule.errors import NotServedError, SilenceError
+from noctule.unit_list import natural
 
 SHORT_PATIENCE_S = 2.0  # for commands that someone waits for
 _MOST_NAMED = 20
@@ -16,7 +17,7 @@ _MOST_NAMED = 20
 def what_there_is(client: Client) -> str:
     """For one who has mistyped a name: which units the site has, and which other sites there are."""
     try:
-        units = sorted(client.units())
+        units = sorted(client.units(), key=natural)
     except SilenceError:  # must not replace the error that this is said beside
         units = []
     if len(units) > _MOST_NAMED:
