@@ -1,5 +1,6 @@
 """A client that takes no answers holds up nobody else, and what it asks meanwhile has a limit."""
 
+import re
 import threading
 import time
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from system.processes import PATIENCE_S
 
 from noctule import keys
 from noctule_gateway.bus import log_readers
+from noctule_gateway.bus.held_bytes import MOST_OF_ALL_BYTES, MOST_OF_ONE_BYTES
 from noctule_gateway.bus.log_readers import LogReaders
 from noctule_gateway.bus.log_reply import MAX_RECORDS
 
@@ -57,7 +59,9 @@ def test_what_floods_is_cut_off_and_named_until_it_has_stopped(readers: LogReade
     ]
     assert taken == [True] * most + [False] * (1000 - most)
     assert readers.refused == 935
-    assert readers.cut_off() == "queries refused, too many of one client wait: flood (935)"
+    assert readers.cut_off() == (
+        "queries refused: of flood (935): 65 others of it wait: end it, or have it wait for each answer"
+    )
     thaw.set()
     while not readers.submit("flood", "u1", lambda _: last.set(), no_one_is_late, 0):
         pass
@@ -177,3 +181,21 @@ def test_one_long_answer_does_not_keep_a_crowded_client_waiting_long() -> None:
         assert late.wait(long_s)  # many times that without a limit
     finally:
         readers.close()
+
+
+def test_a_client_that_others_leave_no_room_is_told_so(readers: LogReaders) -> None:
+    thaw = threading.Event()
+
+    def wait(_: int) -> None:
+        thaw.wait(PATIENCE_S)
+
+    for number in range(
+        MOST_OF_ALL_BYTES // MOST_OF_ONE_BYTES
+    ):  # with what a query takes besides, the last has no room
+        readers.submit(f"o{number}", "u1", wait, no_one_is_late, MOST_OF_ONE_BYTES)
+    assert readers.submit("c", "u1", wait, no_one_is_late, 0)
+    assert not readers.submit("c", "u2", wait, no_one_is_late, MOST_OF_ONE_BYTES - 2000)
+    assert re.fullmatch(
+        r"queries refused: of c \(1\): other queries have \d+ of 33554432 bytes that may wait: .*", readers.cut_off()
+    )
+    thaw.set()

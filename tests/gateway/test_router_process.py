@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import pytest
 from deploy.secured_fleet import rendered
 from gateway.model_unit import ModelUnit
 from gateway.serving import FIXED, SITE, running, site_file
@@ -13,15 +14,16 @@ from gateway.tcp_unit import TcpUnit, tcp_unit
 from system.processes import Programs, free_ports, programs, wait_until
 from system.test_operations import metrics_address, scrape
 
-from noctule import bus
+from noctule import bus, bus_config, tls
 from noctule.client import Client
+from noctule.errors import BusConfigError
 
 SCRAPED = ("--metrics", "127.0.0.1:0", "--log-format", "json")
 # A name of 65,536 characters and more makes Zenoh panic, in whichever session is asked for it.
 PANICKING = """
 import sys, threading, time
 from pathlib import Path
-from noctule import bus
+from noctule import bus, bus_config, tls
 from noctule_gateway.cli import app
 
 def panic(when, endpoint):
@@ -103,9 +105,9 @@ def test_the_folder_of_a_client_makes_no_router(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("router", "noctule-gateway", "router", "--tls", str(folder))
         assert started.wait("router") == 1
-        assert "viewer.screen.g1 is a client's and no router's: give --listen, or the folder of a router" in (
-            started.log("router")
-        )
+        assert "viewer.screen.g1 is a client's and no router's: give the folder of a router" in started.log("router")
+    with pytest.raises(BusConfigError, match=r"viewer.screen.g1 is a client's .* leave --listen out"):
+        bus_config.config([], ["tls/127.0.0.1:7447"], tls.load(folder, datetime.now(UTC)))
 
 
 def test_a_router_and_a_recording_say_that_their_certificates_expire_soon_and_the_router_is_scraped(

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from noctule import bounds
 from noctule import messages_pb2 as messages
 from noctule.site import FixedPose, Pose2, Sensor, Site, Unit
+from noctule_gateway.clock.boot_clocks import SweepTime
 from noctule_gateway.clock.regression import HostTime
 from noctule_gateway.wire.frames import NO_TEMPERATURE, NO_WAYPOINT, NoEcho, Reading, Sweep
 from noctule_gateway.wire.sweep_message import to_message
@@ -36,7 +37,7 @@ SWEEPS = st.builds(
 
 
 def message(sweep: Sweep, site: Site = SITE, drift: float | None = None) -> messages.Sweep:
-    return to_message(sweep, site, UNIT, START, None, drift)
+    return to_message(sweep, site, UNIT, SweepTime(START, drift, 1 + (drift or 0.0)), None)
 
 
 @pytest.mark.parametrize(

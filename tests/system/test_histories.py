@@ -23,6 +23,7 @@ from system.processes import ROOT
 from noctule import messages_pb2 as messages
 from noctule.messages_pb2 import Cursor
 from noctule.site import Site, load
+from noctule_gateway.clock.boot_clocks import SweepTime
 from noctule_gateway.clock.regression import HostTime
 from noctule_gateway.wire.frames import NO_TEMPERATURE, NO_WAYPOINT, NoEcho, Reading, Sweep
 from noctule_gateway.wire.sweep_message import to_message
@@ -69,7 +70,8 @@ def site(tmp_path: Path) -> Site:
 def message_of(sweep: Sweep, site: Site, log_sequence: int) -> messages.Sweep:
     """The sweep as the gateway logs it."""
     pose = messages.Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
-    message = to_message(sweep, site, site.units[0], HostTime(1.7e9 + log_sequence, 1e-3), pose, DRIFT)
+    when = SweepTime(HostTime(1.7e9 + log_sequence, 1e-3), DRIFT, 1 + DRIFT)
+    message = to_message(sweep, site, site.units[0], when, pose)
     message.log_id, message.log_sequence = WHOLE.log_id, log_sequence
     return message
 

@@ -20,6 +20,7 @@ from noctule.messages_pb2 import (
     Sweep,
 )
 from noctule.site import FixedPose, Site, load
+from noctule_gateway.clock.boot_clocks import SweepTime
 from noctule_gateway.clock.regression import HostTime
 from noctule_gateway.link.link import Link
 from noctule_gateway.link.standing_orders import Wanted
@@ -52,8 +53,8 @@ class Gateway:
 
     def take(self, sweep: AnySweep) -> Sweep:
         assert isinstance(self._unit.pose, FixedPose)
-        start = HostTime(1.8e9 + sweep.start / TICKS_PER_S, 0.001)
-        message = to_message(sweep, self._site, self._unit, start, self._unit.pose.pose.message(), None)
+        when = SweepTime(HostTime(1.8e9 + sweep.start / TICKS_PER_S, 0.001), None, 1.0)
+        message = to_message(sweep, self._site, self._unit, when, self._unit.pose.pose.message())
         self.health.judge(message, encode(sweep))
         self.judged.append(message)
         return message

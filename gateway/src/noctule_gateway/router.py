@@ -30,7 +30,7 @@ def serve(
     config = bus_config.config(connect, listen, identity)
     if not bus_config.is_router(config):
         name = identity.common_name if identity else "the configuration"
-        raise BusConfigError(f"{name} is a client's and no router's: give --listen, or the folder of a router")
+        raise BusConfigError(f"{name} is a client's and no router's: give the folder of a router")
     manager, expiry = ServiceManager(), ExpiryWatch(identity)
     latest = _status(identity, 0)
     session = bus.open_session(connect, listen, tls_folder=tls_folder)

@@ -1,12 +1,13 @@
-"""What a question to all who may answer brings: one that ran out of time is asked again, and is no empty answer."""
+"""What a question to all who may answer brings: one that ran out of time is no empty answer."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import zenoh
 
-from noctule.errors import SilenceError
+from noctule.errors import BusError, SilenceError
 
 _TRIES = 2
+_LONGEST_ERROR = 2000  # bytes of a service's own words
 
 
 def answers(ask: Callable[[], Iterable[zenoh.Reply]], what: str) -> list[zenoh.Sample]:
@@ -24,3 +25,36 @@ def answers(ask: Callable[[], Iterable[zenoh.Reply]], what: str) -> list[zenoh.S
         f"{what} is not known: the router was asked {_TRIES} times and did not answer in time. It is busy, or was just "
         "restarted: try again"
     )
+
+
+def all_answers(
+    session: zenoh.Session, selector: str, payload: bytes | None, timeout_s: float, attachment: bytes | str
+) -> Iterator[zenoh.Sample]:
+    """The good replies as they come. Raises BusError where there are only errors, for another service may know."""
+    answered, error = False, None
+    # Any other consolidation keeps one reply per key.
+    replies = session.get(
+        selector,
+        payload=payload,
+        timeout=timeout_s,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        attachment=attachment,
+    )
+    for reply in replies:
+        if reply.ok is not None:
+            answered = True
+            yield reply.ok
+        elif reply.err is not None:
+            error = words(reply.err)
+    if error is not None and not answered:
+        raise no_answer(selector, error, timeout_s)
+
+
+def words(error: zenoh.ReplyError) -> str:
+    """What an error reply says, as far as anybody wants to read it."""
+    return error.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
+
+
+def no_answer(selector: str, error: str, timeout_s: float) -> BusError:
+    """That a question brought nothing but an error."""
+    return BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")

@@ -15,7 +15,7 @@ import zenoh
 from google.protobuf.message import Message
 
 from noctule import bus, caller, keys, tls
-from noctule.answers import answers
+from noctule.answers import all_answers, answers, no_answer, words
 from noctule.delivery import Delivery
 from noctule.errors import BusError, KeyFormatError, NotServedError, TlsError
 from noctule.intake import Intake
@@ -40,7 +40,6 @@ from noctule.unit_records import sift
 QUERY_TIMEOUT_S = 5.0
 REJOIN_S = 3.0  # a gateway tries a router that was restarted each second
 _LOOK_AGAIN_S = 0.2
-_LONGEST_ERROR = 2000  # bytes of a service's own words
 
 M = TypeVar("M", bound=Message)
 LogReply = Future[zenoh.Sample | None]
@@ -209,13 +208,13 @@ class Client:
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.err is not None:
-                errors.append(_words(reply.err))
+                errors.append(words(reply.err))
             elif not future.done():
                 future.set_result(reply.ok)
 
         def on_end() -> None:
             if not future.done() and errors:
-                future.set_exception(_no_answer(selector, errors[-1], QUERY_TIMEOUT_S))
+                future.set_exception(no_answer(selector, errors[-1], QUERY_TIMEOUT_S))
             elif not future.done():
                 future.set_result(None)
 
@@ -368,38 +367,9 @@ class Client:
         return [message for message in accepted if message is not None]
 
     def _ask(
-        self,
-        selector: str,
-        payload: bytes | None = None,
-        timeout_s: float = QUERY_TIMEOUT_S,
-        attachment: bytes | None = None,
+        self, selector: str, payload: bytes | None = None, timeout_s: float = QUERY_TIMEOUT_S, attachment: bytes = b""
     ) -> Iterator[zenoh.Sample]:
-        """The good replies as they come; an error is raised only where there is none, for another service may know."""
-        answered, error = False, None
-        # Any other consolidation keeps one reply per key.
-        replies = self.session.get(
-            selector,
-            payload=payload,
-            timeout=timeout_s,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            attachment=attachment or self._name,
-        )
-        for reply in replies:
-            if reply.ok is not None:
-                answered = True
-                yield reply.ok
-            elif reply.err is not None:
-                error = _words(reply.err)
-        if error is not None and not answered:
-            raise _no_answer(selector, error, timeout_s)
-
-
-def _words(error: zenoh.ReplyError) -> str:
-    return error.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
-
-
-def _no_answer(selector: str, error: str, timeout_s: float) -> BusError:
-    return BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")
+        return all_answers(self.session, selector, payload, timeout_s, attachment or self._name)
 
 
 def _unit_of(sample: zenoh.Sample) -> str:

@@ -52,6 +52,7 @@ pub struct World {
     carrier: Carrier,
     rng: ChaCha8Rng,
     led: bool,
+    pinged_s: f64,
     echoes_of_others: u32,
 }
 
@@ -69,6 +70,8 @@ pub struct Truth {
     pub led_lit: bool,
     pub echo_high: bool,
     pub air_temperature_c: f64,
+    /// When the latest ping began, in the time that all units share; 0 before the first.
+    pub pinged_s: f64,
     /// How often it has taken the sound of another unit for its own echo.
     pub echoes_of_others: u32,
 }
@@ -105,6 +108,7 @@ impl World {
             carrier,
             rng,
             led: false,
+            pinged_s: 0.0,
             echoes_of_others: 0,
         }
     }
@@ -130,6 +134,7 @@ impl World {
             led_lit: self.led,
             echo_high: self.sonar.echo_is_high(),
             air_temperature_c: self.air_temperature_c(now),
+            pinged_s: self.pinged_s,
             echoes_of_others: self.echoes_of_others,
         }
     }
@@ -251,6 +256,7 @@ impl World {
         let axis_m = self.pose().position_m;
         let from = Point { x: axis_m.x + offset_m * axis_rad.cos(), y: axis_m.y + offset_m * axis_rad.sin() };
         let look = Look { from, axis_rad, at_s: self.shared_s(now) };
+        self.pinged_s = look.at_s;
         let speed_m_s = self.scene.room().speed_of_sound(look.at_s);
         let range_m = self.scene.ping(&look, &mut self.rng);
         let flight = range_m.map(|range_m| from_seconds(2.0 * range_m / speed_m_s));

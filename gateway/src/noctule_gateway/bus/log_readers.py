@@ -48,7 +48,8 @@ class LogReaders:
         self._lock = threading.Lock()
         # Of each client that is being answered
         self._waiting: dict[str, deque[_Query]] = {}
-        self._cut_off: dict[str, int] = {}  # the client's refused queries, as long as it has others waiting
+        # The client's refused queries and why the first was, as long as it has others waiting
+        self._cut_off: dict[str, tuple[int, str]] = {}
         self._full = False  # a client was refused since one was last done
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="log reader")
 
@@ -81,8 +82,9 @@ class LogReaders:
             if waiting is None:
                 news, self._full = not self._full, True
             else:
-                self._cut_off[client] = self._cut_off.get(client, 0) + 1
-                news = self._cut_off[client] == 1
+                count, why = self._cut_off.get(client, (0, refusal))
+                self._cut_off[client] = count + 1, why
+                news = not count
         if news:
             _log.warning("a query of client %s for a log is refused: %s", client or "?", refusal)
         return False
@@ -98,8 +100,11 @@ class LogReaders:
     def cut_off(self) -> str:
         """Whose queries are refused now, and why; empty where nobody's are."""
         with self._lock:
-            told = [f"{client or 'clients without a name'} ({count})" for client, count in self._cut_off.items()]
-        return f"queries refused, too many of one client wait: {', '.join(sorted(told))}" if told else ""
+            told = [
+                f"of {client or 'clients without a name'} ({count}): {why}"
+                for client, (count, why) in self._cut_off.items()
+            ]
+        return f"queries refused: {'; '.join(sorted(told))}" if told else ""
 
     def close(self) -> None:
         """Answer no more; what is being answered is left to its end."""

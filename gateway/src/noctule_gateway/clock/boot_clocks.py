@@ -7,6 +7,7 @@ from math import inf
 
 from noctule_gateway.clock.regression import (
     GOOD_DRIFT_ERROR,
+    MOST_DRIFT,
     TICK_S,
     TICKS_TO_WRAP,
     Exchange,
@@ -35,6 +36,19 @@ class TickLine:
     utc_s: float
     tick_s: float
     error_s: float
+
+
+@dataclass(frozen=True)
+class SweepTime:
+    """A sweep's ``start`` in UTC, with an error that covers its readings too, and how fast its unit counted meanwhile.
+
+    ``drift`` is by how much the oscillator is fast, None where that is not known well enough to correct ranges by it;
+    ``pace`` is the best estimate of the unit's seconds in a true one.
+    """
+
+    start: HostTime
+    drift: float | None
+    pace: float
 
 
 class BootClocks:
@@ -81,6 +95,15 @@ class BootClocks:
         began = self._clocks[self._boot].at(0)
         began_s = began.time_s if began is not None else self._begun_s
         return HostTime(began_s + utc_offset_s, UNKNOWN_BOOT_ERROR_S)
+
+    def sweep_time(self, boot: int, ticks: tuple[int, int], utc_offset_s: float) -> SweepTime:
+        """When the sweep of ``boot`` was, whose first and last reading were made at ``ticks``."""
+        began, ended = (self.at(boot, tick, utc_offset_s) for tick in ticks)
+        drift = self.good_drift(boot)
+        # Before the drift is known that well, its estimate is good enough to count the seconds of a sweep.
+        counted = self._clocks[boot].drift if drift is None else drift
+        pace = 1.0 + counted if abs(counted) <= MOST_DRIFT else 1.0
+        return SweepTime(HostTime(began.time_s, max(began.error_s, ended.error_s)), drift, pace)
 
     def line(self, utc_offset_s: float) -> TickLine | None:
         """The present boot's ticks from its last exchange on; None before the first."""

@@ -13,6 +13,7 @@ from typing import Protocol
 TICK_S = 0.25e-6
 TICKS_TO_WRAP = 2**48  # 2.2 years
 OSCILLATOR_TOLERANCE = 0.015  # C8051F340 datasheet: the internal oscillator is within 1.5 %
+MOST_DRIFT = 2 * OSCILLATOR_TOLERANCE  # more is not an oscillator's: a simulator that can't keep up
 
 GOOD_DRIFT_ERROR = 2e-4  # 0.8 mm at the sensor's 4 m, a quarter of what a single range is off by
 
@@ -126,8 +127,7 @@ class RegressedClock:
     @property
     def good_drift(self) -> float | None:
         """The drift, once it is known to GOOD_DRIFT_ERROR; None if it is more than an oscillator can have."""
-        plausible = abs(self.drift) <= 2 * OSCILLATOR_TOLERANCE  # a simulator that can't keep up seems slower still
-        return self.drift if plausible and self._drift_error <= GOOD_DRIFT_ERROR else None
+        return self.drift if abs(self.drift) <= MOST_DRIFT and self._drift_error <= GOOD_DRIFT_ERROR else None
 
     def add(self, exchange: Exchange) -> bool:
         """Take an exchange in, unless it contradicts the line by more than its bound and the line's error allow."""

@@ -17,7 +17,7 @@ from noctule_gateway.unit.step_check import StepCheck
 from noctule_gateway.unit.sweep_health import SweepHealth
 from noctule_gateway.wire.codec import encode
 from noctule_gateway.wire.frames import AnySweep, Mechanics, Status
-from noctule_gateway.wire.sweep_message import to_message, waypoint_of
+from noctule_gateway.wire.sweep_message import ticks_of, to_message, waypoint_of
 
 Call = Callable[[Callable[[], None]], None]
 
@@ -123,12 +123,11 @@ class SweepIntake:
     def take(self, sweep: AnySweep) -> None:
         """A sweep has come from the unit."""
         wall = self._served.clock.look()
-        start = self._clocks.at(sweep.boot_of_life, sweep.start, wall.utc_offset_s)
-        began_s = start.time_s - wall.utc_offset_s
+        when = self._clocks.sweep_time(sweep.boot_of_life, ticks_of(sweep), wall.utc_offset_s)
+        began_s = when.start.time_s - wall.utc_offset_s
         pose = pose_of_sweep(self._served.unit.pose, waypoint_of(sweep), began_s, self._served.track)
         self.lost_pose = pose is None
-        drift = self._clocks.good_drift(sweep.boot_of_life)
-        message = to_message(sweep, self._served.site, self._served.unit, start, pose, drift)
+        message = to_message(sweep, self._served.site, self._served.unit, when, pose)
         message.clock_epoch = wall.epoch
         digest = hashlib.blake2b(encode(sweep), digest_size=16).digest()
         self._health.judge(message, digest)

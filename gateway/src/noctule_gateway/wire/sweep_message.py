@@ -5,10 +5,11 @@ from math import pi
 from noctule import messages_pb2 as messages
 from noctule.bounds import AIR_C
 from noctule.site import Site, Unit
-from noctule_gateway.clock.regression import TICK_S, HostTime
+from noctule_gateway.clock.boot_clocks import SweepTime
+from noctule_gateway.clock.regression import TICK_S
 from noctule_gateway.wire import frames
 from noctule_gateway.wire.frames import FIRST_NO_ECHO, NO_TEMPERATURE, NO_WAYPOINT, NoEcho
-from noctule_gateway.wire.units import BEARING_RAD, OFFSET_S, PER_KELVIN
+from noctule_gateway.wire.units import BEARING_RAD, OFFSET_S, PER_KELVIN, TICKS_PER_OFFSET
 
 _STATUSES: dict[int, messages.ReadingStatus] = {
     NoEcho.NO_ECHO: messages.READING_STATUS_NO_ECHO,
@@ -23,29 +24,31 @@ def waypoint_of(sweep: frames.AnySweep) -> int | None:
     return None if sweep.waypoint == NO_WAYPOINT else sweep.waypoint
 
 
-def to_message(
-    sweep: frames.AnySweep, site: Site, unit: Unit, start: HostTime, pose: messages.Pose | None, drift: float | None
-) -> messages.Sweep:
-    """The sweep as published, still without log_id and log_sequence; ``start`` is in UTC.
+def ticks_of(sweep: frames.AnySweep) -> tuple[int, int]:
+    """The ticks of its boot at which it began and at which its last reading was made."""
+    last_offset = sweep.readings[-1].offset if sweep.readings else 0
+    return sweep.start, sweep.start + last_offset * TICKS_PER_OFFSET
 
-    ``drift`` is by how much the unit's oscillator is fast, and is taken out of the readings' times; None is not known.
-    """
-    second = 1 + (drift or 0.0)  # of the unit's, in a true one
+
+def to_message(
+    sweep: frames.AnySweep, site: Site, unit: Unit, when: SweepTime, pose: messages.Pose | None
+) -> messages.Sweep:
+    """The sweep as published, still without log_id and log_sequence."""
     message = messages.Sweep(
         site=site.name,
         unit=unit.name,
         life=sweep.life or None,
         boot=sweep.boot,
         sequence=sweep.sequence,
-        clock_error_s=start.error_s,
+        clock_error_s=when.start.error_s,
         pose=pose,
         waypoint=waypoint_of(sweep),
         air_temperature_c=_air_temperature_c(sweep, site),
         sensor=unit.sensor.message(),
-        readings=[_reading(reading, second) for reading in sweep.readings],
-        clock_drift=drift,
+        readings=[_reading(reading, when) for reading in sweep.readings],
+        clock_drift=when.drift,
     )
-    message.start.FromNanoseconds(round(start.time_s * 1e9))
+    message.start.FromNanoseconds(round(when.start.time_s * 1e9))
     return message
 
 
@@ -67,13 +70,13 @@ def _air_temperature_c(sweep: frames.AnySweep, site: Site) -> float | None:
     return None if measured_c is None or AIR_C.fault(measured_c) else measured_c
 
 
-def _reading(reading: frames.Reading, second: float) -> messages.Reading:
+def _reading(reading: frames.Reading, when: SweepTime) -> messages.Reading:
     heard = reading.echo < FIRST_NO_ECHO
     # A kind of no echo that a newer firmware names is at least no echo.
     status = messages.READING_STATUS_ECHO if heard else _STATUSES.get(reading.echo, messages.READING_STATUS_NO_ECHO)
     return messages.Reading(
         bearing_rad=bearing_rad(reading.bearing),
-        time_offset_s=reading.offset * OFFSET_S / second,
-        time_of_flight_s=reading.echo * TICK_S / second if heard else None,
+        time_offset_s=reading.offset * OFFSET_S / when.pace,
+        time_of_flight_s=reading.echo * TICK_S / (1.0 + (when.drift or 0.0)) if heard else None,
         status=status,
     )

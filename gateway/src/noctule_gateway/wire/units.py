@@ -13,7 +13,8 @@ PER_KELVIN = 100
 HALF_STEPS_PER_TURN = 25792 / 405 * 64  # of the usual gear, which a unit goes by until it is calibrated
 
 BEARING_RAD = 2 * pi / 65536  # of one integer
-OFFSET_S = 16 * TICK_S
+TICKS_PER_OFFSET = 16
+OFFSET_S = TICKS_PER_OFFSET * TICK_S
 
 
 class Scale(NamedTuple):
