@@ -272,10 +272,11 @@ def rooms() -> list[Taped]:
         return list(pool.map(judged, range(FIRST_SEED, FIRST_SEED + ROOMS)))
 
 
-# What is reached, with room for chance: of the first 28 rooms 3 walls, 5 corners and 6 cylinders were missed, and 2
-# objects were false. Wanted are 3 % of walls, 5 % of corners and of cylinders, and 2 false objects in 50 rooms.
-MOST_MISSED = {"wall": 0.07, "corner": 0.12, "cylinder": 0.4}
-MOST_FALSE = 6
+# What is reached, and one standard deviation of so few: of these 40 rooms 3 of 144 walls, 5 of 100 corners and 3 of 23
+# cylinders are missed and nothing is false; in 120 rooms not developed on 5 objects were, so 1.7 in 40, give or take
+# 1.3. Wanted are 3 % of walls, 5 % of corners and of cylinders, and 2 false objects in 50 rooms.
+MOST_MISSED = {"wall": 0.035, "corner": 0.075, "cylinder": 0.2}
+MOST_FALSE = 3
 
 
 @pytest.mark.soak
@@ -303,8 +304,7 @@ def test_corners_by_tape_measure_err_by_little_more_than_where_every_label_is_kn
 
 @pytest.mark.soak
 def test_no_pose_of_a_tape_measure_is_called_wrong() -> None:
-    # None is wanted; one of the first 28 rooms has such a unit.
-    assert sum(len(one.named) > 0 for one in rooms()) <= ROOMS // 20
+    assert [(one.seed, one.named) for one in rooms() if one.named] == []
 
 
 @pytest.mark.soak
