@@ -237,15 +237,13 @@ def _meetings(
 
 @dataclass(frozen=True)
 class _Fitted:
-    """Objects as fitted and which of them meet, the scene that follows their poses, what these are worth, and the scene
-    with the poses exactly as fitted.
-    """
+    """Objects as fitted, and which of their walls meet."""
 
     objects: list[Reflector]
     links: list[Link]
-    scene: Scene
-    of_poses: float
-    as_fitted: Scene
+    scene: Scene  # which follows the fitted poses
+    of_poses: float  # what these are worth in nats
+    as_fitted: Scene  # with the poses exactly as fitted
 
 
 def _settled(objects: Sequence[Reflector], scene: Scene, config: MapperConfig) -> _Fitted:

@@ -188,7 +188,7 @@ def _determined(
 
 
 def _to_its_corners(number: int, objects: Sequence[Reflector], links: Sequence[Link]) -> Reflector:
-    """The object; a wall that meets others at both its ends reaches from the one corner to the other, however little of
+    """The object of that ``number``; a wall that meets others at both ends reaches to both corners, however little of
     it was heard between them.
     """
     one = objects[number]

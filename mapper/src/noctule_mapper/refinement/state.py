@@ -21,5 +21,6 @@ class State:
     worth: float
     scene: Scene
     of_poses: float  # how much of the worth is that of the poses
-    # The worth with the poses exactly as fitted: that they may be wrong excuses no range. Decisions go by this.
+    # The worth if the poses were exactly as fitted, so that their errors excuse no range. Maps of fine sweeps grow by
+    # `worth`; which of the grown ones is the best, and what of it is exchanged or dropped, goes by this.
     fitted_worth: float
