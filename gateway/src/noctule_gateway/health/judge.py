@@ -176,7 +176,7 @@ class Judge:
         shown = {each.kind: each for each in map(self._as_it_stands, found)}
         clear = any(FAULTS[kind].spoils for kind in shown)
         kept = self._streaks if odd and not clear else {}  # a sweep that shows nothing clearly proves nothing
-        if self._watch.stands:  # which is proof enough
+        if self._watch.stands:  # what was heard proves that it has not moved
             kept.pop(messages.FAULT_KIND_MOVED, None)
         self._streaks = kept | {kind: self._streaks.get(kind) or replace(begun) for kind in shown}
         named: list[FaultKind] = []

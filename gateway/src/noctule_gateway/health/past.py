@@ -72,7 +72,7 @@ class Past:
         return self._stable
 
     def agrees(self, sweeps: Sequence[Readings], but: Collection[int]) -> bool:
-        """At stable bearings other than ``but`` half of the echoes are as before; True where few answer."""
+        """Of the ``sweeps``' echoes at stable bearings other than ``but`` half are as before; True where few answer."""
         off_m = [
             abs(sweep.range_m[n] - self.median_m[n])
             for sweep in sweeps

@@ -29,7 +29,7 @@ _AS_BEFORE_M = 0.025
 
 
 def suspicions(sweep: Readings, past: Past | None, before: Readings | None = None) -> list[Suspicion]:
-    """``past`` is None where none can be asked. ``before`` is the sweep before, where that is known."""
+    """What the sweep shows. ``past`` is None where none can be asked; ``before`` is the sweep before, where known."""
     listened = [n for n, one in enumerate(sweep.status) if _listened(one) or not math.isnan(sweep.range_m[n])]
     if len(listened) < _LEAST_READINGS:
         return []
