@@ -2,7 +2,8 @@
 
 Fails when a limit is exceeded. Times are those of a slow chip (each jump misses the prefetch engine's bytes, flash
 takes the datasheet's longest), and a factor of 1.5 is kept in reserve on top. There are two runs: a unit that sweeps
-without a pause and is acknowledged, and the worst case (worst_case.py), in which rounds and interrupts hold too.
+without a pause and is acknowledged, and the worst case (worst_case.py), in which the limits of stack, rounds and
+interrupts hold too.
 """
 
 import argparse

@@ -67,7 +67,7 @@ def test_each_budget_that_is_not_kept_fails(tmp_path):
         (r'(INSTRUCTIONS = Budget\(".*", )[^"]+(, "a second"\))', "100"),
         (r'("round": Budget\(".*", )[^"]+(, "us"\))', "100"),
         (r'(WORK = Budget\(".*", )[^"]+(, "us"\))', "100"),
-        (r'(\nLATENCY = Budget\(".*", )[^"]+(, "us"\))', "1"),
+        (r'(LATENCY = Budget\(".*", )[^"]+(, "us"\))', "1"),
     ]
     for limit, figure in too_strict:
         script, changes = re.subn(limit, lambda found, figure=figure: f"{found[1]}{figure}{found[2]}", script)
