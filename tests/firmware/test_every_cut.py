@@ -84,6 +84,8 @@ def test_no_cut_leaves_a_dead_unit_or_a_mixture(program, piece, image_bytes, ste
 def test_the_readme_says_how_many_states_are_tried() -> None:
     text = " ".join((FIRMWARE / "README.md").read_text().split())
     assert f" {sum(states for *_, states in EVERY_CUT):,} states" in text
+    full_size = sum(states for _, image_bytes, *_, states in BY_THE_HUNDRED_THOUSAND if image_bytes == 28_000)
+    assert f" the {full_size:,} of the soak tests" in text
 
 
 @pytest.mark.soak
