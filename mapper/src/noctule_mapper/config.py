@@ -249,7 +249,7 @@ class LinkingConfig(_Model):
     gap_nats_per_m: float = Field(default=20.0, ge=0)
     # A corner that is heard may be far from its walls' feet.
     most_gap_nats: float = Field(default=35.0, ge=0)
-    # Where there are looks: a link whose gap nobody looked at, and each metre of that gap.
+    # A link whose gap nobody looked at (where there are looks, or a cylinder hides it), and each metre of that gap.
     link_nats: float = Field(default=7.5, ge=0)
     unseen_nats_per_m: float = Field(default=2.0, ge=0)
     # Each metre that it is on both sides of the corner: so deep may a wall lie between that nobody has heard.
@@ -268,7 +268,8 @@ class LimitConfig(_Model):
     longest_hole_m: float = Field(default=1.2, gt=0)
     # A wall's last foot, farther than this from the next, is not its.
     lone_end_m: float = Field(default=0.5, gt=0)
-    # A wall seen along less than this must be heard from so many places, or it may be a corner's echoes.
+    # A wall seen along less than this, and no longer between corners at both ends, must be heard from so many places,
+    # or it may be a corner's echoes.
     short_wall_m: float = Field(default=0.35, gt=0)
     short_wall_places: int = Field(default=5, ge=3)
     most_theta_sigma_rad: float = Field(default=math.radians(1.5), gt=0)
