@@ -12,6 +12,7 @@ from mapper.unknown_units import (
     Outcome,
     contour_of,
     erased,
+    judged_room,
     outcome,
     rectangle,
     survey_unknown,
@@ -60,6 +61,14 @@ def test_in_a_room_that_looks_the_same_turned_or_along_it_every_pose_stays_open_
 
 def test_a_rectangle_is_said_to_look_the_same_from_several_places() -> None:
     assert any("looks the same from several places" in said for said in found_in("rectangle")[1])
+
+
+def test_units_that_share_a_corner_alone_with_the_known_one_stay_open() -> None:
+    """Five units about one corner agree; the known one hears another corner of the room, 8 degrees less wide."""
+    room, poses = judged_room(111_096)
+    contour = contour_of(survey_unknown(room, poses, np.random.default_rng(111_096)))
+    assert outcome(contour, poses) == Outcome((), (), ("u2", "u3", "u4", "u5", "u6"))
+    assert all("share too few walls with those whose poses are known" in pose.detail for pose in contour.poses[1:])
 
 
 def test_units_that_are_not_found_change_nothing_of_the_contour() -> None:

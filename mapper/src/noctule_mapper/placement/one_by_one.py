@@ -88,8 +88,9 @@ def moved_as_one(
     part: Sequence[PlacedUnit], views: Sequence[UnitView], placed: Sequence[PlacedUnit], fixed: int, pairs: Pairs
 ) -> list[Hypothesis]:
     """The arrangement with all units of ``part`` that were looked for moved as one to where a known unit of it fits
-    them best otherwise, after each of ``views`` has gone where all are worth more then. They may be right beside one
-    another and wrong beside the known one.
+    them best otherwise, after each of ``views`` has gone where all are worth more then; and with these units in a place
+    of their own, of which no known unit hears anything. They may be right beside one another and wrong beside the known
+    one: two walls and their corner alone, which many rooms have, can bind the two together.
     """
     names = {one.view.unit for one in placed[:fixed]}
     sought = [one for one in part if one.view.unit not in names]
@@ -98,7 +99,7 @@ def moved_as_one(
     rest = [one for one in placed if all(one.view.unit != other.view.unit for other in sought)]
     groups = grouped(sought)
     around = _Others(sought, groups, landmarks_of(sought, groups))
-    found = []
+    found = [Hypothesis(tuple(rest), (), (), joint_nats(rest, fixed) + joint_nats(sought, 1))]
     for known in part:
         if known.view.unit in names:
             _, elsewhere = _standings([known], known.view, around, pairs)
