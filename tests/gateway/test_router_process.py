@@ -23,7 +23,7 @@ SCRAPED = ("--metrics", "127.0.0.1:0", "--log-format", "json")
 PANICKING = """
 import sys, threading, time
 from pathlib import Path
-from noctule import bus, bus_config, tls
+from noctule import bus
 from noctule_gateway.cli import app
 
 def panic(when, endpoint):
