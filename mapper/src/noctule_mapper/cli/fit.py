@@ -48,7 +48,7 @@ def fit(
     from noctule.progress import progress
     from noctule_mapper.cli.drawings import draw
     from noctule_mapper.contour.table import contour_table
-    from noctule_mapper.export.atomic_write import write_whole
+    from noctule_mapper.export.atomic_write import is_device, write_whole
     from noctule_mapper.live.config import in_force, to_toml
     from noctule_mapper.messages import contour_message
     from noctule_mapper.survey_fit import map_survey
@@ -63,7 +63,7 @@ def fit(
         result = contour_message(surveyed.mapper.contour(), site=surveyed.site)
     if contour:
         contents = {contour: f"{survey.to_json(result)}\n".encode()}
-        if contour.is_file() or not contour.exists():  # not beside a device
+        if not is_device(contour):
             contents[contour.with_suffix(".config.toml")] = to_toml(parameters).encode()
         write_whole(contents)
     if contacts:

@@ -11,11 +11,11 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
     """Write files, the old of each staying until all the new ones are on the disk; a device is written as it is.
     Raises OSError that names the file, with nothing left behind, where one can't be written.
     """
-    beside = {path.resolve(): _beside(path.resolve()) for path in contents if not _is_device(path)}
+    beside = {path.resolve(): _beside(path.resolve()) for path in contents if not is_device(path)}
     try:
         for path, content in contents.items():
             try:
-                if _is_device(path):
+                if is_device(path):
                     path.write_bytes(content)
                 else:
                     _write(beside[path.resolve()], content)
@@ -32,7 +32,8 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
                 new.unlink(missing_ok=True)
 
 
-def _is_device(path: Path) -> bool:
+def is_device(path: Path) -> bool:
+    """Whether something is there that can't be replaced by a file, such as /dev/stdout or a pipe."""
     return path.exists() and not path.is_file()
 
 
