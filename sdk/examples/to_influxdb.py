@@ -1,13 +1,14 @@
 """Feeds a site's sweeps and contours to InfluxDB 1: to_influxdb.py SITE URL DATABASE [ROUTER ...]
 
 Each once, also after a kill: a point that comes again replaces itself, so all that a restart needs is how far each log
-is stored. That is in the database too, written after the readings.
+is stored. That is in the database too, written after the readings. A contour that is replaced while this program or
+the database is down is not stored.
 """
 
 import json
+import logging
 import sys
 import threading
-import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator, Sequence
@@ -17,6 +18,8 @@ from noctule import threads
 from noctule.messages_pb2 import Contour, Cursor, Sweep
 
 TIMEOUT_S = 10.0
+
+_log = logging.getLogger("to_influxdb")
 
 
 class Database:
@@ -44,12 +47,16 @@ class Database:
         self._write([f"cursor,site={last.site},unit={last.unit} {cursor} 0"])  # always the same point
 
     def store_contour(self, contour: Contour) -> None:
-        """What a contour holds, once it holds any; the present one comes again after each start."""
+        """How much a contour holds, unless it is empty. One that can't be written is lost: contours have no log."""
         if not contour.sweeps:
             return
         counts = f"walls={len(contour.walls)}i,corners={len(contour.corners)}i,cylinders={len(contour.cylinders)}i"
         fields = f"{counts},sweeps={contour.sweeps}i,version={contour.version}i"
-        self._write([f"contour,site={contour.site},mapper={contour.mapper} {fields} {contour.time.ToNanoseconds()}"])
+        line = f"contour,site={contour.site},mapper={contour.mapper} {fields} {contour.time.ToNanoseconds()}"
+        try:
+            self._write([line])
+        except OSError as error:  # urllib's errors and timeouts
+            _log.warning("contour %d of %s is not stored: %s", contour.version, contour.mapper, error)
 
     def _write(self, lines: Sequence[str]) -> None:
         if lines:
@@ -96,5 +103,5 @@ if __name__ == "__main__":
     threads.end_process_when_one_fails()
     try:
         main(sys.argv[1], sys.argv[2], sys.argv[3], sys.argv[4:])
-    except urllib.error.URLError as error:
+    except OSError as error:
         sys.exit(f"{sys.argv[2]}: {error}")

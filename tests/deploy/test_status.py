@@ -128,7 +128,7 @@ def test_the_table_fits_a_terminal_of_80_columns_and_no_word_of_it_is_cut(fleet:
     lines = shown(found, 80, is_terminal=True)
     assert max(map(len, lines)) <= 80
     assert all(any(f" {program} " in line for line in lines) for program in found)
-    assert f"gateway.attic: {complaint}" in " ".join(line.strip() for line in lines)
+    assert f"gateway.attic (house): {complaint}" in " ".join(line.strip() for line in lines)
     (row,) = [line for line in shown(found, 80, is_terminal=False) if "gateway.attic" in line]
     assert complaint in row, "what is piped on has all of a program in its line"
 

@@ -189,9 +189,8 @@ def test_a_client_that_others_leave_no_room_is_told_so(readers: LogReaders) -> N
     def wait(_: int) -> None:
         thaw.wait(PATIENCE_S)
 
-    for number in range(
-        MOST_OF_ALL_BYTES // MOST_OF_ONE_BYTES
-    ):  # with what a query takes besides, the last has no room
+    # With what a query takes beside its bytes, the last of these has no room.
+    for number in range(MOST_OF_ALL_BYTES // MOST_OF_ONE_BYTES):
         readers.submit(f"o{number}", "u1", wait, no_one_is_late, MOST_OF_ONE_BYTES)
     assert readers.submit("c", "u1", wait, no_one_is_late, 0)
     assert not readers.submit("c", "u2", wait, no_one_is_late, MOST_OF_ONE_BYTES - 2000)

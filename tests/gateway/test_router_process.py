@@ -23,7 +23,7 @@ SCRAPED = ("--metrics", "127.0.0.1:0", "--log-format", "json")
 PANICKING = """
 import sys, threading, time
 from pathlib import Path
-from noctule import bus, bus_config, tls
+from noctule import bus
 from noctule_gateway.cli import app
 
 def panic(when, endpoint):
@@ -105,7 +105,7 @@ def test_the_folder_of_a_client_makes_no_router(tmp_path: Path) -> None:
     with programs(tmp_path) as started:
         started.start("router", "noctule-gateway", "router", "--tls", str(folder))
         assert started.wait("router") == 1
-        assert "viewer.screen.g1 is a client's and no router's: give the folder of a router" in started.log("router")
+        assert "viewer.screen.g1 is a client's and not a router's: give the folder of a router" in started.log("router")
     with pytest.raises(BusConfigError, match=r"viewer.screen.g1 is a client's .* leave --listen out"):
         bus_config.config([], ["tls/127.0.0.1:7447"], tls.load(folder, datetime.now(UTC)))
 

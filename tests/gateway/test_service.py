@@ -31,6 +31,7 @@ from noctule.messages_pb2 import (
     UnitStatus,
 )
 from noctule.site import load
+from noctule_gateway.clock.regression import MOST_DRIFT
 from noctule_gateway.service import Gateway
 from noctule_gateway.wire import frames
 
@@ -67,7 +68,8 @@ def test_a_sweep_comes_to_the_bus_in_si_units_with_its_time_and_pose(tmp_path: P
     assert abs(sweep.clock_drift) < 0.001  # the model's ticks are the host's own
     assert heard.time_of_flight_s == pytest.approx(made.readings[0].echo / 4e6 / (1 + sweep.clock_drift))
     assert (unheard.status, unheard.HasField("time_of_flight_s")) == (2, False)
-    assert unheard.time_offset_s == pytest.approx(0.06, abs=3 * sweep.clock_error_s)  # 15000 times 4 us
+    # 15000 times 4 us, by the best estimate of the oscillator so far: test_clock_truth.py has how good that is
+    assert unheard.time_offset_s == pytest.approx(0.06, rel=1.1 * MOST_DRIFT)
 
 
 def test_a_fixed_unit_is_given_the_fine_plan_and_a_tracked_one_keeps_its_own(

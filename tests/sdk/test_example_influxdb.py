@@ -127,3 +127,14 @@ def test_a_contour_is_a_point_and_an_empty_one_is_none(influx: FakeInflux, examp
     assert influx.points == {
         ("contour,site=room,mapper=m", 7 * 10**9): "walls=0i,corners=0i,cylinders=0i,sweeps=2i,version=3i"
     }
+
+
+def test_a_contour_that_the_database_does_not_take_is_one_line_of_log(
+    influx: FakeInflux, example: ModuleType, caplog: pytest.LogCaptureFixture
+) -> None:
+    database = example.Database(influx.url, "noctule", "room")
+    influx.room = 0
+    database.store_contour(Contour(site="room", mapper="m", version=3, sweeps=2))
+    (record,) = caplog.records
+    assert record.getMessage().startswith("contour 3 of m is not stored: HTTP Error 507")
+    assert record.exc_info is None

@@ -36,7 +36,7 @@ SWEEPING = Wanted(FIXED_PLAN, Start(0, 200), running=True)
 
 @dataclass(frozen=True)
 class Told:
-    """A reading: its boot, how long after one was last seen it came, what its time was off by, and the stated error."""
+    """A reading: its boot, how long after the last boot was seen it came, its time's error, and the stated error."""
 
     boot: int
     since_boot_s: float

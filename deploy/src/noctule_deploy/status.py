@@ -50,8 +50,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Heard:
-    """What the bus says: the names of routers that answer, and the statuses of all services. And by the name of its
-    viewer what is wrong with each page.
+    """What answers: the routers, by name; the statuses of all services; and by its viewer's name what is wrong with
+    each page, empty where nothing is.
     """
 
     routers: frozenset[str]

@@ -28,9 +28,8 @@ def serve(
     """
     identity = tls.chosen(tls_folder)
     config = bus_config.config(connect, listen, identity)
-    if not bus_config.is_router(config):
-        name = identity.common_name if identity else "the configuration"
-        raise BusConfigError(f"{name} is a client's and no router's: give the folder of a router")
+    if identity is not None and not bus_config.is_router(config):
+        raise BusConfigError(f"{identity.common_name} is a client's and not a router's: give the folder of a router")
     manager, expiry = ServiceManager(), ExpiryWatch(identity)
     latest = _status(identity, 0)
     session = bus.open_session(connect, listen, tls_folder=tls_folder)

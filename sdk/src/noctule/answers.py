@@ -30,7 +30,7 @@ def answers(ask: Callable[[], Iterable[zenoh.Reply]], what: str) -> list[zenoh.S
 def all_answers(
     session: zenoh.Session, selector: str, payload: bytes | None, timeout_s: float, attachment: bytes | str
 ) -> Iterator[zenoh.Sample]:
-    """The good replies as they come. Raises BusError where there are only errors, for another service may know."""
+    """The good replies as they come. Raises BusError if all are errors: another service may know the answer."""
     answered, error = False, None
     # Any other consolidation keeps one reply per key.
     replies = session.get(
@@ -45,16 +45,16 @@ def all_answers(
             answered = True
             yield reply.ok
         elif reply.err is not None:
-            error = words(reply.err)
+            error = error_text(reply.err)
     if error is not None and not answered:
         raise no_answer(selector, error, timeout_s)
 
 
-def words(error: zenoh.ReplyError) -> str:
-    """What an error reply says, as far as anybody wants to read it."""
+def error_text(error: zenoh.ReplyError) -> str:
+    """What an error reply says, cut off after 2,000 bytes."""
     return error.payload.to_bytes()[:_LONGEST_ERROR].decode(errors="replace")
 
 
 def no_answer(selector: str, error: str, timeout_s: float) -> BusError:
-    """That a question brought nothing but an error."""
+    """The error to raise where a question brought nothing but errors, the last of which said ``error``."""
     return BusError(f"{selector}: {error} (waited up to {timeout_s:g} s)")

@@ -114,8 +114,8 @@ def _check_secured(config: zenoh.Config, identity: tls.Identity) -> None:
     certified = json.loads(config.get_json("transport/link/tls"))
     if endpoints_of(config, "listen") and not certified["listen_certificate"]:
         raise BusConfigError(
-            f"{identity.common_name} is a client's and no router's, so nobody can listen by it: leave --listen out, or "
-            "give the folder of a router"
+            f"{identity.common_name} is a client's and not a router's, so no program can listen with it: leave "
+            "--listen out, or give the folder of a router"
         )
     for side in SIDES:
         for endpoint in endpoints_of(config, side):

@@ -15,7 +15,7 @@ import zenoh
 from google.protobuf.message import Message
 
 from noctule import bus, caller, keys, tls
-from noctule.answers import all_answers, answers, no_answer, words
+from noctule.answers import all_answers, answers, error_text, no_answer
 from noctule.delivery import Delivery
 from noctule.errors import BusError, KeyFormatError, NotServedError, TlsError
 from noctule.intake import Intake
@@ -208,7 +208,7 @@ class Client:
 
         def on_reply(reply: zenoh.Reply) -> None:
             if reply.err is not None:
-                errors.append(words(reply.err))
+                errors.append(error_text(reply.err))
             elif not future.done():
                 future.set_result(reply.ok)
 

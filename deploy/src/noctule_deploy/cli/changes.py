@@ -12,10 +12,10 @@ def tell(fleet: Fleet, touched: list[Path], none: str = "") -> None:
     """Print it of the folders ``touched``; ``none`` where nothing was."""
     hosts = {each.subject: each.host for each in programs(fleet) if each.subject}
     routers = [each for each in touched if each.name in _of_routers(hosts)]
-    of_no_use = {f"gateway.{each.name}" for each in fleet.gateway if each.router}  # it has its router's certificate
+    unused = {f"gateway.{each.name}" for each in fleet.gateway if each.router}  # it has its router's certificate
     for folder in touched:
         subject = folder.name.rpartition(".")[0]
-        if subject not in hosts.keys() | of_no_use:  # the others are in the folders of their hosts
+        if subject not in hosts.keys() | unused:  # the others are in the folders of their hosts
             typer.echo(f"{folder} has changed: copy it to its host")
     if routers or any(folder.name.startswith(f"{ROUTER}.") for folder in touched):
         typer.echo("Copy the routers' folders first and start the routers again: Zenoh reads its rules at the start.")

@@ -12,8 +12,8 @@ _COLUMNS = ("host", "program", "site", "state", "version", "certificate\nuntil")
 
 
 def show(rows: list[Row], console: Console | None = None) -> None:
-    """Print a line for each program, in red where it does not fare well. On a terminal what programs complain of stands
-    below the table, where there is room for it; elsewhere in the line of its program. No word is cut.
+    """Print a line for each row, its state in red where it is not well. On a terminal the complaints stand below the
+    table, where there is room for them; in a pipe each stands in its row. No word is cut.
     """
     console = console or Console()
     if not console.is_terminal:
@@ -22,7 +22,8 @@ def show(rows: list[Row], console: Console | None = None) -> None:
     console.print(_table(rows, with_detail=False))
     for each in rows:
         if each.detail:
-            console.print(Text.assemble((each.program, _style(each)), f": {plain(each.detail)}"))
+            site = f" ({each.site})" if each.site else ""
+            console.print(Text.assemble((each.program, _style(each)), f"{site}: {plain(each.detail)}"))
 
 
 def _table(rows: list[Row], with_detail: bool) -> Table:

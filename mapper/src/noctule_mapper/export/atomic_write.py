@@ -33,7 +33,7 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
 
 
 def is_device(path: Path) -> bool:
-    """Whether there is something else than a file, such as /dev/stdout: no file can be put in its place."""
+    """Whether something is there that can't be replaced by a file, such as /dev/stdout or a pipe."""
     return path.exists() and not path.is_file()
 
 

@@ -110,8 +110,8 @@ def _beside_a_wall(text: str, place: Place, px_m: float) -> list[Label]:
 
 
 def _clearest(choices: Sequence[Label], contour: Contour | None, units_m: Sequence[Place], px_m: float) -> list[Label]:
-    """``choices``, those first that cover the fewest of ``units_m`` (a label on a unit seems to name that unit), then
-    those that cover the least of the walls and cylinders of ``contour``; choices that cover as little keep their order.
+    """``choices``, those first that cover the fewest of ``units_m``, since a label on a unit would seem to name the
+    unit; then those that cover the least of the walls and cylinders of ``contour``. Equal ones keep their order.
     """
     walls_m = contour.walls if contour is not None else ()
     drawn = [((each.start.x_m, each.start.y_m), (each.end.x_m, each.end.y_m)) for each in walls_m]

@@ -20,7 +20,7 @@ TIMEOUT_S = 30.0
 # Longer than it takes the gateway to give up (gateway/README.md, "What a unit measures of itself").
 MEASURE_TIMEOUT_S = 200.0
 SELF_TEST_TIMEOUT_S = 450.0  # at the slowest plan
-UPDATE_TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
+UPDATE_TIMEOUT_S = 1800.0  # 20 minutes over a line that spoils one byte in twenty
 
 Timeout = Annotated[float, typer.Option(help="How many seconds to wait for the reply.")]
 

@@ -12,7 +12,7 @@ from noctule.program_options import NAME, Tls
 
 SOME_LACK_IT, HALTED, STOPPED = 1, 3, 130  # exit status
 
-TIMEOUT_S = 1800.0  # a quarter of an hour over a line that spoils one byte in twenty
+TIMEOUT_S = 1800.0  # 20 minutes over a line that spoils one byte in twenty
 SERVED_WITHIN_S = 30.0
 
 
