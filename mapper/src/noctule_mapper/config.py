@@ -249,7 +249,7 @@ class LinkingConfig(_Model):
     gap_nats_per_m: float = Field(default=20.0, ge=0)
     # A corner that is heard may be far from its walls' feet.
     most_gap_nats: float = Field(default=35.0, ge=0)
-    # A link whose gap nobody looked at (where there are looks, or a cylinder hides it), and each metre of that gap.
+    # Where there are looks: a link whose gap nobody looked at, and each metre of that gap.
     link_nats: float = Field(default=7.5, ge=0)
     unseen_nats_per_m: float = Field(default=2.0, ge=0)
     # Each metre that it is on both sides of the corner: so deep may a wall lie between that nobody has heard.

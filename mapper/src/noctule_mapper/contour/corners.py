@@ -6,18 +6,16 @@ corner, and no limit on gaps alone gets an L right.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from noctule_mapper.config import RefinementConfig
 from noctule_mapper.contour.assignment import assignment
 from noctule_mapper.contour.contour import Contour, Corner, Cylinder, Wall
-from noctule_mapper.contour.likelihood import shaded
 from noctule_mapper.contour.reflectors import Circle, Crossing, Line, Reflector
 from noctule_mapper.contour.silence import silence_of_link
 from noctule_mapper.readings.evidence import Evidence
-from noctule_mapper.readings.looks import Looks
 
 
 @dataclass(frozen=True)
@@ -84,11 +82,7 @@ def link_ends(
     end_gap_m, start_gap_m = _gaps_m(lines, longest_m, config)
     for i, j in np.argwhere(np.isfinite(end_gap_m)):
         corner = Crossing(lines[i], lines[j])
-        unseen, price = _gap_prices(float(end_gap_m[i, j]), float(start_gap_m[i, j]), config)
-        if data.looks is not None:
-            price = unseen  # the looks tell more, below
-        elif price > unseen:
-            price = min(price, unseen + _silence_behind_cylinders(corner, data, config, objects))
+        price = _gap_price(float(end_gap_m[i, j]), float(start_gap_m[i, j]), data, config)
         price += heard(corner) if heard else heard_price(corner, data, config)
         price -= support(corner) if support else 0.0
         if data.looks is not None and price < config.linking.open_end_nats:  # dearer, both ends stay open
@@ -98,24 +92,13 @@ def link_ends(
     return [Link(numbers[i], numbers[j]) for i, j in enumerate(starts) if j < len(lines)]
 
 
-def _gap_prices(end_gap_m: float, start_gap_m: float, config: RefinementConfig) -> tuple[float, float]:
-    """Prices of a link's gap in nats: where nobody has looked at it, and along a dense path, where somebody has."""
+def _gap_price(end_gap_m: float, start_gap_m: float, data: Evidence, config: RefinementConfig) -> float:
+    """Price of a link for its gap, as if nobody had looked at it: of fine sweeps the looks tell more."""
     gap_m = abs(end_gap_m) + abs(start_gap_m)
+    if data.looks is None:
+        return min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
     unseen = config.linking.link_nats + config.linking.unseen_nats_per_m * gap_m
-    unseen += config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
-    return unseen, min(config.linking.gap_nats_per_m * gap_m, config.linking.most_gap_nats)
-
-
-def _silence_behind_cylinders(
-    corner: Crossing, data: Evidence, config: RefinementConfig, objects: Sequence[Reflector]
-) -> float:
-    """Price in nats of the silence of those along a dense path who heard past a corner that cylinders among ``objects``
-    hide from others; infinite where they hide it from nobody.
-    """
-    if not any(isinstance(one, Circle) and shaded(corner, one, data.echoes).any() for one in objects):
-        return np.inf
-    as_looks = replace(data, looks=Looks(data.echoes, np.ones(len(data.echoes))))
-    return silence_of_link(corner, as_looks, config, objects)
+    return unseen + config.linking.between_nats_per_m * max(min(end_gap_m, start_gap_m), 0.0)
 
 
 def _gaps_m(lines: Sequence[Line], longest_gap_m: float, config: RefinementConfig) -> tuple[np.ndarray, np.ndarray]:
