@@ -64,6 +64,14 @@ def plateaus_as_heard(data: Evidence, config: RefinementConfig) -> Plateaus:
     )
 
 
+def voting_plateaus(data: Evidence, config: RefinementConfig) -> Plateaus:
+    """The plateaus of fine sweeps by which objects are weighed: the ``distinct`` ones, where poses are not exact. With
+    exact poses, which tell two such reflectors apart, that gained nothing in 210 rooms and lost two walls.
+    """
+    heard = plateaus_as_heard(data, config)
+    return distinct(heard, config) if len(data.stands.open) else heard
+
+
 def distinct(heard: Plateaus, config: RefinementConfig) -> Plateaus:
     """Without plateaus that overlap another one of the same place, of more readings, at nearly the same range: both are
     echoes of one reflector, some a cycle late, and one place has one vote.

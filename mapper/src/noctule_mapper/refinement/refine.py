@@ -14,7 +14,7 @@ from noctule_mapper.contour.reflectors import Circle, Line, Reflector
 from noctule_mapper.readings.echoes import Echoes
 from noctule_mapper.readings.evidence import Evidence, agreeing, evidence, joined, newest_of_each_beam, with_stands
 from noctule_mapper.readings.looks import Looks
-from noctule_mapper.readings.plateaus import distinct, of_fine_sweeps, plateaus_as_heard
+from noctule_mapper.readings.plateaus import of_fine_sweeps, voting_plateaus
 from noctule_mapper.readings.spread import estimate_sigma_m
 from noctule_mapper.readings.stands import with_sensors_as_now, with_sensors_stated_as
 from noctule_mapper.readings.turning import reconciled
@@ -139,7 +139,7 @@ def _weighed(data: Evidence, found: Contacts, settings: RefinementConfig) -> tup
     """
     data, fine = _agreed(data, settings), of_fine_sweeps(data)
     beams = np.nonzero(~fine)[0][newest_of_each_beam(data.take(~fine))]
-    flat = distinct(plateaus_as_heard(data.take(fine), settings), settings).evidence
+    flat = voting_plateaus(data.take(fine), settings).evidence
     none = np.zeros(len(flat.echoes))
     no_contacts = Contacts(none, none, np.full(len(none), Kind.NONE), none, none)
     return joined(data.take(beams), flat), join_contacts([found.take(beams), no_contacts])

@@ -15,7 +15,7 @@ from noctule_mapper.contour.contour import Contour, Touch, Wall
 from noctule_mapper.contour.corners import Link
 from noctule_mapper.contour.reflectors import Reflector, Spot
 from noctule_mapper.readings.evidence import Evidence, with_stands
-from noctule_mapper.readings.plateaus import Plateaus, distinct, of_fine_sweeps, plateaus_as_heard
+from noctule_mapper.readings.plateaus import Plateaus, of_fine_sweeps, voting_plateaus
 from noctule_mapper.refinement.association import Scene
 from noctule_mapper.refinement.frame_walls import FrameWalls, Support, against, sides_known, walls_of
 from noctule_mapper.refinement.pose_errors import ranges_by_sensor
@@ -40,7 +40,7 @@ def with_touches(
     fine = of_fine_sweeps(data)
     if not fine.any():
         return contour
-    heard = distinct(plateaus_as_heard(data.take(fine), config), config)
+    heard = voting_plateaus(data.take(fine), config)
     scene = Scene(with_stands(heard.evidence, known_as_fitted(data.stands)), config)
     left = scene.explain(scene.claims(*_published(objects, links))).unexplained > _UNEXPLAINED
     for place in np.unique(heard.evidence.place[left]):
