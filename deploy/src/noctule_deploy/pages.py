@@ -20,6 +20,6 @@ def trouble(web: Web) -> str:
         return f"https://{web.name}:{web.port} does not answer: {error}"
     finally:
         connection.close()
-    return (
-        "" if status == http.HTTPStatus.UNAUTHORIZED else f"does not ask for a login: it answers with status {status}"
-    )
+    if status == http.HTTPStatus.UNAUTHORIZED:
+        return ""
+    return f"does not ask for a login: it answers with status {status}"
